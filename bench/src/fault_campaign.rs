@@ -1,10 +1,11 @@
 //! `rollwalk bench fault-campaign`: faults on the simulated buses, thousands of runs, and what held in them.
 
-use crate::{Block, Findings, Program, Verdict};
+use crate::{Block, Findings, PlannedLibrary, Program, Verdict};
 use miette::miette;
 use rollwalk_bus::candump;
 use rollwalk_campaign::scenario::Scenario;
 use rollwalk_campaign::{self as campaign, Case, Outcome, Report, Subject, table};
+use rollwalk_sim_host::clock::SimTime;
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use std::panic;
@@ -14,6 +15,19 @@ use std::thread;
 
 /// Runs of each scenario with each loss, when nothing else is said.
 const SEEDS: u64 = 20;
+/// Library of the robot on the ground.
+pub const LIBRARY: &str = "motions/agilebot_library.toml";
+/// A halt in which a return to SAFE can begin, s.
+const HALT_S: f64 = 2.0;
+
+/// What carries the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum On {
+    /// One leg on a stand: fast, with every rule of the buses.
+    Stand,
+    /// AgileBot on the ground, level or sloping by up to 3 degrees: what the robot itself does, too.
+    Ground,
+}
 
 /// What to run.
 #[derive(clap::Args)]
@@ -24,6 +38,9 @@ pub struct Args {
     /// Only this scenario; may be given several times.
     #[arg(long, value_name = "NAME", value_parser = scenario)]
     scenario: Vec<Scenario>,
+    /// What carries the robot.
+    #[arg(long, value_name = "SUPPORT", value_enum, default_value_t = On::Stand)]
+    on: On,
     /// Only this loss, in percent of the link's frames; may be given several times.
     #[arg(long, value_name = "PERCENT", value_parser = loss)]
     loss: Vec<u16>,
@@ -69,6 +86,17 @@ struct Row {
     setpoints: u64,
     commands: u64,
     worst_stop_ms: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    world: Option<WorldRow>,
+}
+
+/// The worst of a scenario with a loss on the ground.
+#[derive(Serialize)]
+struct WorldRow {
+    falls: u64,
+    tilt_max_rad: f64,
+    coasted_m: f64,
+    rested_after_s: f64,
 }
 
 /// A run in which something was wrong.
@@ -95,7 +123,8 @@ struct Results {
 pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
     let cases = cases(args);
     if let (Some(&case), 1) = (cases.front(), cases.len()) {
-        return Ok(Some(one(case, args.log.clone())));
+        let Some(subject) = subject(args.on, program)? else { return Ok(None) };
+        return Ok(Some(one(&subject, case, args.log.clone())));
     }
     if args.log.is_some() {
         return Err(miette!("--log is for a single run: one scenario, one loss, one seed"));
@@ -106,11 +135,27 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
             "no scenario that was asked for has this loss"
         ));
     }
-    let (table, broken) = all(&cases, program);
-    let findings = Results::new(&table, broken).findings();
+    let Some(subject) = subject(args.on, program)? else { return Ok(None) };
+    let (table, broken) = all(&subject, &cases, program);
+    let findings = Results::new(&table, broken, args.on).findings();
     let interrupted = findings.verdict == Verdict::Passed && program.interrupted();
     let verdict = if interrupted { Verdict::Interrupted } else { findings.verdict };
     Ok(Some(Findings { verdict, ..findings }))
+}
+
+/// The robot and its library; `None` after an interrupt.
+fn subject(on: On, program: &dyn Program) -> miette::Result<Option<Subject>> {
+    if on == On::Stand {
+        return Ok(Some(Subject::one_leg()));
+    }
+    let Some(PlannedLibrary { robot, plans, with_torques, .. }) = program.library(LIBRARY)? else {
+        return Ok(None);
+    };
+    let longest_s = plans.iter().map(|plan| plan.motion.duration_s).fold(0.0, f64::max);
+    // A transition that has just begun, a motion and another transition, none longer than the longest of all.
+    let way_home = SimTime::from_ms((1e3 * (3.0 * longest_s + HALT_S)) as u64);
+    let subject = Subject::on_ground(robot, with_torques, way_home);
+    subject.map(Some).ok_or_else(|| miette!("{LIBRARY} is no library for its robot"))
 }
 
 /// The scenarios that were asked for: all, if none was named.
@@ -144,8 +189,8 @@ fn cases(args: &Args) -> VecDeque<Case> {
 }
 
 /// A single run, with its log. It leaves the files of a campaign as they are: it is a closer look at one of its runs.
-fn one(case: Case, path: Option<PathBuf>) -> Findings {
-    let (report, log) = campaign::run(&Subject::one_leg(), case);
+fn one(subject: &Subject, case: Case, path: Option<PathBuf>) -> Findings {
+    let (report, log) = campaign::run(subject, case);
     let log = path.map(|path| {
         let mut text = Vec::new();
         candump::write(&log, &mut text).expect("memory takes whatever is written");
@@ -153,12 +198,18 @@ fn one(case: Case, path: Option<PathBuf>) -> Findings {
     });
     let mut table = table::Table::default();
     table.add(&report);
-    let results = Results::new(&table, wrong(&report).into_iter().collect());
+    let on = if subject.on_ground { On::Ground } else { On::Stand };
+    let results = Results::new(&table, wrong(&report, on).into_iter().collect(), on);
     Findings { record: None, log, ..results.findings() }
 }
 
 /// All runs, on all cores, until they are done or interrupted.
-fn all(cases: &VecDeque<Case>, program: &dyn Program) -> (table::Table, Vec<Broken>) {
+fn all(
+    subject: &Subject,
+    cases: &VecDeque<Case>,
+    program: &dyn Program,
+) -> (table::Table, Vec<Broken>) {
+    let on = if subject.on_ground { On::Ground } else { On::Stand };
     let left = Mutex::new(cases.clone());
     let (mut table, mut broken) = (table::Table::default(), Vec::new());
     let total = cases.len();
@@ -168,12 +219,11 @@ fn all(cases: &VecDeque<Case>, program: &dyn Program) -> (table::Table, Vec<Brok
         for _ in 0..workers {
             let (sender, left) = (sender.clone(), &left);
             scope.spawn(move || {
-                let subject = Subject::one_leg();
                 while !program.interrupted() {
                     let Some(case) = left.lock().ok().and_then(|mut left| left.pop_front()) else {
                         break;
                     };
-                    let report = panic::catch_unwind(|| campaign::run(&subject, case).0);
+                    let report = panic::catch_unwind(|| campaign::run(subject, case).0);
                     if sender.send((case, report.ok())).is_err() {
                         break;
                     }
@@ -185,11 +235,11 @@ fn all(cases: &VecDeque<Case>, program: &dyn Program) -> (table::Table, Vec<Brok
             match &report {
                 Some(report) => {
                     table.add(report);
-                    broken.extend(wrong(report));
+                    broken.extend(wrong(report, on));
                 }
                 None => {
                     table.add_failure(case);
-                    broken.push(broken_run(case, vec!["it panicked".into()]));
+                    broken.push(broken_run(case, vec!["it panicked".into()], on));
                 }
             }
             if done % 500 == 0 {
@@ -202,28 +252,29 @@ fn all(cases: &VecDeque<Case>, program: &dyn Program) -> (table::Table, Vec<Brok
     (table, broken)
 }
 
-fn wrong(report: &Report) -> Option<Broken> {
+fn wrong(report: &Report, on: On) -> Option<Broken> {
     let violations = report.violations.iter().map(|violation| {
         let at_s = violation.at_us as f64 * 1e-6;
         format!("at {at_s:.6} s: {:?}: {}", violation.rule, violation.what)
     });
     let wrong: Vec<_> = violations.chain(report.errors.iter().cloned()).collect();
-    (!wrong.is_empty()).then(|| broken_run(report.case, wrong))
+    (!wrong.is_empty()).then(|| broken_run(report.case, wrong, on))
 }
 
-fn broken_run(case: Case, wrong: Vec<String>) -> Broken {
+fn broken_run(case: Case, wrong: Vec<String>, on: On) -> Broken {
+    let on = if on == On::Ground { "--on ground " } else { "" };
     let Case { scenario, loss_per_mille, seed } = case;
     let (scenario, loss_percent) = (scenario.name(), percent(loss_per_mille));
     let again = format!(
-        "rollwalk bench fault-campaign --scenario {scenario} --loss {loss_percent} --seed {seed} --log run.log"
+        "rollwalk bench fault-campaign {on}--scenario {scenario} --loss {loss_percent} --seed {seed} --log run.log"
     );
     Broken { case, scenario, loss_percent, seed, wrong, again }
 }
 
 impl Results {
-    fn new(table: &table::Table, broken: Vec<Broken>) -> Self {
+    fn new(table: &table::Table, broken: Vec<Broken>, on: On) -> Self {
         let rows: Vec<Row> =
-            table.rows().map(|(scenario, loss, row)| make_row(scenario, loss, row)).collect();
+            table.rows().map(|(scenario, loss, row)| make_row(scenario, loss, row, on)).collect();
         Self {
             runs: rows.iter().map(|row| row.runs).sum(),
             virtual_s: table.rows().map(|(_, _, row)| row.virtual_s).sum(),
@@ -264,6 +315,10 @@ impl Results {
             "worst stop",
             "broken",
         ]);
+        let is_on_ground = self.rows.iter().any(|row| row.world.is_some());
+        if is_on_ground {
+            table[0].extend(["falls", "tilt", "coasted", "rests after"].map(str::to_owned));
+        }
         for row in &self.rows {
             let count = |outcome: Outcome| {
                 row.outcomes.get(outcome.name()).map_or(String::new(), u64::to_string)
@@ -273,6 +328,12 @@ impl Results {
             cells.extend(Outcome::ALL.map(count));
             cells.push(row.worst_stop_ms.map_or(String::new(), |ms| format!("{ms:.1} ms")));
             cells.push(row.broken.to_string());
+            if let Some(world) = &row.world {
+                cells.push(world.falls.to_string());
+                cells.push(format!("{:.0}°", world.tilt_max_rad.to_degrees()));
+                cells.push(format!("{:.2} m", world.coasted_m));
+                cells.push(format!("{:.1} s", world.rested_after_s));
+            }
             table.push(cells);
         }
         Block::Table(table)
@@ -294,7 +355,7 @@ impl Results {
     }
 }
 
-fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row) -> Row {
+fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row, on: On) -> Row {
     let outcomes = row.outcomes.iter().map(|(outcome, &count)| (outcome.name(), count));
     Row {
         scenario: scenario.name(),
@@ -307,5 +368,11 @@ fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row) -> Row {
         setpoints: row.setpoints,
         commands: row.commands,
         worst_stop_ms: row.worst_stop.map(|stop| 1e3 * stop.as_s()),
+        world: (on == On::Ground).then_some(WorldRow {
+            falls: row.falls,
+            tilt_max_rad: row.tilt_max_rad,
+            coasted_m: row.coasted_m,
+            rested_after_s: row.rested_after_s,
+        }),
     }
 }

@@ -9,6 +9,7 @@ mod chart;
 mod fault_campaign;
 mod figure_2_3;
 mod figure_3_2;
+mod figure_3_6;
 mod library_format;
 mod measure;
 mod only;
@@ -40,6 +41,9 @@ pub enum Benchmark {
     /// Figure 3.2: convergence with and without the thesis's warm start.
     #[command(name = "figure-3-2")]
     Figure32(only::Only),
+    /// Figure 3.6: planned and simulated trajectories of ANYmal's forward duck.
+    #[command(name = "figure-3-6")]
+    Figure36,
     /// Table 3.2: SwizzleBots with two to five motors a leg.
     #[command(name = "table-3-2")]
     Table32(table_3_2::Args),
@@ -67,6 +71,7 @@ impl Benchmark {
             Self::Samples(args) => samples::run(args, program),
             Self::Figure23(args) => figure_2_3::run(args, program),
             Self::Figure32(only) => figure_3_2::run(only, program),
+            Self::Figure36 => figure_3_6::run(program),
             Self::Table32(args) => table_3_2::run(args, program),
             Self::Table33(args) => table_3_3::run(args, program),
             Self::LibraryFormat(only) => library_format::run(only, program),
@@ -181,11 +186,11 @@ pub fn motions() -> impl Iterator<Item = String> {
     let gaits = figure_3_2::GAITS.map(|gait| format!("motions/{gait}.toml"));
     let rows = table_2_1::ROWS.iter().map(|row| row.0);
     let rows = rows.chain(table_3_2::ROWS.map(|row| row.0)).chain(table_3_3::ROWS.map(|row| row.0));
-    let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION]);
+    let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION, figure_3_6::MOTION]);
     rows.chain(others).map(str::to_owned).chain(gaits).chain(suggestions::motions())
 }
 
 /// Library files that benchmarks read, by their path in the checkout.
 pub fn libraries() -> impl Iterator<Item = &'static str> {
-    library_format::LIBRARIES.into_iter()
+    library_format::LIBRARIES.into_iter().chain([fault_campaign::LIBRARY])
 }

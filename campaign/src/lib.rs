@@ -10,6 +10,7 @@
 //! | [`operator`], [`shared_rig`] | the operator at the host, and the robot that operator and run share |
 //! | [`mod@run`] | one run |
 //! | [`monitor`] | the rules, checked on every frame and every step of the motors |
+//! | [`world`] | what became of a robot on the ground |
 //! | [`table`] | results of many runs |
 
 pub mod monitor;
@@ -18,16 +19,19 @@ pub mod run;
 pub mod scenario;
 pub mod shared_rig;
 pub mod table;
+pub mod world;
 
 use crate::monitor::{Coverage, Violation};
 use rollwalk_firmware::Settings;
 use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::library::{ClipId, Library, NodeId, validate};
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::core::{Core, Local};
 use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::one_leg;
 use scenario::Scenario;
+use world::WorldReport;
 
 /// The robot and library of a campaign.
 #[derive(Clone, Debug)]
@@ -38,8 +42,12 @@ pub struct Subject {
     pub library: Vec<u8>,
     /// Command codes of the library's motions, in its order; the first is SAFE.
     pub codes: Vec<u8>,
+    /// Motions on the way to others, without a command of their own: goal and motion on a way to it.
+    pub on_the_way: Vec<(u8, u8)>,
     /// Maximum time of the return to SAFE from any motion.
     pub way_home: SimTime,
+    /// Whether it is on the ground, level in one run of two, else on a slope; not on a stand.
+    pub on_ground: bool,
 }
 
 impl Subject {
@@ -49,10 +57,37 @@ impl Subject {
             robot: one_leg::robot(),
             library: one_leg::library(),
             codes: vec![one_leg::STAND, one_leg::SWING, one_leg::ROLL, one_leg::BOW],
+            // All transitions begin or end at SAFE.
+            on_the_way: Vec::new(),
             // A transition that has just begun, a motion, and another transition: 60, 90 and 60 frames;
             // and two seconds in which a halt can end.
             way_home: SimTime::from_ms(5_500),
+            on_ground: false,
         }
+    }
+
+    /// A robot on the ground with a library; `None` of a library that is not valid for it, or of which the first motion is not
+    /// SAFE.
+    pub fn on_ground(robot: Robot, library: Vec<u8>, way_home: SimTime) -> Option<Self> {
+        let index = validate(&library, &robot.controller_config().ok()?).ok()?;
+        let view = Library::open(&library, &index)?;
+        let motions = view.node_count();
+        if view.safe_node() != NodeId(0) {
+            return None;
+        }
+        let codes =
+            (0..motions).map(|clip| view.clip(ClipId(clip))?.code).collect::<Option<_>>()?;
+        let on_the_way = (0..motions).flat_map(|from| (0..motions).map(move |goal| (from, goal)));
+        let on_the_way = on_the_way.flat_map(|(from, goal)| {
+            let hop = |&at: &u8| {
+                let edge = view.edge(view.next_hop(NodeId(at), NodeId(goal))?)?;
+                (edge.to.0 != goal).then_some(edge.to.0)
+            };
+            let between = std::iter::successors(hop(&from), hop);
+            between.map(|station| (goal, station)).collect::<Vec<_>>()
+        });
+        let on_the_way = on_the_way.collect();
+        Some(Self { robot, library, codes, on_the_way, way_home, on_ground: true })
     }
 
     /// The configuration of its controller.
@@ -130,6 +165,8 @@ pub struct Report {
     pub coverage: Coverage,
     /// Time from the host's first emergency stop to motors without torque.
     pub stopped_after: Option<SimTime>,
+    /// What became of a robot on the ground.
+    pub world: Option<WorldReport>,
     /// Virtual time of the run.
     pub took: SimTime,
 }

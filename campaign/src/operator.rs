@@ -10,6 +10,8 @@ use rollwalk_sim_host::core::Core;
 const CONNECT_WITHIN: SimTime = SimTime::from_ms(60_000);
 /// Maximum time from any state to a requested one.
 const RECOVER_WITHIN: SimTime = SimTime::from_ms(90_000);
+/// Maximum time until the hoist has picked a robot up.
+const SET_UP_WITHIN: SimTime = SimTime::from_ms(10_000);
 /// Interval between two checks of the status, µs.
 const STATUS_CHECK_US: u64 = 50_000;
 
@@ -56,6 +58,17 @@ impl<C: Core> Operator<C> {
         }
     }
 
+    /// Waits until a robot on the ground is in its hoist again: one that lies is set up before it is armed.
+    pub fn set_up(&mut self) {
+        let deadline = self.rig.now() + SET_UP_WITHIN;
+        let lies = |rig: &SharedRig<C>| {
+            rig.borrow().body().ground().is_some_and(|ground| !ground.is_held())
+        };
+        while lies(&self.rig) && self.rig.now() < deadline {
+            self.wait(SimTime::from_us(STATUS_CHECK_US));
+        }
+    }
+
     /// The last reported state.
     fn state(&self) -> Option<State> {
         Some(self.session.as_ref()?.status()?.state)
@@ -76,6 +89,9 @@ impl<C: Core> Operator<C> {
                 let last: Option<SessionError> = last;
                 let last = last.map_or(String::new(), |error| format!("; last answer: {error}"));
                 return Err(format!("{wanted:?} is not reached from {status:?}{last}"));
+            }
+            if status.state == State::Disarmed {
+                self.set_up();
             }
             let session = self.session()?;
             let done = match (status.state, wanted) {

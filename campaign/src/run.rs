@@ -4,12 +4,14 @@
 use super::operator::{Operator, Stuck};
 use super::scenario::{self, Host, Plan, Scenario};
 use super::shared_rig::SharedRig;
+use super::world::{self, WorldWatch};
 use super::{Case, Outcome, Report, Subject};
 use crate::monitor::{Monitor, MonitorConfig, StatusChange, shutdown};
 use fastrand::Rng;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_firmware::Settings;
 use rollwalk_host::session::SessionError;
+use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::isotp::{Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, Request, frame_to_controller};
@@ -20,11 +22,13 @@ use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::core::Core;
 use rollwalk_sim_host::faults::stream::StreamFault;
 use rollwalk_sim_host::faults::{Fault, FaultKind, FramePath};
+use rollwalk_sim_host::ground::Fall;
 use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::servo;
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::sync::Arc;
 
 /// Maximum time from a stop to motors without torque on undisturbed buses: two queued frames and a DISABLE for each
 /// motor take less than a millisecond; one control period is added.
@@ -38,6 +42,8 @@ const FLASH_WITHIN: SimTime = SimTime::from_ms(30_000);
 /// Loss, per mille, above which nothing but a stop is possible; it starts with the fault and ends.
 const HOPELESS: u16 = 500;
 const HOPELESS_FOR: SimTime = SimTime::from_ms(20_000);
+/// Multiplier of the hash that makes a seed of scenario, loss and seed: 2⁶⁴ over the golden ratio (Fibonacci hashing).
+const MIXER: u64 = 0x9E37_79B9_7F4A_7C15;
 /// End of faults that last for the whole run.
 const FOREVER: SimTime = SimTime::from_ms(u64::MAX / 2_000_000);
 
@@ -80,6 +86,7 @@ pub fn run<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogE
         control_hz: Settings::default().control_hz.into(),
         node: rig.node(),
         codes: subject.codes.clone(),
+        on_the_way: subject.on_the_way.clone(),
         pose_age: match case.scenario {
             // The controller cannot detect a damaged pose.
             Scenario::ActuatorCorruption | Scenario::Chaos => None,
@@ -99,7 +106,26 @@ pub fn run<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogE
         shutdown: shutdown_timing(subject),
     };
     let monitor = Rc::new(RefCell::new(Monitor::new(subject.config(), config)));
-    rig.set_observer(Rc::clone(&monitor));
+    let world = subject.on_ground.then(|| {
+        // From a generator of its own: a robot on a stand meets the same faults.
+        let number = Scenario::ALL.iter().position(|&one| one == case.scenario);
+        let loss = u64::from(case.loss_per_mille);
+        let mixed = [case.seed, loss, number.unwrap_or_default() as u64];
+        let mixed = mixed.iter().fold(0u64, |all, one| (all ^ one).wrapping_mul(MIXER));
+        let mut random = Rng::with_seed(mixed);
+        let slope_deg = world::SLOPE_MAX_DEG * (2.0 * random.f64() - 1.0);
+        let slope_rad = if random.bool() { slope_deg.to_radians() } else { 0.0 };
+        Rc::new(RefCell::new(WorldWatch::new(slope_rad)))
+    });
+    match &world {
+        Some(watch) => {
+            let slope_rad = watch.borrow().report().slope_rad;
+            let ground: Arc<dyn Ground> = Arc::new(Plane::rising(slope_rad));
+            rig = rig.onto_ground(&subject.robot, &ground, Vec::new());
+            rig.set_observer((Rc::clone(&monitor), Rc::clone(watch)));
+        }
+        None => rig.set_observer(Rc::clone(&monitor)),
+    }
     rig.set_fault_seed(random.u64(..));
 
     let rig = SharedRig::new(rig);
@@ -109,6 +135,7 @@ pub fn run<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogE
         case,
         rig,
         monitor,
+        world,
         operator,
         random,
         began: SimTime::ZERO,
@@ -135,6 +162,7 @@ struct Run<'a, C: Core> {
     case: Case,
     rig: SharedRig<C>,
     monitor: Rc<RefCell<Monitor>>,
+    world: Option<Rc<RefCell<WorldWatch>>>,
     operator: Operator<C>,
     random: Rng,
     /// Start of the fault.
@@ -288,7 +316,10 @@ impl<C: Core> Run<'_, C> {
             11 if ready => hasty.iter().try_for_each(|&code| session.select(code).map(|_| ())),
             12 if ready => session.return_to_safe(),
             13 if ready => session.disarm(),
-            0..=13 if state == Some(State::Disarmed) => session.arm(),
+            0..=13 if state == Some(State::Disarmed) => {
+                self.operator.set_up();
+                self.operator.session()?.arm()
+            }
             _ => session.run_for(span.as_us()),
         };
         // An immediate failure is not repeated in the same instant.
@@ -424,6 +455,12 @@ impl<C: Core> Run<'_, C> {
         if coverage.setpoints == 0 || coverage.starts == 0 || coverage.commands == 0 {
             errors.push(format!("the monitor has checked nothing: {coverage:?}"));
         }
+        let world = self.world.as_ref().map(|watch| watch.borrow().report().clone());
+        for Fall { at, how } in world.iter().flat_map(|world| &world.falls) {
+            let slope_deg = world.as_ref().map_or(0.0, |world| world.slope_rad.to_degrees());
+            let at_s = at.as_s();
+            errors.push(format!("on {slope_deg:.1} degrees it fell at {at_s:.3} s: {how:?}"));
+        }
         let history = monitor.history();
         let report = Report {
             case: self.case,
@@ -433,6 +470,7 @@ impl<C: Core> Run<'_, C> {
             fired: [sum(losses), sum(others)],
             coverage,
             stopped_after: monitor.stopped_after(),
+            world,
             took: rig.now(),
         };
         let log = rig.log().to_vec();

@@ -22,6 +22,14 @@ pub struct Row {
     pub commands: u64,
     /// Longest time from the host's first emergency stop to motors without torque.
     pub worst_stop: Option<SimTime>,
+    /// Falls on the ground.
+    pub falls: u64,
+    /// Greatest tilt on the ground, rad.
+    pub tilt_max_rad: f64,
+    /// Longest way on the ground without torque, m.
+    pub coasted_m: f64,
+    /// Longest time without torque before the robot rested, s.
+    pub rested_after_s: f64,
     /// Virtual time of all runs, s.
     pub virtual_s: f64,
 }
@@ -44,6 +52,12 @@ impl Table {
         row.commands += report.coverage.commands;
         row.worst_stop = row.worst_stop.max(report.stopped_after);
         row.virtual_s += report.took.as_s();
+        if let Some(world) = &report.world {
+            row.falls += world.falls.len() as u64;
+            row.tilt_max_rad = row.tilt_max_rad.max(world.tilt_max_rad);
+            row.coasted_m = row.coasted_m.max(world.coasted_m);
+            row.rested_after_s = row.rested_after_s.max(world.rested_after_s);
+        }
     }
 
     /// Adds a run that panicked.

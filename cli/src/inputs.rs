@@ -7,12 +7,14 @@ use crate::files::{self, Named};
 use crate::kind::Kind;
 use crate::shipped;
 use miette::{Report, miette};
+use rollwalk_physics::ground::{self, Ground};
 use rollwalk_planner::library_file::LibraryFile;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Where input files come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,6 +148,15 @@ impl Source {
         }
         file.check_motions(&name, &text, &motions).map_err(Report::new)?;
         Ok(Library { robot, file, motions })
+    }
+
+    /// Reads and validates a terrain file.
+    ///
+    /// # Errors
+    /// The file is missing, or everything that is wrong in it.
+    pub fn terrain(self, path: &Path) -> miette::Result<Arc<dyn Ground>> {
+        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Terrain)?;
+        ground::file::from_toml(&name, &text).map_err(Kind::Terrain.explain(path, &text))
     }
 
     fn text(self, path: &Path, named: Named, kind: Kind) -> miette::Result<TextFile> {

@@ -1,25 +1,19 @@
-//! Key files: the secret that a robot shares with its hosts.
-//!
-//! A file is one line of text, so that it survives copying and no other file is mistaken for it:
-//! `rollwalk-link-key-1 ` and 64 hexadecimal digits.
+//! Key files: the secret that a robot shares with its hosts, made and read ([`key_file`] is what they look like).
 
 use crate::kind::Kind;
 use crate::{files, output};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use rollwalk_host::authentication::Credentials;
-use rollwalk_protocol::wire::authentication::{LINK_KEY_LEN, LinkKey};
-use std::fmt::Write;
+use rollwalk_host::key_file;
+use rollwalk_protocol::wire::authentication::LinkKey;
 use std::path::Path;
-
-/// First word of a file with a link key.
-const LINK: &str = "rollwalk-link-key-1";
 
 /// Makes a file with a new link key.
 ///
 /// # Errors
 /// The file exists, or cannot be written.
 pub fn new_link_key(path: &Path) -> miette::Result<()> {
-    files::write_secret(path, &line(LINK, &random::<LINK_KEY_LEN>()?))
+    files::write_secret(path, &key_file::text(&random()?))
 }
 
 /// Reads a link key.
@@ -28,15 +22,15 @@ pub fn new_link_key(path: &Path) -> miette::Result<()> {
 /// The file cannot be read, or holds no link key.
 pub fn link_key(path: &Path) -> miette::Result<LinkKey> {
     let text = files::read_text(path, Kind::LinkKey)?;
-    warn_if_readable_by_others(path);
-    let key = parse::<LINK_KEY_LEN>(LINK, &text).ok_or_else(|| {
+    let key = key_file::parse(&text).ok_or_else(|| {
         miette!(
             help = "`rollwalk keys new FILE` makes one",
-            "{} is no link key: that is one line, `{LINK}` and {} hexadecimal digits",
+            "{} {}",
             path.display(),
-            2 * LINK_KEY_LEN
+            key_file::refusal()
         )
     })?;
+    warn_if_readable_by_others(path);
     Ok(LinkKey::new(&key))
 }
 
@@ -60,44 +54,15 @@ pub fn random<const N: usize>() -> miette::Result<[u8; N]> {
     Ok(bytes)
 }
 
-fn line(kind: &str, bytes: &[u8]) -> String {
-    let mut line = format!("{kind} ");
-    for byte in bytes {
-        let _ = write!(line, "{byte:02x}");
-    }
-    line + "\n"
-}
-
-/// The bytes of a file of this kind.
-fn parse<const N: usize>(kind: &str, text: &str) -> Option<[u8; N]> {
-    let digits = text.trim_end().strip_prefix(kind)?.strip_prefix(' ')?;
-    if digits.len() != 2 * N || !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
-        return None;
-    }
-    let mut bytes = [0; N];
-    for (byte, at) in bytes.iter_mut().zip((0..).step_by(2)) {
-        *byte = u8::from_str_radix(digits.get(at..at + 2)?, 16).ok()?;
-    }
-    Some(bytes)
-}
-
 /// Says that a file with a secret can be read by others.
-#[cfg(unix)]
 pub fn warn_if_readable_by_others(path: &Path) {
-    use std::os::unix::fs::PermissionsExt;
-    // A pipe has no permissions that matter.
-    let found = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file);
-    if found.is_some_and(|found| found.permissions().mode() & 0o077 != 0) {
+    if key_file::is_open_to_others(path) {
         let path = path.display();
         output::say(format_args!(
             "other users of this computer can read the key in {path}: chmod 600 {path}"
         ));
     }
 }
-
-/// Says nothing: permissions of files are unknown here.
-#[cfg(not(unix))]
-pub fn warn_if_readable_by_others(_: &Path) {}
 
 #[cfg(test)]
 mod tests {
@@ -129,21 +94,11 @@ mod tests {
     fn what_is_no_key_says_so() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x");
-        let digits = "0".repeat(64);
-        for bad in [
-            String::new(),
-            digits.clone(),
-            format!("{LINK} {}", &digits[1..]),
-            format!("{LINK} {digits}0"),
-            format!("{LINK} {}", "é".repeat(32)),
-            format!("{LINK} +{}", &digits[1..]),
-            format!("rollwalk-link-key-2 {digits}"),
-        ] {
-            fs::write(&path, bad).unwrap();
-            let error = link_key(&path).unwrap_err().to_string();
-            assert!(error.contains("is no link key"), "{error}");
-        }
-        fs::write(&path, format!("{LINK} {}", digits.replace("00", "aF"))).unwrap();
-        link_key(&path).unwrap();
+        fs::write(&path, "x").unwrap();
+        let error = link_key(&path).unwrap_err().to_string();
+        assert!(
+            error.contains("x is no link key: that is one line, `rollwalk-link-key-1`"),
+            "{error}"
+        );
     }
 }

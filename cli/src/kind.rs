@@ -3,6 +3,7 @@
 
 use crate::problem;
 use miette::{Diagnostic, Report, miette};
+use rollwalk_physics::ground::file as terrain;
 use rollwalk_planner::plan;
 use rollwalk_robot::urdf;
 use std::fmt;
@@ -27,6 +28,8 @@ pub enum Kind {
     Side,
     /// A mapping of a gamepad.
     Gamepad,
+    /// A terrain file.
+    Terrain,
     /// A motion library.
     Packed,
     /// Names of a library's motions, in the user's cache.
@@ -51,6 +54,7 @@ impl fmt::Display for Kind {
             Self::Urdf => "URDF file (XML)",
             Self::Side => "side file (TOML)",
             Self::Gamepad => "gamepad mapping (TOML)",
+            Self::Terrain => "terrain file (TOML)",
             Self::Packed => "motion library",
             Self::Names => "cached list of names (JSON)",
             Self::LinkKey => "link key",
@@ -76,7 +80,9 @@ impl Kind {
         let has = |header: &str| text.lines().any(|line| line.trim_start().starts_with(header));
         let marks = [("[[link]]", Self::Robot), ("[[motion]]", Self::Library)];
         let marks = marks.into_iter().chain([("[footfalls]", Self::Motion)]);
-        marks.into_iter().find(|(header, _)| has(header)).map(|(_, kind)| kind)
+        let mark = marks.into_iter().find(|(header, _)| has(header)).map(|(_, kind)| kind);
+        let is_terrain = || terrain::kinds().any(|kind| has(&format!("[{kind}]")));
+        mark.or_else(|| is_terrain().then_some(Self::Terrain))
     }
 
     /// Whether a text that can be a motion or a problem is meant to be a problem.
@@ -89,6 +95,8 @@ impl Kind {
         match self {
             Self::Robot | Self::Motion | Self::Library | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names => 1 << 20,
+            // 250,000 heights.
+            Self::Terrain => 8 << 20,
             Self::LinkKey | Self::PrivateKey | Self::PublicKey => 1 << 10,
             // The most samples of a robot with the most joints are 10 MB.
             Self::Plan | Self::Packed => 32 << 20,
@@ -111,6 +119,7 @@ impl Kind {
             Self::Urdf => "give the path of a URDF file",
             Self::Side => "make one with `rollwalk robot import ROBOT.urdf --template SIDE.toml`",
             Self::Gamepad => "docs/gamepad.md shows how to write one",
+            Self::Terrain => "docs/terrain-files.md shows how to write one",
             Self::Packed => "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`",
             Self::Names => "every build and flash of a library makes one",
             Self::LinkKey => "make one with `rollwalk keys new FILE`",
@@ -135,6 +144,7 @@ impl Kind {
             Self::Urdf => "a URDF",
             Self::Side => "a side file",
             Self::Gamepad => "a gamepad mapping",
+            Self::Terrain => "a terrain file",
             Self::Packed => "a motion library",
             Self::Names => "a list of names",
             Self::LinkKey => "a link key",
@@ -155,6 +165,9 @@ impl Kind {
             Self::Urdf => "`rollwalk robot import` makes a robot file of it",
             Self::Side => "`rollwalk robot import --with` reads it",
             Self::Gamepad => "`rollwalk console --mapping` reads it",
+            Self::Terrain => {
+                "`--terrain` of `rollwalk-sim`, `rollwalk demo` and `rollwalk simulate` reads it"
+            }
             Self::Packed => "`rollwalk library inspect` and `rollwalk flash` read it",
             Self::Names => "rollwalk keeps it for itself",
             Self::LinkKey => "--link-key takes it",

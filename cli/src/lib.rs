@@ -24,6 +24,8 @@ mod progress;
 mod shipped;
 mod signing;
 pub mod sim;
+mod terrain;
+mod tour;
 
 pub use exit::Exit;
 

@@ -12,6 +12,7 @@ use ed25519_dalek::{Signature, Signer, SigningKey, VerifyingKey};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_protocol::library::{FINGERPRINT_LEN, SignedFile, signature_head};
 use sha2::{Digest, Sha256};
+use std::ffi::OsStr;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -49,8 +50,18 @@ pub struct Pair {
 /// Makes a key pair: the private key in `path`, the public one beside it, `owner.pub.pem` for `owner.pem`.
 ///
 /// # Errors
-/// One of the files exists, or cannot be written.
+/// One of the files exists, or cannot be written; or the private key's would look like that of a public one.
 pub fn new_pair(path: &Path) -> miette::Result<Pair> {
+    let is_pub = |name: Option<&OsStr>| name.is_some_and(|name| name.eq_ignore_ascii_case("pub"));
+    if is_pub(path.extension())
+        || is_pub(path.file_stem().and_then(|stem| Path::new(stem).extension()))
+    {
+        return Err(miette!(
+            help = "name the private key's file, such as owner.pem: the public key is written beside it, owner.pub.pem",
+            "{} is a name of a public key, and the private one of the pair would be in it",
+            path.display()
+        ));
+    }
     let public = path.with_extension(match path.extension() {
         Some(ending) => format!("pub.{}", ending.to_string_lossy()),
         None => "pub".to_owned(),
@@ -73,14 +84,16 @@ pub fn new_pair(path: &Path) -> miette::Result<Pair> {
 /// The file cannot be read, or holds no such key.
 pub fn private_key(path: &Path) -> miette::Result<SigningKey> {
     let text = files::read_text(path, Kind::PrivateKey)?;
-    warn_if_readable_by_others(path);
-    SigningKey::from_pkcs8_pem(&text).map_err(|_| {
+    let key = SigningKey::from_pkcs8_pem(&text).map_err(|_| {
         let help = match text.contains("PUBLIC KEY") {
             true => "it is a public key: libraries are signed with the private one of the pair",
             false => "`rollwalk keys new-pair KEY.pem` makes one, and so does `openssl genpkey -algorithm ed25519`",
         };
         miette!(help = help, "{} is no private Ed25519 key in PEM (PKCS #8)", path.display())
-    })
+    })?;
+    // Only a secret is to be kept from others.
+    warn_if_readable_by_others(path);
+    Ok(key)
 }
 
 /// Reads the public key of a pair.
@@ -113,22 +126,58 @@ pub fn signer(file: &[u8]) -> Option<Fingerprint> {
     SignedFile::split(file).map(|file| Fingerprint(file.fingerprint))
 }
 
+/// What is wrong with a signature; the sentence goes on after the file's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unsigned {
+    /// There is none.
+    #[error("is not signed")]
+    Missing,
+    /// It is by another key.
+    #[error("is signed with key {theirs}, not with {ours}")]
+    Others {
+        /// The key that it claims to be of.
+        theirs: Fingerprint,
+        /// The key that it should be of.
+        ours: Fingerprint,
+    },
+    /// It is by this key, and of something else.
+    #[error("was changed after it was signed with key {ours}, or its signature was")]
+    Changed {
+        /// The key.
+        ours: Fingerprint,
+    },
+}
+
+impl Unsigned {
+    /// What to do.
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::Missing => {
+                "`rollwalk library sign LIB.rwl --key KEY.pem -o SIGNED.rwl` signs it, with the private key of the pair"
+            }
+            Self::Others { .. } => {
+                "give the public key of those who signed it; or sign it with your own private key: `rollwalk library \
+                 sign LIB.rwl --key KEY.pem -o SIGNED.rwl`"
+            }
+            Self::Changed { .. } => {
+                "get it once more from those who signed it; what was changed is not theirs"
+            }
+        }
+    }
+}
+
 /// Checks a file's signature as a controller with `key` does.
 ///
 /// # Errors
-/// It has none, that of another key, or was changed; the sentence goes on after the file's name.
-pub fn check(file: &[u8], key: &VerifyingKey) -> Result<(), String> {
+/// It has none, that of another key, or was changed.
+pub fn check(file: &[u8], key: &VerifyingKey) -> Result<(), Unsigned> {
     let ours = Fingerprint::of(key);
-    let Some(file) = SignedFile::split(file) else {
-        return Err("is not signed".to_owned());
-    };
+    let file = SignedFile::split(file).ok_or(Unsigned::Missing)?;
     let theirs = Fingerprint(file.fingerprint);
     match key.verify_strict(file.message, &Signature::from_bytes(file.signature)) {
         Ok(()) => Ok(()),
-        Err(_) if theirs == ours => {
-            Err(format!("was changed after it was signed with key {ours}, or its signature was"))
-        }
-        Err(_) => Err(format!("is signed with key {theirs}, not with {ours}")),
+        Err(_) if theirs == ours => Err(Unsigned::Changed { ours }),
+        Err(_) => Err(Unsigned::Others { theirs, ours }),
     }
 }
 
@@ -161,6 +210,19 @@ mod tests {
         assert!(new_pair(&at("owner.pem")).err().unwrap().to_string().contains("exists"));
         assert!(!made.public.exists());
         assert_eq!(new_pair(&at("plain")).unwrap().public, at("plain.pub"));
+    }
+
+    /// A file that is called public is given away.
+    #[test]
+    fn no_private_key_is_called_public() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.pub.pem", "a.pub", "a.PUB.pem"] {
+            let path = folder.path().join(name);
+            let error = new_pair(&path).err().unwrap().to_string();
+            assert!(error.contains("is a name of a public key"), "{error}");
+            assert!(!path.exists());
+        }
+        assert!(fs::read_dir(folder.path()).unwrap().next().is_none());
     }
 
     /// Keys as `openssl genpkey -algorithm ed25519` and `openssl pkey -pubout` write them; fingerprint by `sha256sum`.
@@ -196,9 +258,9 @@ mod tests {
         let file = signed(b"library", &ours);
         assert_eq!(signer(&file), Some(Fingerprint::of(&key)));
         assert_eq!(check(&file, &key), Ok(()));
-        assert_eq!(check(b"library", &key), Err("is not signed".to_owned()));
+        assert_eq!(check(b"library", &key), Err(Unsigned::Missing));
         let error = check(&signed(b"library", &theirs), &key).unwrap_err();
-        assert!(error.contains("is signed with key"), "{error}");
+        assert!(error.to_string().contains("is signed with key"), "{error}");
         for at in 0..file.len() {
             let mut changed = file.clone();
             changed[at] ^= 1;

@@ -7,6 +7,7 @@ use crate::cmd::buses::BusLoads;
 use crate::files::{Lines, Output, RotationArgs};
 use crate::inputs::Source;
 use crate::link::cannot_open;
+use crate::terrain::{GroundArgs, Support};
 use crate::{Exit, end, exit, interrupt, keys, output, signing};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use memory::Memory;
@@ -19,6 +20,7 @@ use rollwalk_bus::priority;
 use rollwalk_bus::sim;
 use rollwalk_firmware::Settings;
 use rollwalk_host::describe::{fault_names, state_name};
+use rollwalk_physics::ground::Ground;
 use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::State;
 use rollwalk_protocol::wire::authentication::LinkKey;
@@ -31,6 +33,7 @@ use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::store::VerifyingKey;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Frames of ours that may be on their way on the link.
@@ -45,9 +48,9 @@ const ACTUATOR_DEPTH: usize = 2;
 /// each actuator bus of the robot file; --only leaves out the motors or the controller, so that real ones
 /// can take their place. Motors speak what the file's [[bus]] says.
 ///
-/// The robot hangs on a stand, its body held still and its wheels in the air. With --on ground the whole robot stands on the ground:
-/// a hoist holds it until it plays, and takes it again when it has no torque or has fallen. The simulator prints the
-/// way that each motion has made.
+/// The whole robot is on the ground: a hoist holds it until it plays, and picks it up again when it has had no torque for 3 s.
+/// The simulator prints the way that each motion has made, and falls. With --on stand the robot hangs on a stand instead,
+/// its body held still and its wheels in the air; so do motors on buses of this computer (--actuators).
 ///
 /// With --library FILE the simulated flash survives a restart: the simulator reads FILE at start, if it exists, and writes
 /// each library that a host flashes to FILE. Before it overwrites a library for the first time, it copies that one to a
@@ -60,7 +63,9 @@ const ACTUATOR_DEPTH: usize = 2;
 Examples:
   rollwalk-sim robots/agilebot.toml --bus sim
   rollwalk-sim robots/agilebot.toml --bus sim --library agilebot.rwl
-  rollwalk-sim robots/agilebot.toml --bus sim --on ground --slope 3
+  rollwalk-sim robots/agilebot.toml --bus sim --slope 3 --push 20:15,0,0:0.1
+  rollwalk-sim robots/agilebot.toml --bus sim --terrain doorstep.toml
+  rollwalk-sim robots/agilebot.toml --bus sim --on stand
   rollwalk-sim robots/agilebot.toml --bus sim --link-key robot.key --library-key owner.pub.pem
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --log robot.log
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --actuators can:vcan1 --actuators can:vcan2
@@ -88,12 +93,11 @@ struct Cli {
     /// Run this part of the robot only.
     #[arg(long, value_name = "PART", requires = "actuators")]
     only: Option<Part>,
-    /// What carries the robot.
-    #[arg(long, value_name = "SUPPORT", value_enum, default_value_t = Support::Stand, conflicts_with = "actuators")]
-    on: Support,
-    /// Slope of the ground, degrees from -30 to 30, rising ahead of the robot [default: 0].
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, requires = "on")]
-    slope: Option<f64>,
+    /// What carries the robot [default: ground; with --actuators: stand].
+    #[arg(long, value_name = "SUPPORT", value_enum)]
+    on: Option<Support>,
+    #[command(flatten)]
+    ground: GroundArgs,
     /// Keep the controller's library in this file.
     #[arg(long, value_name = "LIB.rwl")]
     library: Option<PathBuf>,
@@ -116,15 +120,6 @@ struct Cli {
 struct Keys {
     link: Option<LinkKey>,
     library: Option<VerifyingKey>,
-}
-
-/// What carries a whole robot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Support {
-    /// A stand: the body does not move, and joints do not feel each other.
-    Stand,
-    /// The ground, with gravity, contact and friction.
-    Ground,
 }
 
 /// A part of a robot.
@@ -167,6 +162,18 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         ));
     }
     check_kinds(&robot, &cli.actuators)?;
+    let support = match cli.on {
+        Some(Support::Ground) if !cli.actuators.is_empty() => {
+            return Err(miette!(
+                help = "leave out --on ground, or --actuators for a whole robot in one program",
+                "motors on buses of this computer are on a stand: the ground needs all of them in the simulator"
+            ));
+        }
+        Some(support) => support,
+        None if cli.actuators.is_empty() => Support::Ground,
+        None => Support::Stand,
+    };
+    let ground = cli.ground.under(support, &robot)?;
     let actuators = at_rates(&robot, &cli.actuators);
     let keys = Keys {
         link: cli.link_key.as_deref().map(keys::link_key).transpose()?,
@@ -187,7 +194,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             run_controller(&robot, keys, bus, &actuators, memory)?;
         }
         (None, Some(bus)) if actuators.is_empty() => {
-            run_whole(&robot, keys, bus, cli, memory)?;
+            run_whole(&robot, keys, bus, cli, ground.as_ref(), memory)?;
         }
         (None, Some(_)) if actuators.iter().any(BusName::carries_bytes) => {
             return Err(miette!(
@@ -233,6 +240,7 @@ fn run_whole(
     keys: Keys,
     bus: &BusName,
     cli: &Cli,
+    ground: Option<&Arc<dyn Ground>>,
     mut memory: Option<Memory>,
 ) -> miette::Result<()> {
     let log = cli.log.as_deref().map(Output::at).transpose()?;
@@ -240,14 +248,12 @@ fn run_whole(
     let mut log = log.transpose()?;
     let core = core(robot, keys, memory.as_ref())?;
     let mut rig = Rig::with_core(robot, core).into_diagnostic()?;
-    if cli.on == Support::Ground {
-        rig = rig.onto_ground(robot, ground::level_or_sloping(cli.slope)?);
-    } else if cli.slope.is_some() {
-        return Err(miette!("--slope is for --on ground: a stand has none"));
+    if let Some(ground) = ground {
+        rig = rig.onto_ground(robot, ground, cli.ground.shoves());
     }
     let port = port(bus)?;
     ready(robot, bus);
-    let (mut printer, mut world) = (StatusPrinter::new(), ground::Printer::default());
+    let (mut printer, mut world) = (StatusPrinter::default(), ground::Printer::default());
     let mut failed = None;
     let outcome = whole::run(
         &mut rig,
@@ -256,7 +262,7 @@ fn run_whole(
         |rig, entries| {
             // Not from the frames on the link: anyone may send a status there.
             let controller = rig.core().controller();
-            printer.print(controller.state(), controller.faults());
+            printer.print(rig.now().as_s(), controller.state(), controller.faults());
             world.print(rig);
             if let Some(log) = &mut log
                 && let Err(error) = entries.iter().try_for_each(|entry| log.push(entry))
@@ -290,12 +296,13 @@ fn run_controller(
     let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);
     ready(robot, bus);
-    let mut printer = StatusPrinter::new();
+    let (mut printer, start) = (StatusPrinter::default(), Instant::now());
     let mut lost = Lost { link: Some(bus), actuators, says: true };
     let mut failed = None;
     let outcome = controller::run(&mut core, period, port, &mut lost, ports, |core| {
         let controller = core.controller_mut();
-        printer.print(controller.state(), controller.faults());
+        let at_s = start.elapsed().as_secs_f64();
+        printer.print(at_s, controller.state(), controller.faults());
         if let Some(memory) = &mut memory
             && let Err(error) = memory.watch(core.library_file())
         {
@@ -425,23 +432,19 @@ fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {
 }
 
 /// Prints the controller's state and faults to stderr when they have changed.
+#[derive(Default)]
 struct StatusPrinter {
-    start: Instant,
     last: Option<(State, FaultBits)>,
 }
 
 impl StatusPrinter {
-    fn new() -> Self {
-        Self { start: Instant::now(), last: None }
-    }
-
-    fn print(&mut self, state: State, faults: FaultBits) {
+    /// Of a robot on the ground by the clock of its world, which may lag behind.
+    fn print(&mut self, at_s: f64, state: State, faults: FaultBits) {
         if self.last.replace((state, faults)) == Some((state, faults)) {
             return;
         }
-        let at = self.start.elapsed().as_secs_f64();
         let faults =
             if faults.is_empty() { String::new() } else { format!(" ({})", fault_names(faults)) };
-        output::say(format_args!("{at:9.3} s  {}{faults}", state_name(state)));
+        output::say(format_args!("{at_s:9.3} s  {}{faults}", state_name(state)));
     }
 }

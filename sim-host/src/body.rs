@@ -9,6 +9,7 @@ use rollwalk_drives::Answer;
 use rollwalk_multibody::Tree;
 use rollwalk_physics::StepError;
 use rollwalk_physics::ground::Ground;
+use rollwalk_physics::push::Shove;
 use rollwalk_protocol::can::Frame;
 use rollwalk_robot::{Channel, Robot};
 use std::sync::Arc;
@@ -44,9 +45,9 @@ impl Body {
         body
     }
 
-    /// The same on the ground.
-    pub fn on_ground(robot: &Robot, ground: Arc<dyn Ground>) -> Self {
-        Self { ground: Some(Grounded::new(robot, ground)), ..Self::new(robot) }
+    /// The same on the ground, with pushes from the start of the simulation on.
+    pub fn on_ground(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
+        Self { ground: Some(Grounded::new(robot, ground, shoves)), ..Self::new(robot) }
     }
 
     /// The world of a robot on the ground.

@@ -52,6 +52,13 @@ pub trait Core {
         let _ = (now_us, up_in_body);
     }
 
+    /// What the latest setpoint of a channel was offset by in place of a torque, rad or rad/s; 0 where the controller does
+    /// not tell.
+    fn torque_offset(&self, channel: usize) -> f32 {
+        let _ = channel;
+        0.0
+    }
+
     /// Takes the controller's request to restart an actuator bus that is off; `true` once per request.
     ///
     /// # Errors
@@ -179,6 +186,10 @@ impl Core for Local {
 
     fn on_attitude(&mut self, now_us: u64, up_in_body: [f32; 3]) {
         self.controller.on_attitude(now_us, up_in_body);
+    }
+
+    fn torque_offset(&self, channel: usize) -> f32 {
+        self.controller.torque_offset(channel)
     }
 
     fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {

@@ -1,8 +1,8 @@
 //! The robot on the ground: what its motors move is the simulated world of [`rollwalk_physics`].
 //!
-//! A hoist holds the body while the motors have no torque, so high that the feet just touch the ground whatever the
-//! limbs do, and level. It lets go when the robot begins to play, and takes the robot again when it has no torque or
-//! has fallen.
+//! A hoist holds the body at the start, level, and so high that the feet just touch the ground whatever the limbs do. It lets
+//! go when the robot begins to play. A robot that falls, or that loses its torque, lies where it lies; when it has had no
+//! torque for some seconds the hoist picks it up again, as an operator would.
 
 mod travel;
 
@@ -13,13 +13,13 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_drives as drives;
 use rollwalk_physics::ground::Ground;
 use rollwalk_physics::motor::{Law, torque_speed_line};
-use rollwalk_physics::world::Parameters;
+use rollwalk_physics::push::{Shove, mean_force};
+use rollwalk_physics::world::{self, FallWatch, Parameters, heading_rad};
 use rollwalk_physics::{StepError, World};
 use rollwalk_protocol::library::ClipId;
 use rollwalk_robot::Robot;
 use std::f64::consts::PI;
 use std::sync::Arc;
-use travel::{heading_rad, tilt_rad};
 
 pub use travel::Travel;
 
@@ -27,10 +27,8 @@ pub use travel::Travel;
 pub const WORLD_RATE_HZ: u32 = 240;
 /// Length of a step, s.
 const STEP_S: f64 = 1.0 / WORLD_RATE_HZ as f64;
-/// Tilt beyond which a robot has fallen, rad.
-const FALLEN_RAD: f64 = 1.0;
-/// Height of the body beneath which a robot has fallen, as a share of its height in the nominal pose.
-const FALLEN_HEIGHT: f64 = 0.4;
+/// Time without torque after which the hoist picks a robot up, s.
+const PICKED_UP_S: f64 = 3.0;
 /// Fastest that the hoist goes up and down, m/s.
 const HOIST_M_S: f64 = 0.3;
 
@@ -39,10 +37,8 @@ const HOIST_M_S: f64 = 0.3;
 pub struct Fall {
     /// When it was seen.
     pub at: SimTime,
-    /// Tilt from the vertical, rad.
-    pub tilt_rad: f64,
-    /// Height of the body's origin above the ground, m.
-    pub height_m: f64,
+    /// Tilt and height.
+    pub how: world::Fall,
 }
 
 /// Where the hoist holds the body's origin, m, and which way it faces about the vertical, rad.
@@ -58,16 +54,16 @@ pub struct Grounded {
     world: World,
     steps: Periodic,
     hoist: Option<Hoist>,
-    /// Distance of the body's origin from the ground in the nominal pose, m.
-    standing_m: f64,
-    /// Height of the ground beneath a place.
-    ground: Arc<dyn Ground>,
+    fall_watch: FallWatch,
     /// Torque-speed lines in channel order: stall torque, N·m, and no-load speed, rad/s.
     lines: Vec<(f64, f64)>,
-    end_effectors: usize,
     falls: Vec<Fall>,
-    /// It has fallen since its motors had no torque last: the hoist keeps it.
-    is_caught: bool,
+    /// It has fallen since the hoist let go of it.
+    has_fallen: bool,
+    /// Last instant at which a motor had torque.
+    torque_at: SimTime,
+    /// Pushes, from the start of the simulation on.
+    shoves: Vec<Shove>,
     /// Of the clip that is being played.
     travel: Option<Travel>,
     /// Of the clips before, which were not taken yet.
@@ -76,22 +72,22 @@ pub struct Grounded {
 
 impl Grounded {
     /// A robot in its nominal pose in the hoist.
-    pub fn new(robot: &Robot, ground: Arc<dyn Ground>) -> Self {
+    pub fn new(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
         let parameters = Parameters::new(robot);
-        let end_effectors = robot.end_effectors.len();
-        let world = World::standing(robot, &ground, &parameters);
+        let world = World::standing(robot, ground, &parameters);
         let lines = robot.channels().map(|channel| torque_speed_line(channel.actuator())).collect();
         let (origin, _) = world.base();
+        let fall_watch = FallWatch::new(&world, ground);
         Self {
             world,
             steps: Periodic::new(WORLD_RATE_HZ),
             hoist: Some(Hoist { origin, heading_rad: 0.0 }),
-            standing_m: ground.at(&origin).gap_m,
-            ground,
+            fall_watch,
             lines,
-            end_effectors,
             falls: Vec::new(),
-            is_caught: false,
+            has_fallen: false,
+            torque_at: SimTime::ZERO,
+            shoves,
             travel: None,
             travels: Vec::new(),
         }
@@ -122,16 +118,14 @@ impl Grounded {
         std::mem::take(&mut self.travels)
     }
 
-    /// Hears which clip the robot plays. For the first one the hoist lets go, unless it has caught the robot falling: then
-    /// first without torque.
+    /// Hears which clip the robot plays. For the first one the hoist lets go.
     pub fn on_playing(&mut self, now: SimTime, clip: Option<ClipId>) {
-        if clip.is_some() && !self.is_caught {
+        if clip.is_some() {
             self.hoist = None;
         }
-        let on_ground = clip.filter(|_| self.hoist.is_none());
-        if self.travel.map(|travel| travel.clip) != on_ground {
+        if self.travel.map(|travel| travel.clip) != clip {
             self.travels.extend(self.travel.take());
-            self.travel = on_ground.map(|clip| Travel::begin(clip, now, &self.world));
+            self.travel = clip.map(|clip| Travel::begin(clip, now, &self.world));
         }
     }
 
@@ -145,7 +139,7 @@ impl Grounded {
             self.steps.advance();
             self.one_step(servos)?;
             if let Some(travel) = &mut self.travel {
-                travel.add(now, STEP_S, &self.world, self.lines.len(), self.end_effectors);
+                travel.add(now, STEP_S, &self.world);
             }
             self.watch(now, servos);
         }
@@ -168,6 +162,9 @@ impl Grounded {
                 },
             );
         }
+        let (_, rotation) = self.world.base();
+        let time_s = self.world.system().time_s();
+        self.world.push(mean_force(&self.shoves, time_s, STEP_S, heading_rad(&rotation)));
         self.follow_feet();
         self.world.hold(self.hoist.map(|hoist| (hoist.origin, about_vertical(hoist.heading_rad))));
         self.world.step(STEP_S)?;
@@ -183,48 +180,44 @@ impl Grounded {
         plant.position_rad += wrapped(angle_rad - plant.position_rad);
         plant.speed_rad_s = speed_rad_s;
         plant.torque_nm = torque_nm;
-        let wanted = law.kp_nm_rad * wrapped(law.position_rad - angle_rad)
+        let wanted = law.kp_nm_rad * (law.position_rad - angle_rad)
             + law.kd_nm_s_rad * (law.speed_rad_s - speed_rad_s)
             + law.torque_nm;
         plant.torque_limited = (wanted - torque_nm).abs() > 1e-9 * (1.0 + wanted.abs());
     }
 
-    /// Moves the hoist so that the lowest foot just touches the ground.
+    /// Moves the hoist so that what is lowest of the robot just touches the ground.
     fn follow_feet(&mut self) {
-        let lowest = lowest_m(&self.world, self.end_effectors);
+        let lowest = self.world.clearance_m();
         if let Some(hoist) = &mut self.hoist {
             let most = HOIST_M_S * STEP_S;
             hoist.origin.z -= lowest.clamp(-most, most);
         }
     }
 
-    /// Takes the robot into the hoist without torque, or after a fall.
+    /// Sees falls, and lets the hoist pick up a robot that has had no torque for a while.
     fn watch(&mut self, now: SimTime, servos: &[Servo]) {
         let has_torque = servos.iter().any(Servo::is_driving);
+        if has_torque || self.hoist.is_some() {
+            self.torque_at = now;
+        }
         if self.hoist.is_some() {
-            self.is_caught &= has_torque;
+            self.has_fallen = false;
             return;
         }
-        let (origin, rotation) = self.world.base();
-        let tilt_rad = tilt_rad(&rotation);
-        let height_m = self.ground.at(&origin).gap_m;
-        let fallen = tilt_rad > FALLEN_RAD || height_m < FALLEN_HEIGHT * self.standing_m;
-        // One that lies down without being moved has not fallen.
-        if fallen && self.travel.is_some() {
-            self.falls.push(Fall { at: now, tilt_rad, height_m });
+        let fall = self.fall_watch.look(&self.world).filter(|_| !self.has_fallen);
+        // One that sinks down when its torque goes off has not fallen, unless it topples.
+        if let Some(how) = fall
+            && (self.travel.is_some() || how.is_toppled())
+        {
+            self.has_fallen = true;
+            self.falls.push(Fall { at: now, how });
         }
-        if fallen || !has_torque {
-            self.is_caught = fallen;
-            let heading_rad = heading_rad(&rotation);
-            self.hoist = Some(Hoist { origin, heading_rad });
+        if (now - self.torque_at).as_s() > PICKED_UP_S {
+            let (origin, rotation) = self.world.base();
+            self.hoist = Some(Hoist { origin, heading_rad: heading_rad(&rotation) });
         }
     }
-}
-
-/// Height of the lowest foot or wheel above the ground, m.
-fn lowest_m(world: &World, end_effectors: usize) -> f64 {
-    let touches = (0..end_effectors).map(|number| world.touch(number));
-    touches.map(|touch| touch.gap_m / touch.normal.z).fold(f64::INFINITY, f64::min)
 }
 
 fn about_vertical(angle_rad: f64) -> Matrix3<f64> {

@@ -24,11 +24,21 @@ pub struct TickRecord {
     /// Setpoints that were in force at the end of the period, in channel order: rad for a joint,
     /// rad/s for a wheel. NaN for a channel without one, as on buses with torque setpoints.
     pub commanded: Vec<f32>,
+    /// What the setpoints of this period were offset by in place of torques, in the same units: drives without a field for a
+    /// torque get it by their own gain.
+    pub torque_offsets: Vec<f32>,
     /// State of the motors at `time_us`, in the same units: true values, not feedback frames.
     pub measured: Vec<f32>,
     /// Setpoints that did not arrive within the period, so that an older one stayed in force. Channels with torque
     /// setpoints do not count.
     pub missed: usize,
+}
+
+impl TickRecord {
+    /// Setpoints without the offsets in place of torques: what the measured values are to be compared with.
+    pub fn meant(&self) -> impl Iterator<Item = f32> {
+        self.commanded.iter().zip(&self.torque_offsets).map(|(value, offset)| value - offset)
+    }
 }
 
 /// Follows the setpoints on the actuator buses and keeps a record of each period.
@@ -62,12 +72,19 @@ impl Recorder {
     }
 
     /// Begins a period in which the controller plays a library.
-    pub fn begin_period(&mut self, at: SimTime, playing: Playing, measured: Vec<f32>) {
+    pub fn begin_period(
+        &mut self,
+        at: SimTime,
+        playing: Playing,
+        measured: Vec<f32>,
+        torque_offsets: Vec<f32>,
+    ) {
         self.under_way = Some(TickRecord {
             time_us: at.as_us(),
             clip: playing.clip,
             phase_frames: f64::from(playing.frame) + f64::from(playing.phase),
             commanded: Vec::new(),
+            torque_offsets,
             measured,
             missed: 0,
         });
@@ -95,7 +112,7 @@ impl Recorder {
     }
 }
 
-/// Worst difference between commanded and measured values over the periods of a clip.
+/// Worst difference between meant and measured values over the periods of a clip.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrackingError {
     /// Of a joint, rad.
@@ -113,7 +130,7 @@ pub fn tracking_errors(
     for record in records {
         let worst = errors.entry(record.clip).or_default();
         for (channel, (commanded, measured)) in
-            config.channels.iter().zip(record.commanded.iter().zip(&record.measured))
+            config.channels.iter().zip(record.meant().zip(&record.measured))
         {
             let error = f64::from((commanded - measured).abs());
             let slot = match channel.kind {
@@ -138,7 +155,7 @@ mod tests {
 
     fn period(recorder: &mut Recorder, frame: u16, measured: [f32; 3], setpoints: &[(usize, f32)]) {
         let playing = Playing { clip: ClipId(4), frame, phase: 0.5 };
-        recorder.begin_period(SimTime::from_us(1000), playing, measured.to_vec());
+        recorder.begin_period(SimTime::from_us(1000), playing, measured.to_vec(), vec![0.0; 3]);
         for (channel, value) in setpoints {
             recorder.on_setpoint(*channel, *value);
         }
@@ -170,6 +187,20 @@ mod tests {
         }
         let errors = tracking_errors(&one_leg::config(), recorder.records());
         assert_eq!(errors, BTreeMap::from([(ClipId(4), TrackingError::default())]));
+    }
+
+    #[test]
+    fn an_offset_in_place_of_a_torque_is_no_error() {
+        let mut recorder = recorder();
+        let playing = Playing { clip: ClipId(4), frame: 0, phase: 0.0 };
+        recorder.begin_period(SimTime::ZERO, playing, vec![0.5, 1.0, 0.0], vec![0.25, 0.0, 0.5]);
+        for (channel, value) in [(0, 0.75), (1, 1.25), (2, 0.5)] {
+            recorder.on_setpoint(channel, value);
+        }
+        recorder.end_period();
+        let errors = tracking_errors(&one_leg::config(), recorder.records());
+        let worst = TrackingError { joint_rad: 0.25, wheel_rad_s: 0.0 };
+        assert_eq!(errors, BTreeMap::from([(ClipId(4), worst)]));
     }
 
     #[test]

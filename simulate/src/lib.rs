@@ -5,14 +5,17 @@
 //! |---|---|
 //! | [`script`] | a plan as the state in which it begins and the control law of each motor at any time |
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
-//! | [`outcome`] | ways, turns, falls, slip and forces against the plan, and whether it holds |
+//! | [`outcome`] | ways, turns, falls, slip and forces |
+//! | [`judgement`] | whether a way is what the plan says |
 //!
 //! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
 
+pub mod judgement;
 pub mod outcome;
 pub mod run;
 pub mod script;
 
-pub use outcome::{Outcome, Way};
-pub use run::{Options, play};
+pub use judgement::PlannedWay;
+pub use outcome::Outcome;
+pub use run::{Moment, Options, play};
 pub use script::Script;

@@ -4,13 +4,14 @@ use crate::outcome::{Outcome, Tracker};
 use crate::script::Script;
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_physics::ground::{Ground, Plane};
-use rollwalk_physics::world::Parameters;
+use rollwalk_physics::push::{Shove, mean_force};
+use rollwalk_physics::world::{Parameters, heading_rad};
 use rollwalk_physics::{StepError, World};
 use rollwalk_planner::plan::Plan;
 use std::sync::Arc;
 
 /// How a plan is played.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Options {
     /// Whether the planned torques go on top of the servos' own.
     pub feed_forward: bool,
@@ -18,30 +19,42 @@ pub struct Options {
     pub cycles: usize,
     /// Steps of the world per second, about: a motion is a whole number of them.
     pub rate_hz: u32,
-    /// Slope of the ground, rad, rising ahead of the robot.
-    pub slope_rad: f64,
+    /// What the robot stands on; it begins at the origin, its plan in the plane that touches the ground there.
+    pub ground: Arc<dyn Ground>,
+    /// Pushes, from the start of the simulation on.
+    pub shoves: Vec<Shove>,
 }
 
+/// Steepest ground that a plan lies on: the vertical part of its normal.
+const STEEPEST: f64 = 0.5;
 /// Time for which a motion that ends stands still before and after, s.
 const REST_S: f64 = 1.0;
 
-/// Plays a validated plan. `goes_on` hears how many of all seconds are done, and ends the run by answering `false`.
+/// The end of a step.
+pub struct Moment<'a> {
+    /// Simulated time, s.
+    pub done_s: f64,
+    /// Simulated time of the whole run, s.
+    pub all_s: f64,
+    /// Time of the motion, s: 0 before it and its duration after it.
+    pub motion_s: f64,
+    /// The world.
+    pub world: &'a World,
+}
+
+/// Plays a validated plan. `goes_on` sees each moment, and ends the run by answering `false`.
 ///
 /// # Errors
 /// A step of the world without a solution.
 pub fn play(
     plan: &Plan,
     options: &Options,
-    mut goes_on: impl FnMut(f64, f64) -> bool,
+    mut goes_on: impl FnMut(&Moment<'_>) -> bool,
 ) -> Result<Outcome, StepError> {
     let script = Script::new(plan, options.feed_forward);
     let parameters = Parameters::new(&plan.robot);
-    let ground: Arc<dyn Ground> = Arc::new(Plane::rising(options.slope_rad));
-    // Nose up is a turn against the y axis.
-    let world_from_plan = Rotation3::from_axis_angle(&Vector3::y_axis(), -options.slope_rad);
-    let start = script.start(&world_from_plan);
-    let mut world = World::new(&plan.robot, &ground, &parameters, &start);
-    let mut tracker = Tracker::new(&script, &world, world_from_plan);
+    let (mut world, world_from_plan) = begin(&script, &options.ground, &parameters);
+    let mut tracker = Tracker::new(&script, &world, &options.ground, world_from_plan.inverse());
     // So that a motion is a whole number of steps.
     let count = (script.duration_s() * f64::from(options.rate_hz)).round().max(1.0);
     let step_s = script.duration_s() / count;
@@ -52,18 +65,54 @@ pub fn play(
         for (channel, law) in script.laws(beat.time_s).into_iter().enumerate() {
             world.set_law(channel, law);
         }
+        let heading_rad = heading_rad(&world.base().1);
+        world.push(mean_force(&options.shoves, world.system().time_s(), step_s, heading_rad));
         let report = world.step(step_s)?;
         tracker.add(&world, step_s, &report);
-        if tracker.has_fallen() || !goes_on(done as f64 * step_s, total_s) {
+        let moment = Moment {
+            done_s: done as f64 * step_s,
+            all_s: total_s,
+            motion_s: beat.time_s,
+            world: &world,
+        };
+        if !goes_on(&moment) || tracker.has_fallen() {
             break;
         }
         match beat.mark {
-            Some(Mark::Start) => tracker.begin(&world),
-            Some(Mark::End) => tracker.end_cycle(&world),
+            Some(Mark::Start) => tracker.begin(),
+            Some(Mark::End) => tracker.end_cycle(),
             None => {}
         }
     }
     Ok(tracker.finish(&world))
+}
+
+/// The robot as its plan begins, on the ground at the origin, and how its plan lies there.
+fn begin(
+    script: &Script<'_>,
+    ground: &Arc<dyn Ground>,
+    parameters: &Parameters,
+) -> (World, Rotation3<f64>) {
+    let robot = script.robot();
+    let surface = ground.at(&Vector3::zeros());
+    // Beside a wall the ground is level.
+    let plane = match surface.normal.z > STEEPEST {
+        true => Plane { point: -surface.normal * surface.gap_m, normal: surface.normal },
+        false => Plane::level(),
+    };
+    let world_from_plan = Rotation3::rotation_between(&Vector3::z(), &plane.normal);
+    let world_from_plan = world_from_plan.expect("ground faces up");
+    let mut start = script.start(&world_from_plan);
+    start.base_position_m += plane.point;
+    // On ground that is no plane, as near to it as the plan is to its plane.
+    let flat: Arc<dyn Ground> = Arc::new(plane);
+    let planned_m = World::new(robot, &flat, parameters, &start).clearance_m();
+    let mut world = World::new(robot, ground, parameters, &start);
+    for _ in 0..20 {
+        start.base_position_m.z += planned_m - world.clearance_m();
+        world = World::new(robot, ground, parameters, &start);
+    }
+    (world, world_from_plan)
 }
 
 /// A step.

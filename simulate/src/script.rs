@@ -24,6 +24,11 @@ impl<'a> Script<'a> {
         Self { plan, spline: PlanSpline::new(plan), feed_forward }
     }
 
+    /// The plan.
+    pub fn plan(&self) -> &'a Plan {
+        self.plan
+    }
+
     /// The robot.
     pub fn robot(&self) -> &'a Robot {
         &self.plan.robot
@@ -37,6 +42,11 @@ impl<'a> Script<'a> {
     /// Duration of the motion, s; of one that repeats its period.
     pub fn duration_s(&self) -> f64 {
         self.spline.duration_s()
+    }
+
+    /// Planned origin of the body, m, and world from body at a time of the motion, s.
+    pub fn base(&self, time_s: f64) -> (Vector3<f64>, Matrix3<f64>) {
+        base(&self.spline.sample(time_s))
     }
 
     /// Planned state at the start, on a ground that is turned. A motion that repeats begins at its speed, another one at
@@ -107,17 +117,6 @@ impl<'a> Script<'a> {
     /// 1 while a motion that ends moves, 0 before and after, where its ends are held.
     fn moves(&self, time_s: f64) -> f64 {
         f64::from(u8::from(time_s > 0.0 && time_s < self.duration_s()))
-    }
-
-    /// Planned way of the centre of mass ahead and to the left, m, and turn, rad, of the whole motion.
-    pub fn planned(&self) -> [f64; 3] {
-        self.plan.reached()
-    }
-
-    /// Which of them are goals of the motion.
-    pub fn goals(&self) -> [bool; 3] {
-        let goal = &self.plan.motion.goal;
-        [goal.forward_m, goal.left_m, goal.turn_rad].map(|of| of.is_some_and(|of| of != 0.0))
     }
 }
 

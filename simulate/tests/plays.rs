@@ -1,5 +1,7 @@
 //! Shipped motions in the simulated world.
 
+use rollwalk_physics::ground::{Ground, Plane, Profile};
+use rollwalk_physics::push::Shove;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{Options as SolverOptions, optimise};
@@ -7,6 +9,7 @@ use rollwalk_robot::Robot;
 use rollwalk_simulate::{Options, Outcome, play};
 use std::fs;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
@@ -21,8 +24,9 @@ fn plan(robot: &str, motion: &str) -> Plan {
 }
 
 fn on(slope_rad: f64, plan: &Plan, feed_forward: bool) -> Outcome {
-    let options = Options { feed_forward, cycles: 3, rate_hz: 60, slope_rad };
-    play(plan, &options, |_, _| true).unwrap()
+    let ground = Arc::new(Plane::rising(slope_rad));
+    let options = Options { feed_forward, cycles: 3, rate_hz: 60, ground, shoves: Vec::new() };
+    play(plan, &options, |_| true).unwrap()
 }
 
 /// MuJoCo finds 1.000, 1.000 and 0.999 (docs/replay.md); penalty friction lets a walking foot slip by some per mille.
@@ -30,7 +34,7 @@ fn on(slope_rad: f64, plan: &Plan, feed_forward: bool) -> Outcome {
 fn a_robot_comes_where_its_plans_say() {
     let drive = on(0.0, &plan("agilebot", "drive_1m"), true);
     assert!(drive.holds() && (drive.ratio(0).unwrap() - 1.0).abs() < 5e-3, "{drive:?}");
-    assert!(drive.slid_m < 1e-3 && drive.work_j > 0.0, "{drive:?}");
+    assert!(drive.totals.slid_m < 1e-3 && drive.totals.work_j > 0.0, "{drive:?}");
     // Rolling along the slope is not held by anything: wheels are driven by speed, with the droop of their drives.
     let uphill = on(0.05, &plan("agilebot", "drive_1m"), true);
     assert!((0.8..1.0).contains(&uphill.ratio(0).unwrap()), "{uphill:?}");
@@ -57,13 +61,39 @@ fn without_feed_forward_a_robot_lags_and_on_a_roof_it_does_not_come_there() {
 #[test]
 fn a_run_can_be_ended_and_tells_how_far_it_is() {
     let plan = plan("agilebot", "drive_1m");
-    let options = Options { feed_forward: true, cycles: 1, rate_hz: 60, slope_rad: 0.0 };
+    let ground = Arc::new(Plane::level());
+    let options =
+        Options { feed_forward: true, cycles: 1, rate_hz: 60, ground, shoves: Vec::new() };
     let mut seen = Vec::new();
-    let outcome = play(&plan, &options, |done_s, all_s| {
-        seen.push(done_s / all_s);
+    let outcome = play(&plan, &options, |moment| {
+        seen.push(moment.done_s / moment.all_s);
         seen.len() < 10
     });
     let outcome = outcome.unwrap();
     assert!(outcome.cycles.is_empty() && !outcome.holds());
     assert!(seen.len() == 10 && seen.is_sorted() && seen[9] < 0.1, "{seen:?}");
+}
+
+/// A wall in the way stops the wheels, a kerb does not; a soft push is stood, a hard one is not.
+#[test]
+fn terrain_and_pushes_act_on_the_robot() {
+    let plan = plan("agilebot", "drive_1m");
+    let level: Arc<dyn Ground> = Arc::new(Plane::level());
+    let run = |ground: &Arc<dyn Ground>, push_n: f64| {
+        let shoves = vec![Shove::new(2.0, 0.1, [0.0, push_n, 0.0])];
+        let ground = Arc::clone(ground);
+        let options = Options { feed_forward: true, cycles: 1, rate_hz: 120, ground, shoves };
+        play(&plan, &options, |_| true).unwrap()
+    };
+    let pushed = run(&level, 5.0);
+    assert!(pushed.holds() && pushed != run(&level, 0.0), "{pushed:?}");
+    let toppled = run(&level, 120.0);
+    assert!(toppled.fell_at_s.is_some_and(|at_s| at_s > 2.0), "{toppled:?}");
+    let kerb = |height_m: f64| run(&(Arc::new(Profile::step(0.5, height_m).unwrap()) as _), 0.0);
+    // Four driven wheels of 50 mm climb a kerb of 10 mm, one axle after the other, but no wall.
+    let (low, down, wall) = (kerb(0.01), kerb(-0.01), kerb(0.1));
+    for climbed in [&low, &down] {
+        assert!(climbed.holds() && climbed.ratio(0).unwrap() > 0.98, "{climbed:?}");
+    }
+    assert!(!wall.holds() && wall.cycles.iter().all(|way| way.forward_m < 0.6), "{wall:?}");
 }

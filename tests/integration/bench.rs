@@ -67,6 +67,43 @@ fn table_2_1_counts_what_it_solves() {
 }
 
 #[test]
+fn figure_3_6_compares_plan_and_world() {
+    let desk = desk();
+    let text = bench(&desk, &["figure-3-6"]).succeeds();
+    let titles = ["of the body", "unit", "worst difference", "at s", "RMS", "bound"];
+    for (name, bound) in [("ahead", 0.02), ("up", 0.02), ("pitch", 0.03)] {
+        let worst: f64 = row(&text, &titles, name)[2].parse().unwrap();
+        assert!(worst > 0.0 && worst <= bound, "{name}: {worst}");
+    }
+    let plots = ["ahead", "up", "pitch"].map(|name| format!("out/figure-3-6-{name}.svg"));
+    let rows = written_rows(&desk, &text, "figure-3-6", &plots.each_ref().map(String::as_str));
+    // The body dips beneath the table, in the plan and in the world.
+    for of in ["planned", "simulated"] {
+        let heights = rows.iter().map(|row| row[of][1].as_f64().unwrap());
+        let lowest = heights.fold(f64::INFINITY, f64::min);
+        assert!((0.3..0.41).contains(&lowest), "{of}: {lowest}");
+    }
+}
+
+#[test]
+fn fault_campaign_on_the_ground_tells_what_the_robot_does() {
+    let desk = desk();
+    let args = ["fault-campaign", "--on", "ground", "--seeds", "1", "--loss", "3"];
+    let scenarios = ["--scenario", "estop", "--scenario", "power-cut", "--scenario", "host-dead"];
+    let text = bench(&desk, &[&args[..], &scenarios].concat()).succeeds();
+    let results = written(&desk, &text, "fault-campaign", &[]);
+    assert!(text.contains("coasted") && text.contains("3 runs"), "{text}");
+    for row in results["rows"].as_array().unwrap() {
+        let world = &row["world"];
+        assert_eq!((&row["broken"], &world["falls"]), (&0.into(), &0.into()), "{row}");
+        // Without torque it sinks down, which is no fall, and leans.
+        let tilt_rad = world["tilt_max_rad"].as_f64().unwrap();
+        assert!((0.05..0.5).contains(&tilt_rad), "{row}");
+        assert!(world["rested_after_s"].as_f64().is_some_and(|s| s > 0.0 && s < 2.5), "{row}");
+    }
+}
+
+#[test]
 fn samples_has_a_row_for_each_number() {
     let desk = desk();
     let text = bench(&desk, &["samples", "--samples", "12,24"]).succeeds();

@@ -39,6 +39,11 @@ fn the_demo_plays_everything_within_its_bounds() {
         assert!(bound["worst"].as_f64() <= bound["bound"].as_f64(), "{bound}");
         assert_eq!(bound["holds"], true, "{bound}");
     }
+    let travels = outcome["world"]["travels"].as_array().unwrap();
+    let walk = travels.iter().find(|travel| travel["name"] == "walk").expect("it walks");
+    let ahead_m = walk["achieved"]["forward_m"].as_f64().unwrap();
+    assert!((0.22..0.26).contains(&ahead_m), "{walk}");
+    assert_eq!(outcome["world"]["falls"], 0);
     let tour = outcome["tour"].as_array().unwrap();
     assert_eq!((&tour[0], &tour[tour.len() - 1]), (&"stand".into(), &"stand".into()));
 
@@ -60,7 +65,18 @@ fn the_demo_plays_everything_within_its_bounds() {
 fn the_demo_prints_a_table_for_people_and_puts_the_same_bits_on_the_bus_again() {
     let desk = desk();
     let text = desk.run(&["demo", "--out", "again"]).succeeds();
-    for words in ["motion", "iterations", "N·m", "mm/s", "load", "drive_1m", "✓", "again"] {
+    for words in [
+        "on the ground",
+        "falls",
+        "motion",
+        "iterations",
+        "N·m",
+        "mm/s",
+        "load",
+        "drive_1m",
+        "✓",
+        "again",
+    ] {
         assert!(text.contains(words), "{words} in\n{text}");
     }
     let (first, _) = demo();

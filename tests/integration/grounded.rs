@@ -2,6 +2,7 @@
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, on};
+use serde_json::Value;
 
 #[test]
 fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
@@ -14,7 +15,25 @@ fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
     // It slides down a roof.
     desk.run(&["simulate", "drive.json", "--slope", "40"]).succeeds_with(3, &["it fell after"]);
     desk.run(&["simulate", "drive.json", "--slope", "60"])
-        .fails(1, &["--slope is 60: it must be from -45 to 45 degrees"]);
+        .fails(2, &["'60' for '--slope", "it must be from -45 to 45 degrees"]);
+}
+
+#[test]
+fn terrain_and_pushes_are_given_to_a_plan() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]).succeeds();
+    let simulate = |args: &[&str]| desk.run(&[&["simulate", "drive.json"], args].concat());
+    desk.write("kerb.toml", "[step]\nat_x_m = 0.5\nheight_m = 0.1\n");
+    simulate(&["--terrain", "kerb.toml"]).succeeds_with(3, &["forward: 0.5", "stays on its feet"]);
+    simulate(&["--push", "2:0,120,0:0.1"]).succeeds_with(3, &["it fell after 2."]);
+    simulate(&["--push", "2:0,3,0:0.1"]).succeeds();
+    simulate(&["--push", "2:0,3:0.1"]).fails(2, &["the force needs 3 numbers", "it has 2"]);
+    desk.write("kerb.toml", "[step]\nat_x_m = 0.5\nheight = 0.1\n");
+    simulate(&["--terrain", "kerb.toml"]).fails(1, &["kerb.toml:", "unknown key `height`"]);
+    simulate(&["--terrain", "motions/walk.toml"])
+        .fails(1, &["motions/walk.toml is a motion file, not a terrain file"]);
+    simulate(&["--terrain", "none.toml"]).fails(1, &["there is no terrain file"]);
+    desk.run(&["plan", "kerb.toml", "-o", "x.json"]).fails(1, &["kerb.toml is a terrain file"]);
 }
 
 #[test]
@@ -28,13 +47,26 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
          [via_safe]\nduration_s = 1.2\nsamples = 25\n",
     );
     desk.run(&["library", "build", "drive.toml", "-o", "drive.rwl"]).succeeds();
+    let told = desk.run(&["simulate", "drive.rwl", "--json"]).succeeds();
+    let told: Value = serde_json::from_str(&told).unwrap();
+    let travels = told["travels"].as_array().unwrap();
+    let names: Vec<_> = travels.iter().map(|travel| travel["name"].as_str().unwrap()).collect();
+    let tour = ["stand", "stand → drive_1m", "drive_1m", "drive_1m → stand", "stand"];
+    assert_eq!((names, &told["falls"]), (tour.to_vec(), &Value::Array(Vec::new())));
+    let ahead_m = travels[2]["forward_m"].as_f64().unwrap();
+    assert!((0.97..1.03).contains(&ahead_m), "{ahead_m}");
+    desk.run(&["simulate", "drive.rwl", "--push", "4:0,100,0:0.2"])
+        .succeeds_with(3, &["1 fall, the first after 4.", "waited for motion"]);
+    desk.run(&["simulate", "drive.rwl", "--rate", "60"]).fails(1, &["--rate is for plans"]);
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     Robot::refuses(
         &desk,
         &["robots/agilebot.toml", "--bus", &bus, "--on", "stand", "--slope", "3"],
     )
-    .fails(1, &["--slope is for --on ground"]);
-    let robot = ["robots/agilebot.toml", "--on", "ground"];
+    .fails(1, &["are for a robot on the ground, and this one is on a stand", "--on stand"]);
+    Robot::refuses(&desk, &["robots/test_leg.toml", "--bus", &bus])
+        .fails(1, &["test_leg cannot stand on the ground: it has 1 feet and wheels", "--on stand"]);
+    let robot = ["robots/agilebot.toml"];
     let mut robot = Robot::heard(&desk, &robot, &bus, "said.txt");
     on(&desk, &bus, &["flash", "drive.rwl"]).succeeds();
     on(&desk, &bus, &["send", "--arm", "drive_1m"]).succeeds();

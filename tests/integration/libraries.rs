@@ -27,8 +27,21 @@ fn every_shipped_library_builds_and_opens() {
 #[test]
 fn libraries_of_other_robots_play_within_the_bounds() {
     let desk = desk_with_shipped_files();
-    for robot in ["swizzlebot", "skaterbot", "anymal", "test_leg", "pup"] {
+    for (robot, on) in [
+        ("swizzlebot", "ground"),
+        ("skaterbot", "ground"),
+        ("anymal", "ground"),
+        ("pup", "ground"),
+        ("agilebot", "stand"),
+        ("test_leg", "stand"),
+    ] {
         let library = format!("motions/{robot}_library.toml");
-        desk.run(&["demo", "--library", &library, "--out", robot, "--json"]).succeeds();
+        let args = ["demo", "--library", &library, "--out", robot, "--on", on, "--json"];
+        let told = desk.run(&args).succeeds();
+        let told: Value = serde_json::from_str(&told).unwrap();
+        assert_eq!(told["world"].is_null(), on == "stand", "{robot}");
     }
+    // One leg does not stand by itself.
+    desk.run(&["demo", "--library", "motions/test_leg_library.toml", "--out", "leg"])
+        .fails(1, &["test_leg cannot stand on the ground", "--on stand"]);
 }

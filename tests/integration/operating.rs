@@ -73,7 +73,7 @@ fn a_library_for_another_robot_and_a_bus_that_is_none_are_refused() {
 fn all_gains_are_those_that_there_are() {
     let desk = desk_with_shipped_files();
     let socket = format!("sim:{}", desk.path("robot.sock").display());
-    let _robot = Robot::of(&desk, "robots/test_leg.toml", &socket);
+    let _robot = Robot::on_stand(&desk, "robots/test_leg.toml", &socket);
     let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20"]);
     // A wheel has no stiffness.
     assert!(set.stderr.contains("they have no such value: wheel"), "{}", set.stderr);

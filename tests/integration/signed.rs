@@ -32,7 +32,10 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
     verify("own.rwl").succeeds();
     verify("plain.rwl").fails(1, &["plain.rwl is not signed", "rollwalk library sign"]);
     verify("others.rwl").fails(1, &["others.rwl is signed with key", "not with"]);
-    verify("changed.rwl").fails(1, &["changed.rwl was changed after it was signed"]);
+    verify("changed.rwl").fails(1, &["changed.rwl was changed after it was signed", "once more"]);
+    // No advice to sign what is no library.
+    verify("legbot.toml").fails(1, &["legbot.toml is a library file", "rollwalk library build"]);
+    verify("owner.pub.pem").fails(1, &["owner.pub.pem is no motion library"]);
     let shown = on(&desk, &bus, &["library", "inspect", "own.rwl"]).succeeds();
     assert!(shown.contains("signed with key"), "{shown}");
     let shown = on(&desk, &bus, &["library", "inspect", "plain.rwl"]).succeeds();
@@ -47,8 +50,9 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
     flash("others.rwl").fails(5, &[&remedy[..], &["others.rwl is signed with key"]].concat());
     flash("changed.rwl").fails(5, &remedy);
     flash("own.rwl").succeeds();
+    // It outlasts one that is refused, before it has played and after.
+    flash("plain.rwl").fails(5, &not_signed);
     on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
-    // A library that has played outlasts one that is refused.
     flash("plain.rwl").fails(5, &not_signed);
     on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
 

@@ -21,9 +21,9 @@ impl Robot {
         Self::run(desk, &["robots/legbot.toml"], bus, host)
     }
 
-    /// Another robot than LegBot, by its file.
-    pub fn of(desk: &Desk, robot: &str, bus: &str) -> Self {
-        Self::run(desk, &[robot], bus, bus)
+    /// Another robot than LegBot, by its file, that cannot stand by itself.
+    pub fn on_stand(desk: &Desk, robot: &str, bus: &str) -> Self {
+        Self::run(desk, &[robot, "--on", "stand"], bus, bus)
     }
 
     /// With more arguments.

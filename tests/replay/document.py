@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes the tables of docs/replay.md and the numbers of README from results of the harness.
 
-    python3 tests/replay/document.py LEVEL.json DISTURBED.json [ROBOT.json ...]
+    python3 tests/replay/document.py LEVEL.json DISTURBED.json GROUND.json [ROBOT.json ...]
 
 They stand between `<!-- NAME -->` and `<!-- end -->`. Without results of imported robots that table stays.
 """
@@ -15,9 +15,14 @@ import tables
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def main(level, disturbed, *imported):
-    level, disturbed, *imported = (json.loads(Path(path).read_text()) for path in (level, disturbed, *imported))
-    texts = {"shipped": tables.both(level), "disturbed": tables.robustness(disturbed)}
+def main(*paths):
+    level, disturbed, ground, *imported = (json.loads(Path(path).read_text()) for path in paths)
+    texts = {
+        "shipped": tables.both(level),
+        "disturbed": tables.robustness(disturbed),
+        "compared": tables.compared(level, ground),
+        "compared-words": tables.compared_in_words(level, ground),
+    }
     if imported:
         texts["imported"] = tables.both([result for results in imported for result in results])
     replace(ROOT / "docs/replay.md", {name: f"\n{text}\n" for name, text in texts.items()})

@@ -91,6 +91,77 @@ def in_words(results):
     return textwrap.fill(text.strip(), 116, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
 
 
+# Achieved by planned in both worlds differ by no more where they agree.
+AGREE = 0.03
+
+
+def compared(level, ground):
+    """One row for each motion: MuJoCo beside the project's own simulator at each of its rates."""
+    rates = _rates(ground)
+    rows = [["motion of robot", "MuJoCo: cycles 2–5", *(f"ours, 1/{rate} s" for rate in rates), "difference", ""]]
+    for name, fed, ours in _beside(level, ground):
+        last = ours[rates[-1]]
+        off = _difference(fed, last)
+        remark = _fates(fed, last)
+        if not remark and off is not None and off > AGREE:
+            remark = "**differs**"
+        rows.append([
+            name, _ratios(fed["ratio"], fed["drift"]), *(_ratios(*_middle(fed, ours[rate])) for rate in rates),
+            "–" if off is None else f"{off:.3f}", remark,
+        ])
+    return _markdown(rows)
+
+
+def compared_in_words(level, ground):
+    """How many motions agree in both worlds."""
+    rate = _rates(ground)[-1]
+    pairs = [(name, fed, ours[rate]) for name, fed, ours in _beside(level, ground)]
+    stands = [(name, _difference(fed, ours)) for name, fed, ours in pairs if not _fates(fed, ours)]
+    apart = [f"{name} ({off:.3f})" for name, off in stands if off is not None and off > AGREE]
+    fates = [name for name, fed, ours in pairs if (fed["fell_at_s"] is None) != (ours["fell_at_s"] is None)]
+    text = (
+        f"Of {len(pairs)} motions {len(stands)} stay on their feet in both worlds over 20 cycles, and {len(stands) - len(apart)} "
+        f"of these agree within {AGREE:.2f} of the plan at 1/{rate} s. "
+    )
+    text += f"Apart: {', '.join(apart)}. " if apart else ""
+    text += f"A fall in only one world: {', '.join(fates)}." if fates else "Falls agree."
+    return textwrap.fill(text, 116, break_on_hyphens=False)
+
+
+def _rates(ground):
+    """Steps per second of the runs, fewest first."""
+    return sorted(ground[0]["rates"], key=int)
+
+
+def _beside(level, ground):
+    """Level results with feed-forward, and those of the project's simulator by rate."""
+    rates = {result["plan"]: result["rates"] for result in ground}
+    for result in level:
+        if result["case"] == "nominal" and result["feed_forward"] == "torque":
+            yield _name(result), result, rates[result["plan"]]
+
+
+def _middle(fed, ours):
+    """Ratios of the goals that MuJoCo's result has, and drift, over the same cycles."""
+    cycles = ours["cycles"][1:5] if len(ours["cycles"]) > 1 else ours["cycles"]
+    if not cycles:
+        return None, None
+    mean = lambda key: sum(cycle[key] for cycle in cycles) / len(cycles)
+    ratio = {key: mean(key) / fed["planned"][key] for key in fed["ratio"] or {}}
+    return ratio, {key: mean(key) - planned for key, planned in fed["planned"].items()}
+
+
+def _difference(fed, ours):
+    """The largest difference of the ratios; without a goal or a cycle none."""
+    ratio, _ = _middle(fed, ours)
+    return max((abs(value - fed["ratio"][key]) for key, value in (ratio or {}).items()), default=None)
+
+
+def _fates(fed, ours):
+    fell = [world for world, result in (("MuJoCo", fed), ("ours", ours)) if result["fell_at_s"] is not None]
+    return {0: "", 1: f"falls in {fell[0]} only" if fell else "", 2: "falls in both"}[len(fell)]
+
+
 def _pairs(results):
     """Level results of each motion with feed-forward as torque, and without."""
     found = {}

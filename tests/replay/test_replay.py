@@ -458,6 +458,28 @@ class Words(unittest.TestCase):
         self.assertIn("| `turn` of pup | 0.990 | 0.990 | 1.0 | 0.0 | 2.0 | 0.400 | 0.400 | 2.0 | without: no |", rows)
         self.assertTrue(rows[4].endswith("fell at 1.50 s, needs feedback, without: falls |"), rows[4])
 
+    def test_both_worlds_are_compared_over_the_same_cycles(self):
+        def ours(ratios, fell=None):
+            cycles = [{"forward_m": ratio, "left_m": 0.0, "turn_rad": 0.0} for ratio in ratios]
+            return {"240": {"cycles": cycles, "fell_at_s": fell}, "60": {"cycles": cycles, "fell_at_s": None}}
+
+        level, ground = [], []
+        for motion, ratio, ratios, fell in [
+            ("walk", 1.0, [0.5, 1.01, 1.01, 1.01, 1.01, 3.0], None), ("turn", 1.0, [0.9], None), ("run", 1.0, [], 0.5),
+        ]:
+            planned = {"forward_m": 1.0, "left_m": 0.0, "turn_rad": 0.0}
+            level.append(dict(self.result(motion, "torque", ratio), planned=planned))
+            level.append(dict(self.result(motion, "none", 0.3), planned=planned))
+            ground.append({"plan": f"motions-{motion}.json", "rates": ours(ratios, fell)})
+        rows = tables.compared(level, ground).splitlines()
+        self.assertEqual(rows[2], "| `walk` of pup | 1.000 | 1.010 | 1.010 | 0.010 |  |")
+        self.assertEqual(rows[3], "| `turn` of pup | 1.000 | 0.900 | 0.900 | 0.100 | **differs** |")
+        self.assertEqual(rows[4], "| `run` of pup | 1.000 | – | – | – | falls in ours only |")
+        words = " ".join(tables.compared_in_words(level, ground).split())
+        self.assertIn("Of 3 motions 2 stay on their feet in both worlds", words)
+        self.assertIn("and 1 of these agree within 0.03 of the plan at 1/240 s. Apart: `turn` of pup (0.100).", words)
+        self.assertTrue(words.endswith("A fall in only one world: `run` of pup."), words)
+
     def test_marks_are_replaced_and_missed(self):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "a.md"

@@ -35,8 +35,8 @@ pub struct PlannedLibrary {
     pub plans: Vec<Plan>,
     /// The plans, packed without their torques: frames are what the format is compared by.
     pub built: BuiltLibrary,
-    /// Size of the library with torques, bytes.
-    pub bytes_with_torques: usize,
+    /// Bytes of the packed library with its torques: what a controller is flashed with.
+    pub with_torques: Vec<u8>,
 }
 
 /// One clip, measured.
@@ -108,7 +108,7 @@ pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings
 
 /// Measures a library and everything it is compared with.
 fn measure(library: &PlannedLibrary) -> miette::Result<Row> {
-    let PlannedLibrary { name, robot, plans, built, bytes_with_torques } = library;
+    let PlannedLibrary { name, robot, plans, built, with_torques } = library;
     let config = robot.controller_config().into_diagnostic()?;
     let index = validate(&built.bytes, &config).into_diagnostic()?;
     let packed = Library::open(&built.bytes, &index).ok_or_else(|| miette!("not this library"))?;
@@ -131,7 +131,7 @@ fn measure(library: &PlannedLibrary) -> miette::Result<Row> {
         seconds: clips.iter().map(|clip| clip.seconds).sum(),
         bytes,
         file_bytes: built.bytes.len(),
-        file_bytes_with_torques: *bytes_with_torques,
+        file_bytes_with_torques: with_torques.len(),
         zstd_19_of_all: packing::compressed(&all, 19)?,
         times_smaller: all.len() as f64 / built.bytes.len() as f64,
         read_ns_per_frame: packing::read_ns_per_frame(&packed)?,

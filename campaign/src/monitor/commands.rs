@@ -56,6 +56,8 @@ struct Unanswered {
 pub struct Commands {
     /// Codes of the library's motions, in its order.
     codes: Vec<u8>,
+    /// Goal, and motion on a way to it.
+    on_the_way: Vec<(u8, u8)>,
     /// Motion starts so far, without transitions.
     starts: usize,
     /// Commands that the host has sent.
@@ -69,9 +71,10 @@ pub struct Commands {
 
 impl Commands {
     /// An empty history.
-    pub fn new(codes: Vec<u8>) -> Self {
+    pub fn new(codes: Vec<u8>, on_the_way: Vec<(u8, u8)>) -> Self {
         Self {
             codes,
+            on_the_way,
             starts: 0,
             sent: Vec::new(),
             received: Vec::new(),
@@ -105,6 +108,20 @@ impl Commands {
         }
         self.unanswered.push_back(Unanswered { index, in_time });
         copy_of.is_none()
+    }
+
+    /// Whether the robot may pass through a motion: to SAFE, where it may go without a command, or to a pending goal.
+    fn is_on_the_way(&self, clip: usize) -> bool {
+        let pending = |goal: usize| {
+            let plays = |received: &Received| {
+                let code = self.codes.get(goal);
+                let play = matches!(received.timed.command.action, Action::Play { code: of, .. } if Some(&of) == code);
+                play && received.in_time && received.goal != Goal::Over
+            };
+            goal == 0 || self.received.iter().any(plays)
+        };
+        let mut ways = self.on_the_way.iter();
+        ways.any(|&(goal, station)| usize::from(station) == clip && pending(goal.into()))
     }
 
     /// Checks an acknowledgement of the controller.
@@ -197,11 +214,13 @@ impl Commands {
             };
             play && received.in_time && may_start
         };
+        let passes = self.is_on_the_way(clip);
         match self.received.iter_mut().find(requests) {
             Some(received) => {
                 received.goal = Goal::Over;
                 Ok(())
             }
+            None if passes => Ok(()),
             None => {
                 Err((Rule::ExecutedOnce, format!("code {code} starts without a pending command")))
             }
@@ -224,7 +243,7 @@ mod tests {
 
     /// Broken rules after these commands, each received at a time, ms, and acknowledged with a result.
     fn verdicts(received: &[(u64, Command, CommandResult)]) -> Vec<Option<Rule>> {
-        let mut commands = Commands::new(vec![1, 2, 3]);
+        let mut commands = Commands::new(vec![1, 2, 3], Vec::new());
         let verdict = |&(at_ms, command, result): &(u64, Command, CommandResult)| {
             commands.on_received(SimTime::from_ms(at_ms), command);
             commands.on_ack(answer(command.seq, result)).err().map(|(rule, _)| rule)
@@ -257,7 +276,7 @@ mod tests {
     /// The 16 bits of the expiry have wrapped.
     #[test]
     fn a_command_delayed_by_a_minute_has_expired() {
-        let mut commands = Commands::new(vec![1, 2, 3]);
+        let mut commands = Commands::new(vec![1, 2, 3], Vec::new());
         commands.on_sent(SimTime::ZERO, play(1, 2));
         commands.on_received(SimTime::from_ms(65_600), play(1, 2));
         let rule = commands.on_ack(answer(1, CommandResult::Ok)).unwrap_err().0;
@@ -269,8 +288,21 @@ mod tests {
     }
 
     #[test]
+    fn a_motion_may_be_passed_on_the_way_to_another() {
+        // Motion 1 is on a way to motion 2, and on none to SAFE.
+        let mut commands = Commands::new(vec![1, 2, 3], vec![(2, 1)]);
+        assert_eq!(commands.on_clip_start(1).unwrap_err().0, Rule::ExecutedOnce);
+        commands.on_received(SimTime::ZERO, play(1, 3));
+        assert!(commands.on_clip_start(1).is_ok() && commands.on_clip_start(2).is_ok());
+        assert_eq!(commands.on_clip_start(1).unwrap_err().0, Rule::ExecutedOnce);
+        // To SAFE the robot goes without a command.
+        let mut commands = Commands::new(vec![1, 2, 3], vec![(0, 2)]);
+        assert!(commands.on_clip_start(2).is_ok() && commands.on_clip_start(1).is_err());
+    }
+
+    #[test]
     fn a_motion_starts_once_a_command() {
-        let mut commands = Commands::new(vec![1, 2, 3]);
+        let mut commands = Commands::new(vec![1, 2, 3], Vec::new());
         commands.on_received(SimTime::ZERO, play(1, 2));
         // A copy requests nothing more.
         commands.on_received(SimTime::ZERO, play(1, 2));
@@ -285,7 +317,7 @@ mod tests {
     fn a_refused_motion_does_not_start_later() {
         use CommandResult::{Expired, OutOfOrder, WrongState};
         let start = |refusal| {
-            let mut commands = Commands::new(vec![1, 2, 3]);
+            let mut commands = Commands::new(vec![1, 2, 3], Vec::new());
             commands.on_received(SimTime::ZERO, play(1, 2));
             commands.on_ack(answer(1, refusal)).unwrap();
             commands.on_clip_start(1).err().map(|(rule, _)| rule)
@@ -297,7 +329,7 @@ mod tests {
 
     #[test]
     fn a_repeated_acknowledgement_equals_the_first() {
-        let mut commands = Commands::new(vec![1, 2, 3]);
+        let mut commands = Commands::new(vec![1, 2, 3], Vec::new());
         let first = answer(1, CommandResult::Ok);
         let mut rule = |ack| {
             commands.on_received(SimTime::ZERO, play(1, 2));
@@ -311,7 +343,7 @@ mod tests {
     fn a_superseded_motion_starts_next_or_never() {
         // Codes 1, 2, 3 are clips 0, 1, 2.
         let superseded = || {
-            let mut commands = Commands::new(vec![1, 2, 3]);
+            let mut commands = Commands::new(vec![1, 2, 3], Vec::new());
             for (seq, code) in [(1, 2), (2, 3)] {
                 commands.on_received(SimTime::ZERO, play(seq, code));
                 commands.on_ack(answer(seq, CommandResult::Ok)).unwrap();

@@ -79,6 +79,8 @@ pub struct MonitorConfig {
     pub node: Node,
     /// Command codes of the library's motions, in its order. The first is SAFE.
     pub codes: Vec<u8>,
+    /// Goal, and motion on a way to it.
+    pub on_the_way: Vec<(u8, u8)>,
     /// Maximum age of the pose that a first setpoint repeats; `None` when feedback cannot be trusted.
     pub pose_age: Option<SimTime>,
     /// Maximum time from the reason for torque-off, at the controller, to motors without torque.
@@ -162,7 +164,7 @@ impl Monitor {
             stopped_after: None,
             shutdown: ShutdownCheck::new(config.shutdown, config.motors_off_within),
             setpoints: Setpoints::new(robot, config.control_hz, config.pose_age),
-            commands: Commands::new(config.codes.clone()),
+            commands: Commands::new(config.codes.clone(), config.on_the_way.clone()),
             clip: None,
             history: Vec::new(),
             coverage: Coverage::default(),

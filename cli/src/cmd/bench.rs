@@ -22,11 +22,13 @@ Examples:
   rollwalk bench samples --out bench
   rollwalk bench figure-2-3 --out bench
   rollwalk bench figure-3-2 --only trot --out bench
+  rollwalk bench figure-3-6 --out bench
   rollwalk bench table-3-2 --out bench
   rollwalk bench table-3-3 --out bench
   rollwalk bench library-format --out bench
   rollwalk bench suggestions --only walk --out bench
   rollwalk bench fault-campaign --seeds 100 --out bench
+  rollwalk bench fault-campaign --on ground --seeds 5 --out bench
   rollwalk bench fault-campaign --scenario estop --loss 90 --seed 7 --log run.log")]
 pub struct Args {
     #[command(subcommand)]
@@ -60,13 +62,13 @@ impl Program for Rollwalk {
         if let Some(failure) = plans.failures().first() {
             return Err(miette!("{file}: {failure}"));
         }
-        let bytes_with_torques = plans.pack(&library)?.bytes.len();
+        let with_torques = plans.pack(&library)?.bytes;
         library.file.torques = false;
         let built = plans.pack(&library)?;
         let plans = plans.all().map(|planned| planned.plan.clone()).collect();
         let name = library.file.name.clone();
         let robot = library.robot;
-        Ok(Some(PlannedLibrary { name, robot, plans, built, bytes_with_torques }))
+        Ok(Some(PlannedLibrary { name, robot, plans, built, with_torques }))
     }
 
     fn interrupted(&self) -> bool {

@@ -53,7 +53,17 @@ impl BusLoads {
         for row in &self.rows {
             table.row([
                 row.bus.to_string(),
-                format!("{}, {} kbit/s", row.kind.protocol.name(), row.kind.bit_rate / 1000),
+                format!(
+                    "{}, {} kbit/s{}",
+                    row.kind.protocol.name(),
+                    row.kind.bit_rate / 1000,
+                    match &row.kind.protocol {
+                        Protocol::Dynamixel(Dynamixel { reads_fast: true, .. }) => {
+                            ", fast sync read"
+                        }
+                        _ => "",
+                    }
+                ),
                 row.actuators.to_string(),
                 row.traffic.bits_per_period.to_string(),
                 (u64::from(row.traffic.bits_per_period) * u64::from(self.control_hz)
@@ -95,7 +105,7 @@ impl BusLoads {
             let why = match row.problem {
                 None => continue,
                 Some(BusProblem::NoSuchBus) => "a controller has no bus of that number".to_owned(),
-                Some(BusProblem::Overload(overload)) => overload.to_string(),
+                Some(BusProblem::Overload(overload)) => format!("{overload}; {}", lighter(row)),
                 Some(BusProblem::TooSeldom { needed_hz }) => {
                     format!("drives must report their poses at least {needed_hz} times a second")
                 }
@@ -106,6 +116,24 @@ impl BusLoads {
             let _ = writeln!(text, "bus {}: {why}", row.bus);
         }
         (!text.is_empty()).then_some(text)
+    }
+}
+
+/// What makes a bus carry less.
+fn lighter(row: &BusLoad) -> &'static str {
+    let BusLoad { kind, traffic, .. } = row;
+    let bits_s = f64::from(traffic.bits_per_period) / f64::from(kind.bit_rate.max(1));
+    let waits = f64::from(traffic.waiting_us_per_period) * 1e-6 > bits_s;
+    // Of CAN, and of servos whose makers have a list.
+    let most = kind.protocol.bit_rates().iter().max().copied();
+    let most = most.or((!kind.protocol.is_serial()).then_some(1_000_000));
+    match &kind.protocol {
+        Protocol::Dynamixel(Dynamixel { reads_fast: false, .. }) if waits => {
+            "set a shorter return delay in the servos and as `return_delay_us`, or `read = \"fast\"`"
+        }
+        _ if waits => "set a shorter return delay in the servos and as `return_delay_us`",
+        _ if most.is_some_and(|most| kind.bit_rate >= most) => "spread the motors over more buses",
+        _ => "raise `bit_rate`, here and in the drives, or spread the motors over more buses",
     }
 }
 
@@ -156,11 +184,34 @@ mod tests {
         let loads = BusLoads::new(&robot).unwrap();
         assert_eq!(
             loads.refusal().as_deref(),
-            Some("bus 1: load of the bus would be 130 %, at most 70 % is right\n")
+            Some(
+                "bus 1: load of the bus would be 130 %, at most 70 % is right; raise `bit_rate`, here and in the drives, or \
+                 spread the motors over more buses\n"
+            )
         );
         assert!(loads.table().contains("250 kbit/s"), "{}", loads.table());
         let error = loads.check(Path::new("a.toml")).unwrap_err().to_string();
         assert!(error.starts_with("a.toml: no controller can drive"), "{error}");
+    }
+
+    #[test]
+    fn what_would_help_is_said() {
+        let mut robot = robots().find(|(name, _)| name == "pup.toml").unwrap().1;
+        let line = robot.buses[&0];
+        let Protocol::Dynamixel(of_pup) = line.protocol else { panic!("{line:?}") };
+        let servos = |reads_fast, return_delay_us| {
+            let servos = Dynamixel { return_delay_us, reads_fast, ..of_pup };
+            Bus { protocol: Protocol::Dynamixel(servos), ..line }
+        };
+        let mut told = |bus| {
+            robot.buses = [(0, bus)].into();
+            BusLoads::new(&robot).unwrap().refusal().unwrap_or_default()
+        };
+        let text = told(servos(false, 500));
+        assert!(text.contains("return_delay_us") && text.contains("read = \"fast\""), "{text}");
+        assert_eq!(told(servos(true, 500)), "", "one delay for all");
+        let text = told(Bus { bit_rate: 57_600, ..servos(true, 20) });
+        assert!(text.contains("raise `bit_rate`"), "{text}");
     }
 
     #[test]

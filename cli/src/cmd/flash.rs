@@ -1,9 +1,9 @@
 //! `rollwalk flash`: a motion library to the controller, verified and taken into use.
 
-use crate::cmd::demo::transfer_bar;
 use crate::link::{LinkArgs, ended, names};
 use crate::packed::Packed;
 use crate::signing::{self, Fingerprint};
+use crate::tour::transfer_bar;
 use crate::{Exit, interrupt, output};
 use miette::miette;
 use rollwalk_bus::link::LinkBus;

@@ -2,6 +2,7 @@
 
 use super::{FileError, folder, identity};
 use crate::kind::Kind;
+use rollwalk_host::key_file;
 use std::fs::{self, File, FileType};
 use std::io::{self, Read};
 use std::path::Path;
@@ -9,6 +10,8 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
 use std::time::Duration;
 
+/// Most files beside a missing one that are looked at.
+const NEIGHBOURS_MAX: usize = 1000;
 /// How long a pipe may be silent.
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -167,6 +170,20 @@ fn word_for(found: FileType) -> &'static str {
     if found.is_dir() { "a folder" } else { "a device" }
 }
 
+/// Whether a file may be the one that was meant by `path`. Keys of all kinds have the same endings: of these the content tells.
+fn may_be(found: &Path, path: &Path, kind: Kind) -> bool {
+    let mark = match kind {
+        Kind::LinkKey => key_file::LINK,
+        Kind::PrivateKey => "BEGIN PRIVATE KEY",
+        Kind::PublicKey => "BEGIN PUBLIC KEY",
+        _ => return found.extension() == path.extension(),
+    };
+    let mut start = Vec::new();
+    let file =
+        File::open(found).and_then(|file| file.take(kind.max_bytes()).read_to_end(&mut start));
+    file.is_ok() && String::from_utf8_lossy(&start).contains(mark)
+}
+
 /// What to type, after the files of the same kind that lie beside the missing one.
 fn help(path: &Path, kind: Kind) -> String {
     let (folder, hint) = (folder(path), kind.hint());
@@ -174,7 +191,8 @@ fn help(path: &Path, kind: Kind) -> String {
         .into_iter()
         .flatten()
         .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|found| found.extension() == path.extension() && found.is_file())
+        .take(NEIGHBOURS_MAX)
+        .filter(|found| found.is_file() && may_be(found, path, kind))
         .filter_map(|found| Some(found.file_name()?.to_str()?.to_owned()))
         .collect();
     // The nearest name first: a slip in typing is the likeliest reason.
@@ -207,6 +225,29 @@ mod tests {
         let help = report.help().unwrap().to_string();
         assert!(help.contains("walk.toml") && !help.contains("walk.json"), "{help}");
         assert!(help.contains("docs/motion-files.md"), "{help}");
+    }
+
+    /// All of them end with `.pem`; a list of public keys is no help to those who need the private one.
+    #[test]
+    fn a_missing_key_names_keys_of_its_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in [
+            ("owner.pem", "-----BEGIN PRIVATE KEY-----"),
+            ("owner.pub.pem", "-----BEGIN PUBLIC KEY-----"),
+            ("robot.key", key_file::LINK),
+            ("notes.txt", "keys"),
+        ] {
+            fs::write(folder.path().join(name), text).unwrap();
+        }
+        for (kind, missing, expected) in [
+            (Kind::PrivateKey, "onwer.pem", " has owner.pem; "),
+            (Kind::PublicKey, "owner.pub", " has owner.pub.pem; "),
+            (Kind::LinkKey, "robot", " has robot.key; "),
+        ] {
+            let report = read(&folder.path().join(missing), kind).unwrap_err();
+            let help = report.help().unwrap().to_string();
+            assert!(help.contains(expected), "{help}");
+        }
     }
 
     #[test]

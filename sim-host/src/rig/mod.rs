@@ -41,6 +41,7 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
 use rollwalk_physics::ground::Ground;
+use rollwalk_physics::push::Shove;
 use rollwalk_protocol::actuators::bus::ControlLoop;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
@@ -176,9 +177,10 @@ impl<C: Core> Rig<C> {
         })
     }
 
-    /// The same robot just after power-on on the ground instead of a stand, in a hoist and with an IMU.
-    pub fn onto_ground(self, robot: &Robot, ground: Arc<dyn Ground>) -> Self {
-        Self { body: Body::on_ground(robot, ground), ..self }
+    /// The same robot just after power-on on the ground instead of a stand, in a hoist and with an IMU. Times of pushes are
+    /// those of the simulation.
+    pub fn onto_ground(self, robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
+        Self { body: Body::on_ground(robot, ground, shoves), ..self }
     }
 
     /// Replaces the adapter of the actuator buses.
@@ -334,7 +336,9 @@ impl<C: Core> Rig<C> {
             Next::Motors => {
                 self.motor_step.advance();
                 if let Err(error) = self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ)) {
-                    self.lost = Some(LinkError::Down(format!("the simulated world: {error}")));
+                    self.lost = Some(LinkError::Down(format!(
+                        "the simulated world has no next state: {error}"
+                    )));
                     return false;
                 }
                 if let Some(observer) = &mut self.observer {
@@ -385,7 +389,9 @@ impl<C: Core> Rig<C> {
             }
             if is_tick && let Some((clip, frame, phase)) = sent.playing {
                 let playing = Playing { clip: ClipId(clip), frame, phase };
-                self.recorder.begin_period(at, playing, self.body.values());
+                let values = self.body.values();
+                let offsets = (0..values.len()).map(|of| self.controller.torque_offset(of));
+                self.recorder.begin_period(at, playing, values, offsets.collect());
             }
             if let Some(observer) = &mut self.observer {
                 let actuators = (0..).map(Interface::Actuator).zip(sent.actuators);

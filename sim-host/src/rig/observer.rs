@@ -26,6 +26,34 @@ pub trait Observer {
     fn on_motor_step(&mut self, at: SimTime, body: &Body);
 }
 
+/// Two observers, the first one first.
+impl<A: Observer, B: Observer> Observer for (A, B) {
+    fn on_host_frame(&mut self, at: SimTime, frame: &Frame) {
+        self.0.on_host_frame(at, frame);
+        self.1.on_host_frame(at, frame);
+    }
+
+    fn on_controller_input(&mut self, at: SimTime, input: &Input) {
+        self.0.on_controller_input(at, input);
+        self.1.on_controller_input(at, input);
+    }
+
+    fn on_controller_frame(&mut self, at: SimTime, bus: Interface, frame: &Frame, body: &Body) {
+        self.0.on_controller_frame(at, bus, frame, body);
+        self.1.on_controller_frame(at, bus, frame, body);
+    }
+
+    fn on_bus_off(&mut self, at: SimTime) {
+        self.0.on_bus_off(at);
+        self.1.on_bus_off(at);
+    }
+
+    fn on_motor_step(&mut self, at: SimTime, body: &Body) {
+        self.0.on_motor_step(at, body);
+        self.1.on_motor_step(at, body);
+    }
+}
+
 /// An observer that its owner reads while the rig runs.
 impl<O: Observer> Observer for Rc<RefCell<O>> {
     fn on_host_frame(&mut self, at: SimTime, frame: &Frame) {

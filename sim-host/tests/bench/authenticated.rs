@@ -71,7 +71,7 @@ fn without_the_key_the_error_says_what_to_do() {
                 (emergency stops need none)";
     let error = session.arm().unwrap_err();
     let result = CommandResult::AuthenticationRequired;
-    assert_eq!(error, SessionError::Refused { what: "arm", result });
+    assert!(matches!(error, SessionError::Refused { result: found, .. } if found == result));
     assert_eq!(error.to_string(), format!("the controller refused to arm: {text}"));
     let error = session.flash(&robot::library(), |_| {}).unwrap_err();
     assert_eq!(error.to_string(), format!("the controller refused the library: {text}"));

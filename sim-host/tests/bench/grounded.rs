@@ -3,7 +3,8 @@
 use crate::agilebot::{SQUAT, agilebot, library};
 use crate::{S, connect};
 use rollwalk_host::session::Session;
-use rollwalk_physics::ground::Plane;
+use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_physics::push::Shove;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::ClipId;
 use rollwalk_protocol::wire::State;
@@ -13,9 +14,15 @@ use std::sync::Arc;
 
 /// With the library on board, in the hoist above a plane that rises by an angle, rad.
 fn in_hoist(slope_rad: f64) -> Session<Rig> {
+    pushed(slope_rad, Vec::new())
+}
+
+/// The same, pushed at some times.
+fn pushed(slope_rad: f64, shoves: Vec<Shove>) -> Session<Rig> {
     let robot = agilebot();
-    let ground = Arc::new(Plane::rising(slope_rad));
-    let mut session = connect(Rig::new(&robot).unwrap().onto_ground(&robot, ground));
+    let ground: Arc<dyn Ground> = Arc::new(Plane::rising(slope_rad));
+    let rig = Rig::new(&robot).unwrap().onto_ground(&robot, &ground, shoves);
+    let mut session = connect(rig);
     session.flash(&library(&robot), |_| {}).unwrap();
     session
 }
@@ -62,9 +69,10 @@ fn what_became_of_each_clip_in_the_world_is_told() {
     let squat = travels.iter().find(|travel| travel.clip == ClipId(1)).expect("it was played");
     assert!(squat.duration_s() > 3.0, "{squat:?}");
     // No planner made it: the wheels roll forth and back against the swinging legs, and slip. It goes nowhere, and costs work.
-    assert!(squat.way_m().norm() < 0.1 && squat.turn_rad.abs() < 0.2, "{squat:?}");
-    assert!(squat.tilt_max_rad < 0.2 && squat.slid_m > 0.1 && squat.work_j > 0.1, "{squat:?}");
-    assert!(squat.force_max_n > 10.0 && squat.force_max_n < 100.0, "{squat:?}");
+    let (way, totals) = (squat.way(), squat.totals());
+    assert!(way.forward_m.hypot(way.left_m) < 0.1 && way.turn_rad.abs() < 0.2, "{way:?}");
+    assert!(totals.tilt_max_rad < 0.2 && totals.slid_m > 0.1 && totals.work_j > 0.1, "{totals:?}");
+    assert!(totals.force_max_n > 10.0 && totals.force_max_n < 100.0, "{totals:?}");
     assert_eq!(rig.take_travels(), []);
 }
 
@@ -95,20 +103,43 @@ fn a_robot_that_leans_too_far_is_stopped_by_its_imu() {
 }
 
 #[test]
-fn a_robot_that_falls_is_caught_until_its_torque_has_been_off() {
-    // It rolls over on its way down, faster than the controller lets go.
-    let mut session = in_hoist(0.9);
+fn a_robot_that_is_pushed_over_lies_until_it_has_had_no_torque_for_a_while() {
+    let mut session = pushed(0.0, vec![Shove::new(4.0, 0.2, [0.0, 60.0, 0.0])]);
     session.arm().unwrap();
-    for _ in 0..100 {
+    while ground(&session).falls().is_empty() {
         session.run_for(S / 10).unwrap();
-        if !ground(&session).falls().is_empty() {
-            break;
-        }
+        assert!(session.bus().now().as_s() < 20.0, "it falls");
     }
-    let [fall] = ground(&session).falls() else { panic!("it falls") };
-    assert!(fall.tilt_rad > 0.9, "{fall:?}");
-    assert!(ground(&session).is_held());
-    session.run_for(S / 2).unwrap();
+    let [fall] = ground(&session).falls() else { panic!("it falls once") };
+    assert!(fall.how.tilt_rad > 0.9 && fall.at.as_s() > 4.0, "{fall:?}");
+    // Its IMU has switched the torque off, and the body lies.
+    session.run_for(2 * S).unwrap();
+    assert!(session.status().unwrap().faults.contains(Fault::Tilt));
+    let world = ground(&session).world();
+    assert!(!ground(&session).is_held() && world.force_on_links().z > 5.0, "it lies");
+    let (clearance_m, speed_m_s) = (world.clearance_m(), world.com().1.norm());
+    assert!(clearance_m > -5e-3 && speed_m_s < 0.1, "{clearance_m} m, {speed_m_s} m/s");
+    session.run_for(6 * S).unwrap();
     assert!(ground(&session).is_held());
     assert_eq!(ground(&session).falls().len(), 1);
+    // In the hoist it comes upright, so that it can be armed again.
+    session.clear().unwrap();
+    session.arm().unwrap();
+    session.run_for(3 * S).unwrap();
+    assert!(!ground(&session).is_held() && ground(&session).falls().len() == 1);
+    assert!((borne(&session) - 1.0).abs() < 0.02, "{}", borne(&session));
+}
+
+/// Without torque a robot sinks onto its links: that is no fall.
+#[test]
+fn a_robot_without_torque_sinks_down_and_is_picked_up() {
+    let mut session = in_hoist(0.0);
+    session.arm().unwrap();
+    session.run_for(2 * S).unwrap();
+    session.disarm().unwrap();
+    session.run_for(2 * S).unwrap();
+    assert!(!ground(&session).is_held());
+    session.run_for(5 * S).unwrap();
+    assert!(ground(&session).is_held());
+    assert_eq!(ground(&session).falls(), []);
 }

@@ -109,6 +109,19 @@ fn refused(session: &mut Session<Rig>, code: u8) -> (CommandResult, String) {
     }
 }
 
+/// "Not possible in its present state" helps no operator who does not see the state.
+#[test]
+fn what_keeps_a_robot_from_being_armed_is_said() {
+    let mut session = armed();
+    let why = session.arm().unwrap_err().to_string();
+    assert_eq!(why, "the controller refused to arm: this is not possible while it is ready");
+    session.estop().unwrap();
+    let why = session.arm().unwrap_err().to_string();
+    let expected =
+        "the controller refused to arm: it is stopped by an emergency stop; clear it first";
+    assert_eq!(why, expected);
+}
+
 #[test]
 fn an_unknown_code_changes_nothing() {
     let mut session = armed();

@@ -1,17 +1,18 @@
 //! `rollwalk demo`: the whole pipeline, from a robot file to a moving robot, without hardware.
 
 mod outcome;
-mod play;
 mod score;
 mod table;
+mod world;
 
 use crate::cmd::plot::STRIP_MOMENTS;
 use crate::inputs::{Library, Source};
+use crate::packed::Packed;
 use crate::planning::{Plans, plan_all};
-use crate::{Exit, files, interrupt, output, shipped};
+use crate::terrain::{GroundArgs, Support};
+use crate::{Exit, files, interrupt, output, shipped, tour};
 use miette::IntoDiagnostic;
 use outcome::Outcome;
-pub use play::transfer_bar;
 use rollwalk_bus::candump;
 use rollwalk_planner::plot;
 use std::path::{Path, PathBuf};
@@ -21,8 +22,9 @@ use std::path::{Path, PathBuf};
 /// Every motion and every transition is optimised from scratch, packed into a motion library and flashed
 /// over a simulated CAN bus to the controller's firmware. The robot is armed, each motion is selected by
 /// its command code, every transition of the motion graph is played, and the robot returns to SAFE and is
-/// disarmed. The table compares plans with physics, commands on the bus with plans, and motors with
-/// commands; nothing in it is written by hand. Exit code 4 when a measured error exceeds its bound.
+/// disarmed. It is on the ground, in a simulation of its whole body; with --on stand it hangs on a stand.
+/// The tables compare plans with physics, commands on the bus with plans, motors with commands, and the way of the
+/// robot on the ground with its plans; nothing in them is written by hand. Exit code 4 when a measured error exceeds its bound.
 ///
 /// The library is AgileBot's, carried in the binary, unless --library names another.
 #[derive(clap::Args)]
@@ -30,6 +32,7 @@ use std::path::{Path, PathBuf};
 Examples:
   rollwalk demo --out demo-out
   rollwalk demo --library pup.library.toml --out pup-out
+  rollwalk demo --slope 2 --push 20:0,15,0:0.1
   rollwalk demo --json | jq '.clips[] | {name, iterations, slip_mm_s}'
 
 The folder then holds
@@ -45,6 +48,11 @@ pub struct Args {
     /// Library file (TOML) to play instead of AgileBot's.
     #[arg(long, value_name = "LIBRARY.toml")]
     library: Option<PathBuf>,
+    /// What carries the robot.
+    #[arg(long, value_name = "SUPPORT", value_enum, default_value_t = Support::Ground)]
+    on: Support,
+    #[command(flatten)]
+    ground: GroundArgs,
     /// Print every iteration to stderr.
     #[arg(short, long)]
     verbose: bool,
@@ -59,6 +67,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Some(path) => Source::Disk.library(path)?,
         None => Source::Shipped.library(Path::new(shipped::DEMO_LIBRARY))?,
     };
+    let ground = args.ground.under(args.on, &library.robot)?;
     files::make_folder(&args.out)?;
     for folder in ["plans", "plots"] {
         files::make_folder(&args.out.join(folder))?;
@@ -82,7 +91,14 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let packed = plans.pack(&library)?.bytes;
     files::write(&library_path(&args.out, &library), &packed)?;
 
-    let played = play::play(&library, &packed)?;
+    let options = tour::Options {
+        ground: ground.as_ref(),
+        shoves: args.ground.shoves(),
+        // In the air, torques that hold the robot's weight would push its limbs away from their targets.
+        feed_forward: ground.is_some(),
+        cycles: 2,
+    };
+    let played = tour::play(&Packed::new(library.robot.clone(), packed.clone())?, options)?;
     let mut log = Vec::new();
     candump::write(played.rig.log(), &mut log).into_diagnostic()?;
     files::write(&args.out.join("bus.log"), &log)?;

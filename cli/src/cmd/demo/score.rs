@@ -46,8 +46,8 @@ pub fn scores(plans: &[&Plan], rig: &Rig, robot: &Robot) -> BTreeMap<ClipId, Sco
         let score = scores.entry(clip).or_default();
         let planned = spline.setpoints(phase_frames / f64::from(RATE_HZ));
         let joints = planned.joint_rad.len();
-        for (channel, commanded) in record.commanded.iter().enumerate() {
-            let commanded = f64::from(*commanded);
+        for (channel, commanded) in record.meant().enumerate() {
+            let commanded = f64::from(commanded);
             let (worst, planned) = match channel.checked_sub(joints) {
                 None => (&mut score.command_joint_rad, planned.joint_rad[channel]),
                 Some(wheel) => (&mut score.command_wheel_rad_s, planned.motor_speed_rad_s[wheel]),
@@ -131,9 +131,17 @@ mod tests {
     use super::*;
 
     fn record(clip: u8, phase_frames: f64) -> TickRecord {
-        let (commanded, measured) = (Vec::new(), Vec::new());
+        let [commanded, torque_offsets, measured] = [const { Vec::new() }; 3];
         let clip = ClipId(clip);
-        TickRecord { time_us: 0, clip, phase_frames, commanded, measured, missed: 0 }
+        TickRecord {
+            time_us: 0,
+            clip,
+            phase_frames,
+            commanded,
+            torque_offsets,
+            measured,
+            missed: 0,
+        }
     }
 
     #[test]

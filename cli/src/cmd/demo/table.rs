@@ -1,6 +1,7 @@
 //! The demo's measurements as text.
 
 use super::outcome::{Bound, Clip, Outcome};
+use super::world::World;
 use crate::output::Table;
 
 /// The whole outcome.
@@ -24,18 +25,71 @@ pub fn render(outcome: &Outcome) -> String {
             if *holds { "✓".into() } else { "✗ exceeded".into() },
         ]);
     }
+    let stopped = outcome.stopped.as_ref();
+    let stopped = stopped.map(|why| format!("The tour was stopped: {why}\n\n")).unwrap_or_default();
     format!(
-        "\n{}: {} motions and transitions in a library of {} B, flashed in {:.2} s, played in {:.1} s \
-         of the robot's time\n\n{}\n\n{LEGEND}\n\n{}\n",
+        "\n{stopped}{}: {} motions and transitions in a library of {} B, flashed in {:.2} s, played in {:.1} s \
+         of the robot's time\n\n{}\n\n{LEGEND}\n\n{}{}\n",
         outcome.robot,
         outcome.clips.len(),
         outcome.library_bytes,
         outcome.flash_s,
         outcome.session_s,
         clips.render(),
+        outcome.world.as_ref().map(on_ground).unwrap_or_default(),
         bounds.render(),
     )
 }
+
+/// What became of the motions on the ground.
+fn on_ground(world: &World) -> String {
+    let mut rows = Table::new([
+        "on the ground",
+        "played",
+        "ahead",
+        "planned",
+        "left",
+        "planned",
+        "turned",
+        "planned",
+        "goals",
+        "tilt",
+        "slid",
+        "force",
+        "work",
+    ]);
+    let units = ["", "s", "m", "m", "m", "m", "rad", "rad", "%", "°", "m", "N", "J"];
+    rows.row(units.map(str::to_owned));
+    for row in &world.travels {
+        let [ahead, left, turned] = row.achieved.values().map(|value| format!("{value:.3}"));
+        let planned = row.planned.values().map(|value| format!("{value:.3}"));
+        let [planned_ahead, planned_left, planned_turn] = planned;
+        let error =
+            row.goal_error.map_or_else(String::new, |error| format!("{:.1}", 100.0 * error));
+        rows.row([
+            row.name.clone(),
+            format!("{:.2}", row.played_s),
+            ahead,
+            planned_ahead,
+            left,
+            planned_left,
+            turned,
+            planned_turn,
+            error,
+            format!("{:.1}", row.totals.tilt_max_rad.to_degrees()),
+            format!("{:.3}", row.totals.slid_m),
+            format!("{:.0}", row.totals.force_max_n),
+            format!("{:.2}", row.totals.work_j),
+        ]);
+    }
+    format!("{}\n\n{GROUND_LEGEND}\n\n", rows.render())
+}
+
+const GROUND_LEGEND: &str = "\
+ahead, left     way of the centre of mass as the robot faced when it began; turned about the vertical
+goals           worst difference from the plan's goals, as a share of the goal
+tilt, slid      greatest tilt of the body; way that feet and wheels slid, all together
+force, work     greatest force on one foot or wheel; mechanical work of the motors";
 
 const LEGEND: &str = "\
 iter, time      optimiser iterations and wall time, from scratch

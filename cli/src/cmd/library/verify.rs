@@ -28,14 +28,18 @@ pub struct Args {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let key = signing::public_key(&args.key)?;
     let file = files::read(&args.library, Kind::Packed)?;
-    let path = args.library.display();
-    if let Err(why) = signing::check(&file, &key) {
-        let help = "`rollwalk library sign LIB.rwl --key KEY.pem -o SIGNED.rwl` signs it, with the private key of the pair";
-        return Err(miette!(help = help, "{path} {why}"));
+    // What a library is built from is text, and so are keys: no signature would make a library of it.
+    if let Ok(text) = std::str::from_utf8(&file) {
+        Kind::Packed.expect(&args.library, text)?;
     }
+    let path = args.library.display();
     let Some(identity) = identity(&file) else {
-        return Err(miette!("{path} is signed, and is no motion library"));
+        let help = Kind::Packed.hint();
+        return Err(miette!(help = help, "{path} is no motion library"));
     };
+    if let Err(why) = signing::check(&file, &key) {
+        return Err(miette!(help = why.help(), "{path} {why}"));
+    }
     output::print(&format!(
         "{path}: motion library {identity:#010x}, signed with key {}",
         Fingerprint::of(&key)

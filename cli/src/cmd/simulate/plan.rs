@@ -1,45 +1,17 @@
-//! `rollwalk simulate`: a plan on the simulated ground, without bus and controller.
+//! A plan without bus and controller, compared with what becomes of it.
 
+use super::Args;
 use crate::{Exit, inputs, interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
+use rollwalk_physics::world::Totals;
 use rollwalk_planner::plan::Plan;
-use rollwalk_simulate::{Options, Outcome, play};
+use rollwalk_simulate::{Moment, Options, Outcome, play};
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::PathBuf;
 
-/// Play a plan on the simulated ground and compare what becomes of it with the plan.
-///
-/// The servos of the robot file play the plan open loop, with the planned torques on top, on a rigid plane with
-/// the friction of the robot file. A motion holds if the robot stays on its feet and comes, on the mean of its periods,
-/// to 0.95 to 1.05 of every goal; the exit code is 3 if it does not.
-#[derive(clap::Args)]
-#[command(after_long_help = "\
-Examples:
-  rollwalk simulate walk.plan.json
-  rollwalk simulate walk.plan.json --cycles 20 --no-feed-forward
-  rollwalk simulate walk.plan.json --slope 5 --json")]
-pub struct Args {
-    /// Plan (JSON).
-    #[arg(value_name = "PLAN.json")]
-    plan: PathBuf,
-    /// Periods of a motion that repeats.
-    #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    cycles: u32,
-    /// Leave the planned torques out: the servos' own only.
-    #[arg(long)]
-    no_feed_forward: bool,
-    /// Slope of the ground, degrees from -45 to 45, rising ahead.
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
-    slope: f64,
-    /// Steps of the simulation per second.
-    #[arg(long, value_name = "HZ", default_value_t = 120, value_parser = clap::value_parser!(u32).range(30..=10_000))]
-    rate: u32,
-    /// Print as JSON.
-    #[arg(long)]
-    json: bool,
-}
+/// Steps of the world per second.
+const RATE_HZ: u32 = 120;
 
 /// Output of `--json`.
 #[derive(Serialize)]
@@ -49,25 +21,29 @@ struct Document<'a> {
     outcome: &'a Outcome,
 }
 
-/// Runs the subcommand.
+/// Plays the plan of the command line.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    if !(-45.0..=45.0).contains(&args.slope) {
-        return Err(miette!("--slope is {}: it must be from -45 to 45 degrees", args.slope));
+    if args.robot.is_some() {
+        return Err(miette!(
+            help = "leave it out",
+            "--robot is for libraries: a plan has its robot with it"
+        ));
     }
-    let plan = inputs::plan(&args.plan)?;
+    let plan = inputs::plan(&args.what)?;
     let options = Options {
         feed_forward: !args.no_feed_forward,
         cycles: args.cycles as usize,
-        rate_hz: args.rate,
-        slope_rad: args.slope.to_radians(),
+        rate_hz: args.rate.unwrap_or(RATE_HZ),
+        ground: args.ground.ground_for(&plan.robot)?,
+        shoves: args.ground.shoves(),
     };
     interrupt::listen();
     let bar = ProgressBar::new(1000).with_style(
         ProgressStyle::with_template("{spinner} {wide_bar} {percent} %")
             .unwrap_or_else(|_| ProgressStyle::default_bar()),
     );
-    let goes_on = |done_s: f64, all_s: f64| {
-        bar.set_position((1000.0 * done_s / all_s) as u64);
+    let goes_on = |moment: &Moment<'_>| {
+        bar.set_position((1000.0 * moment.done_s / moment.all_s) as u64);
         !interrupt::requested()
     };
     let outcome = play(&plan, &options, goes_on).into_diagnostic()?;
@@ -97,7 +73,7 @@ fn describe(plan: &Plan, outcome: &Outcome) -> String {
     };
     let heads = NAMES.map(|(name, unit)| format!("{name} {unit}"));
     let _ = writeln!(text, "{:<10} {:>10} {:>10} {:>10}", "", heads[0], heads[1], heads[2]);
-    row(&mut text, "planned", outcome.planned.values());
+    row(&mut text, "planned", outcome.planned.way.values());
     for (number, way) in (1..).zip(&outcome.cycles) {
         row(&mut text, &format!("period {number}"), way.values());
     }
@@ -106,7 +82,8 @@ fn describe(plan: &Plan, outcome: &Outcome) -> String {
             let _ = writeln!(text, "{name}: {ratio:.3} of the plan on the mean");
         }
     }
-    let &Outcome { time_s, slid_m, force_max_n, work_j, iterations, iterations_max, .. } = outcome;
+    let &Outcome { time_s, totals, iterations, iterations_max, .. } = outcome;
+    let Totals { slid_m, force_max_n, work_j, .. } = totals;
     let _ = writeln!(
         text,
         "slid {slid_m:.3} m in {time_s:.2} s, at most {force_max_n:.1} N on a foot or wheel, {work_j:.2} J of work"

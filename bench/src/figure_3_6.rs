@@ -1,0 +1,103 @@
+//! Figure 3.6 of the thesis: the body's planned and simulated trajectories of ANYmal's forward duck, open loop.
+
+use crate::chart::{self, Curve, Labels};
+use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
+use miette::IntoDiagnostic;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_physics::ground::Plane;
+use rollwalk_planner::plan::Status;
+use rollwalk_planner::{Options, optimise};
+use rollwalk_simulate::{Script, play};
+use serde::Serialize;
+use std::sync::Arc;
+
+pub const MOTION: &str = "motions/anymal_duck.toml";
+/// Steps of the world per second.
+const RATE_HZ: u32 = 240;
+/// Distance that the simulated body may be from the plan: m ahead and up, rad of pitch.
+const BOUNDS: [f64; 3] = [0.02, 0.02, 0.03];
+const NAMES: [(&str, &str); 3] = [("ahead", "m"), ("up", "m"), ("pitch", "rad")];
+
+/// Place of the body: m ahead and up, rad of pitch, nose down.
+type Place = [f64; 3];
+
+/// A moment of the motion.
+#[derive(Serialize)]
+struct Row {
+    time_s: f64,
+    planned: Place,
+    simulated: Place,
+}
+
+/// Runs the benchmark.
+pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
+    let (robot, motion) = program.motion(MOTION)?;
+    let mut watch = |_: &_| unless_interrupted(program);
+    let plan = optimise(&robot, &motion, &Options::default(), &mut watch);
+    if program.interrupted() {
+        return Ok(None);
+    }
+    program.say(&format!("{}: {:?}", motion.name, plan.solve.status));
+    let script = Script::new(&plan, true);
+    let options = rollwalk_simulate::Options {
+        feed_forward: true,
+        cycles: 1,
+        rate_hz: RATE_HZ,
+        ground: Arc::new(Plane::level()),
+        shoves: Vec::new(),
+    };
+    let mut rows = Vec::new();
+    let outcome = play(&plan, &options, |moment| {
+        if moment.motion_s > 0.0 && moment.motion_s < script.duration_s() {
+            let (planned, simulated) = (script.base(moment.motion_s), moment.world.base());
+            let place = |(origin, rotation): (Vector3<f64>, Matrix3<f64>)| {
+                [origin.x, origin.z, (-rotation[(2, 0)]).asin()]
+            };
+            rows.push(Row {
+                time_s: moment.motion_s,
+                planned: place(planned),
+                simulated: place(simulated),
+            });
+        }
+        !program.interrupted()
+    })
+    .into_diagnostic()?;
+    if program.interrupted() {
+        return Ok(None);
+    }
+    let mut cells = table(["of the body", "unit", "worst difference", "at s", "RMS", "bound"]);
+    let (mut charts, mut within) = (Vec::new(), true);
+    for (of, (name, unit)) in NAMES.into_iter().enumerate() {
+        let difference = |row: &Row| (row.simulated[of] - row.planned[of]).abs();
+        let worst = rows.iter().max_by(|a, b| difference(a).total_cmp(&difference(b)));
+        let (worst, at_s) = worst.map_or((f64::INFINITY, 0.0), |row| (difference(row), row.time_s));
+        let squares: f64 = rows.iter().map(|row| difference(row).powi(2)).sum();
+        within &= worst <= BOUNDS[of];
+        cells.push(vec![
+            name.into(),
+            unit.into(),
+            format!("{worst:.4}"),
+            format!("{at_s:.2}"),
+            format!("{:.4}", (squares / rows.len() as f64).sqrt()),
+            BOUNDS[of].to_string(),
+        ]);
+        let curve = |name: &str, pick: fn(&Row) -> Place| -> Curve {
+            (name.into(), rows.iter().map(|row| (row.time_s, pick(row)[of])).collect())
+        };
+        let curves = [curve("planned", |row| row.planned), curve("simulated", |row| row.simulated)];
+        let title = format!("Forward duck of ANYmal: the body, {name}");
+        let labels = Labels { title: &title, x: "time, s", y: &format!("{name}, {unit}") };
+        charts.push((format!("figure-3-6-{name}.svg"), chart::draw_linear(&labels, &curves)?));
+    }
+    let text = format!(
+        "{}, open loop with the planned torques, implicit steps of 1/{RATE_HZ} s: {:.2} s with a second of rest before and after, {:.2} iterations a step, {}.",
+        motion.name,
+        outcome.time_s,
+        outcome.iterations,
+        if outcome.fell_at_s.is_some() { "it fell" } else { "no fall" },
+    );
+    let holds = within && outcome.holds() && plan.solve.status == Status::Converged;
+    let verdict = if holds { Verdict::Passed } else { Verdict::OutOfBounds };
+    let blocks = vec![Block::Table(cells), Block::Text(text)];
+    Ok(Some(Findings { charts, verdict, ..Findings::new("figure-3-6", blocks, &rows) }))
+}

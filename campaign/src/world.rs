@@ -1,0 +1,90 @@
+//! What became of the robot itself in a run on the ground: falls, tilt, and how far it went without torque.
+
+use nalgebra::Vector3;
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::tunnel::Input;
+use rollwalk_sim_host::body::Body;
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::ground::{Fall, Grounded};
+use rollwalk_sim_host::interface::Interface;
+use rollwalk_sim_host::rig::Observer;
+use rollwalk_sim_host::servo::Servo;
+
+/// Steepest slope of a run, degrees, ahead or behind.
+pub const SLOPE_MAX_DEG: f64 = 3.0;
+/// Speed of the centre of mass below which a robot without torque rests, m/s.
+const REST_M_S: f64 = 0.05;
+
+/// A run on the ground.
+#[derive(Clone, Debug, Default)]
+pub struct WorldReport {
+    /// Slope of the ground, rad, rising ahead of the robot at the start.
+    pub slope_rad: f64,
+    /// Falls.
+    pub falls: Vec<Fall>,
+    /// Greatest angle between the body's z axis and the vertical outside of the hoist, rad.
+    pub tilt_max_rad: f64,
+    /// Farthest from where the torque was lost, along the horizontal, m, until the robot was picked up or armed again.
+    pub coasted_m: f64,
+    /// Longest time without torque after which the robot still moved, s; of one that never rests the time until it is picked
+    /// up.
+    pub rested_after_s: f64,
+}
+
+/// Looks at the robot after every step of the motors.
+#[derive(Debug, Default)]
+pub struct WorldWatch {
+    report: WorldReport,
+    /// Where and when the motors lost their torque.
+    limp: Option<(Vector3<f64>, SimTime)>,
+}
+
+impl WorldWatch {
+    /// Of a robot on a slope, rad.
+    pub fn new(slope_rad: f64) -> Self {
+        let report = WorldReport { slope_rad, ..WorldReport::default() };
+        Self { report, limp: None }
+    }
+
+    /// What was seen so far.
+    pub fn report(&self) -> &WorldReport {
+        &self.report
+    }
+
+    fn look(&mut self, at: SimTime, ground: &Grounded, is_driving: bool) {
+        let report = &mut self.report;
+        report.falls = ground.falls().to_vec();
+        if ground.is_held() {
+            self.limp = None;
+            return;
+        }
+        let tilt_rad = ground.up_in_body().z.clamp(-1.0, 1.0).acos();
+        report.tilt_max_rad = report.tilt_max_rad.max(tilt_rad);
+        if is_driving {
+            self.limp = None;
+            return;
+        }
+        let (com, velocity) = ground.world().com();
+        let (start, since) = *self.limp.get_or_insert((com, at));
+        report.coasted_m = report.coasted_m.max((com - start).xy().norm());
+        if velocity.norm() > REST_M_S {
+            report.rested_after_s = report.rested_after_s.max((at - since).as_s());
+        }
+    }
+}
+
+impl Observer for WorldWatch {
+    fn on_host_frame(&mut self, _: SimTime, _: &Frame) {}
+
+    fn on_controller_input(&mut self, _: SimTime, _: &Input) {}
+
+    fn on_controller_frame(&mut self, _: SimTime, _: Interface, _: &Frame, _: &Body) {}
+
+    fn on_bus_off(&mut self, _: SimTime) {}
+
+    fn on_motor_step(&mut self, at: SimTime, body: &Body) {
+        if let Some(ground) = body.ground() {
+            self.look(at, ground, body.servos().iter().any(Servo::is_driving));
+        }
+    }
+}

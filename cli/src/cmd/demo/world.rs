@@ -1,0 +1,77 @@
+//! What became of each motion on the ground while the library was played, against its plan.
+
+use crate::planning::Plans;
+use rollwalk_physics::world::{Totals, Way};
+use rollwalk_planner::motion::Ends;
+use rollwalk_planner::plan::Plan;
+use rollwalk_sim_host::ground::Travel;
+use rollwalk_simulate::PlannedWay;
+use serde::Serialize;
+
+/// Everything that happened on the ground.
+#[derive(Serialize)]
+pub struct World {
+    /// Motions and transitions, in the order in which they were played.
+    pub travels: Vec<Row>,
+    /// Falls.
+    pub falls: usize,
+}
+
+/// A motion or transition that was played.
+#[derive(Serialize)]
+pub struct Row {
+    /// Its name.
+    pub name: String,
+    /// How long it was played, s.
+    pub played_s: f64,
+    /// Times that it was played, one after the other.
+    pub cycles: f64,
+    /// Planned way of all of them.
+    pub planned: Way,
+    /// Way of the robot.
+    pub achieved: Way,
+    /// Worst difference of achieved and planned where the plan has a goal, as a share of the goal; null without goals, and of a
+    /// loop that was left in its middle.
+    pub goal_error: Option<f64>,
+    /// Tilt, slip, force and work.
+    #[serde(flatten)]
+    pub totals: Totals,
+}
+
+impl World {
+    /// Compares the way of each clip that the robot played with the plan of that clip.
+    pub fn new(plans: &Plans, travels: &[Travel], falls: usize) -> Self {
+        let plans: Vec<&Plan> = plans.all().map(|planned| &planned.plan).collect();
+        let row = |travel: &Travel| Some(row(plans.get(usize::from(travel.clip.0))?, travel));
+        Self { travels: travels.iter().filter_map(row).collect(), falls }
+    }
+
+    /// The worst difference of achieved and planned of any goal, as a share of the goal.
+    pub fn goal_error(&self) -> f64 {
+        self.travels.iter().filter_map(|row| row.goal_error).fold(0.0, f64::max)
+    }
+}
+
+fn row(plan: &Plan, travel: &Travel) -> Row {
+    let planned = PlannedWay::new(plan);
+    // One that ends was played once, and held.
+    let cycles = match plan.motion.ends {
+        Ends::Periodic => (travel.duration_s() / plan.motion.duration_s).round().max(1.0),
+        _ => 1.0,
+    };
+    let achieved = travel.way();
+    let mean: Way = achieved.values().map(|value| value / cycles).into();
+    let errors = (0..3).filter_map(|of| Some((planned.ratio(&mean, of)? - 1.0).abs()));
+    // A loop that was left in its middle went a part of its way that the goal does not tell.
+    let is_whole = (travel.duration_s() / plan.motion.duration_s - cycles).abs() < 0.05
+        || plan.motion.ends != Ends::Periodic;
+    Row {
+        name: plan.motion.name.clone(),
+        played_s: travel.duration_s(),
+        cycles,
+        planned: planned.way.values().map(|value| cycles * value).into(),
+        achieved,
+        goal_error: errors.reduce(f64::max).filter(|_| is_whole),
+        totals: travel.totals(),
+    }
+}

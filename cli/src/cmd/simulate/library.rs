@@ -1,0 +1,144 @@
+//! A motion library behind the firmware: a tour over its motion graph, and what became of each motion.
+
+use super::Args;
+use crate::output::Table;
+use crate::packed::Packed;
+use crate::terrain::Support;
+use crate::tour::{self, Options};
+use crate::{Exit, interrupt, output};
+use miette::miette;
+use rollwalk_physics::world::{Totals, Way};
+use rollwalk_sim_host::ground::{Fall, Travel};
+use serde::Serialize;
+
+/// Everything that happened.
+#[derive(Serialize)]
+struct Document {
+    robot: String,
+    /// Simulated time, s.
+    session_s: f64,
+    /// Motions and transitions, in the order in which they were played.
+    travels: Vec<Row>,
+    falls: Vec<FallRow>,
+    /// Why the tour ended before its end.
+    stopped: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    name: String,
+    played_s: f64,
+    #[serde(flatten)]
+    way: Way,
+    #[serde(flatten)]
+    totals: Totals,
+}
+
+#[derive(Serialize)]
+struct FallRow {
+    at_s: f64,
+    tilt_rad: f64,
+    height_m: f64,
+}
+
+impl From<&Fall> for FallRow {
+    fn from(&Fall { at, how }: &Fall) -> Self {
+        Self { at_s: at.as_s(), tilt_rad: how.tilt_rad, height_m: how.height_m }
+    }
+}
+
+/// Plays the library of the command line.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    if args.rate.is_some() {
+        return Err(miette!(
+            help = "leave it out, or simulate a plan",
+            "--rate is for plans: with a library the world is behind the firmware, and has a rate of its own"
+        ));
+    }
+    let packed = Packed::read(&args.what, args.robot.as_deref())?;
+    let ground = args.ground.under(Support::Ground, &packed.robot)?;
+    interrupt::listen();
+    let played = tour::play(
+        &packed,
+        Options {
+            ground: ground.as_ref(),
+            shoves: args.ground.shoves(),
+            feed_forward: !args.no_feed_forward,
+            cycles: args.cycles,
+        },
+    );
+    let played = played?;
+    if interrupt::requested() {
+        return Ok(Exit::Interrupted);
+    }
+    let catalog = packed.catalog();
+    let row = |travel: &Travel| Row {
+        name: catalog.clip(travel.clip.0).unwrap_or_default(),
+        played_s: travel.duration_s(),
+        way: travel.way(),
+        totals: travel.totals(),
+    };
+    let falls = played.rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();
+    let document = Document {
+        robot: packed.robot.name.clone(),
+        session_s: played.session_s,
+        travels: played.travels.iter().map(row).collect(),
+        falls: falls.iter().map(FallRow::from).collect(),
+        stopped: played.stopped.as_ref().map(ToString::to_string),
+    };
+    if args.json {
+        output::print_json(&document)?;
+    } else {
+        output::print(&describe(&document))?;
+    }
+    let holds = document.falls.is_empty() && document.stopped.is_none();
+    Ok(if holds { Exit::Ok } else { Exit::DoesNotHold })
+}
+
+fn describe(document: &Document) -> String {
+    let mut rows = Table::new([
+        "on the ground",
+        "played",
+        "ahead",
+        "left",
+        "turned",
+        "tilt",
+        "slid",
+        "force",
+        "work",
+    ]);
+    rows.row(["", "s", "m", "m", "rad", "°", "m", "N", "J"].map(str::to_owned));
+    for Row { name, played_s, way, totals } in &document.travels {
+        let [ahead, left, turned] = way.values().map(|value| format!("{value:.3}"));
+        rows.row([
+            name.clone(),
+            format!("{played_s:.2}"),
+            ahead,
+            left,
+            turned,
+            format!("{:.1}", totals.tilt_max_rad.to_degrees()),
+            format!("{:.3}", totals.slid_m),
+            format!("{:.0}", totals.force_max_n),
+            format!("{:.2}", totals.work_j),
+        ]);
+    }
+    let falls = match &document.falls[..] {
+        [] => "no falls".to_owned(),
+        [first, ..] => {
+            let count = document.falls.len();
+            format!(
+                "{count} {}, the first after {:.2} s, tilted by {:.2} rad",
+                if count == 1 { "fall" } else { "falls" },
+                first.at_s,
+                first.tilt_rad
+            )
+        }
+    };
+    let stopped = document.stopped.as_ref().map(|why| format!("; {why}")).unwrap_or_default();
+    format!(
+        "{}\n\n{} in {:.1} s: {falls}{stopped}",
+        rows.render(),
+        document.robot,
+        document.session_s
+    )
+}

@@ -1,0 +1,58 @@
+//! `rollwalk simulate`: a plan by itself, or a library behind the firmware, on the simulated ground.
+
+mod library;
+mod plan;
+
+use crate::Exit;
+use crate::terrain::GroundArgs;
+use std::path::PathBuf;
+
+/// Play a plan or a motion library on the simulated ground.
+///
+/// A plan (JSON) plays open loop, without bus and controller: the servos of the robot file play it, with the planned torques on top,
+/// on rigid ground with the friction of the robot file. What becomes of it is compared with the plan: a motion holds if the robot
+/// stays on its feet and comes, on the mean of its periods, to 0.95 to 1.05 of every goal; the exit code is 3 if it does not.
+///
+/// A motion library (LIB.rwl) plays as on the robot: it is flashed to the firmware over the simulated bus, and every
+/// transition of its motion graph is played. The table tells the way of each motion; the exit code is 3 if the robot falls or
+/// is stopped.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk simulate walk.plan.json
+  rollwalk simulate walk.plan.json --cycles 20 --no-feed-forward
+  rollwalk simulate walk.plan.json --terrain doorstep.toml --push 2:20,0,0:0.1
+  rollwalk simulate walk.plan.json --slope 5 --json
+  rollwalk simulate demo-out/agilebot.rwl --cycles 3
+  rollwalk simulate pup.rwl --robot pup.toml --slope 2")]
+pub struct Args {
+    /// Plan (JSON) or motion library.
+    #[arg(value_name = "PLAN.json|LIB.rwl")]
+    what: PathBuf,
+    /// Robot file (TOML) of the robot that a library is for; without it the robots that ship with rollwalk are tried.
+    #[arg(long, value_name = "ROBOT.toml")]
+    robot: Option<PathBuf>,
+    /// Periods of a motion that repeats.
+    #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    cycles: u32,
+    /// Leave the planned torques out: the servos' own only.
+    #[arg(long)]
+    no_feed_forward: bool,
+    #[command(flatten)]
+    ground: GroundArgs,
+    /// Steps of the simulation of a plan per second [default: 120]; with a library they are 240.
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(30..=10_000))]
+    rate: Option<u32>,
+    /// Print as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    if args.what.extension().is_some_and(|extension| extension == "rwl") {
+        library::run(args)
+    } else {
+        plan::run(args)
+    }
+}

@@ -1,0 +1,171 @@
+//! What a simulated robot stands on, and what pushes it, from the command line.
+
+use crate::inputs::Source;
+use clap::ValueEnum;
+use miette::miette;
+use rollwalk_physics::World;
+use rollwalk_physics::ground::file::SLOPE_MAX_DEG;
+use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_physics::push::Shove;
+use rollwalk_physics::world::Parameters;
+use rollwalk_robot::Robot;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Largest force, N, and time, s, of a push.
+const PUSH_MAX: f64 = 1e4;
+/// How deep a robot may be in the ground where it begins, m.
+const DEEPEST_M: f64 = 5e-3;
+/// Feet and wheels that a robot needs to stand.
+const FEET_MIN: usize = 3;
+
+/// What carries a simulated robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Support {
+    /// The ground, with gravity, contact and friction.
+    Ground,
+    /// A stand: the body does not move, and joints do not feel each other.
+    Stand,
+}
+
+/// The ground and pushes.
+#[derive(clap::Args, Debug)]
+pub struct GroundArgs {
+    /// Slope of the ground, degrees from -45 to 45, rising ahead of the robot [default: 0].
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, conflicts_with = "terrain", value_parser = slope)]
+    slope: Option<f64>,
+    /// Terrain file: a slope, step, ramp, profile, rough ground or height field (docs/terrain-files.md).
+    #[arg(long, value_name = "TERRAIN.toml")]
+    terrain: Option<PathBuf>,
+    /// Push the body from AT s after the start, for DURATION s, with a force in N ahead, to the left and up; as often as wanted.
+    #[arg(long, value_name = "AT:AHEAD,LEFT,UP:DURATION", allow_hyphen_values = true, value_parser = shove)]
+    push: Vec<Shove>,
+}
+
+impl GroundArgs {
+    /// Whether any of it was given.
+    pub fn is_given(&self) -> bool {
+        self.slope.is_some() || self.terrain.is_some() || !self.push.is_empty()
+    }
+
+    /// The ground.
+    ///
+    /// # Errors
+    /// The terrain file is missing or wrong.
+    fn ground(&self) -> miette::Result<Arc<dyn Ground>> {
+        match &self.terrain {
+            Some(path) => Source::Disk.terrain(path),
+            None => Ok(Arc::new(Plane::rising(self.slope.unwrap_or(0.0).to_radians()))),
+        }
+    }
+
+    /// The ground, of which the robot is clear where it begins.
+    ///
+    /// # Errors
+    /// The terrain file is missing or wrong, or the robot would begin in the ground.
+    pub fn ground_for(&self, robot: &Robot) -> miette::Result<Arc<dyn Ground>> {
+        let ground = self.ground()?;
+        let world = World::standing(robot, &ground, &Parameters::new(robot));
+        if world.depth_m() <= DEEPEST_M {
+            return Ok(ground);
+        }
+        Err(miette!(
+            help = "move steps and walls away from the origin, where the robot begins",
+            "{} does not stand on this terrain at the origin: a part of it is {:.3} m deep in the ground",
+            robot.name,
+            world.depth_m()
+        ))
+    }
+
+    /// The pushes.
+    pub fn shoves(&self) -> Vec<Shove> {
+        self.push.clone()
+    }
+
+    /// The ground, for a robot that is to stand on it; none for a stand.
+    ///
+    /// # Errors
+    /// The terrain file is missing or wrong, the robot cannot stand, or a stand is to have a ground.
+    pub fn under(
+        &self,
+        support: Support,
+        robot: &Robot,
+    ) -> miette::Result<Option<Arc<dyn Ground>>> {
+        match support {
+            Support::Stand if self.is_given() => Err(miette!(
+                help = "leave these options out, or --on stand; motors of --actuators are always on a stand",
+                "--slope, --terrain and --push are for a robot on the ground, and this one is on a stand"
+            )),
+            Support::Stand => Ok(None),
+            Support::Ground if robot.end_effectors.len() < FEET_MIN => Err(miette!(
+                help = "put it on a stand: --on stand",
+                "{} cannot stand on the ground: it has {} feet and wheels, and {FEET_MIN} are needed",
+                robot.name,
+                robot.end_effectors.len()
+            )),
+            Support::Ground => self.ground_for(robot).map(Some),
+        }
+    }
+}
+
+fn slope(text: &str) -> Result<f64, String> {
+    let slope = text.parse().map_err(|_| "it must be a number of degrees".to_owned())?;
+    let range = -SLOPE_MAX_DEG..=SLOPE_MAX_DEG;
+    let wrong = || format!("it must be from -{SLOPE_MAX_DEG} to {SLOPE_MAX_DEG} degrees");
+    range.contains(&slope).then_some(slope).ok_or_else(wrong)
+}
+
+fn shove(text: &str) -> Result<Shove, String> {
+    let number = |text: &str| match text.trim().parse::<f64>() {
+        Ok(value) if value.abs() <= PUSH_MAX => Ok(value),
+        Ok(_) => Err(format!("`{text}` is not within {PUSH_MAX}")),
+        Err(_) => Err(format!("`{text}` is no number")),
+    };
+    let parts: Vec<_> = text.split(':').collect();
+    let [at, force, duration] = parts[..] else {
+        return Err(
+            "it needs three parts, such as 3:20,0,0:0.1 (after 3 s, 20 N ahead, for 0.1 s)".into(),
+        );
+    };
+    let force: Vec<_> = force.split(',').map(number).collect::<Result<_, _>>()?;
+    let [ahead, left, up] = force[..] else {
+        return Err(format!(
+            "the force needs 3 numbers, in N ahead, to the left and up; it has {}",
+            force.len()
+        ));
+    };
+    let (from_s, duration_s) = (number(at)?, number(duration)?);
+    if from_s < 0.0 || duration_s <= 0.0 {
+        return Err("the time may not be negative, and the duration must be more than 0 s".into());
+    }
+    Ok(Shove::new(from_s, duration_s, [ahead, left, up]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pushes_are_read() {
+        let expected = Shove::new(2.5, 0.1, [20.0, -5.0, 0.0]);
+        assert_eq!(shove("2.5:20,-5,0:0.1"), Ok(expected));
+        for (text, why) in [
+            ("2.5", "three parts"),
+            ("2.5:20:0.1", "it has 1"),
+            ("2.5:20,x,0:0.1", "`x` is no number"),
+            ("-1:20,0,0:0.1", "may not be negative"),
+            ("1:20,0,0:0", "more than 0 s"),
+            ("1:20,0,inf:1", "`inf` is not within"),
+            ("1:1000000,0,0:1", "`1000000` is not within 10000"),
+        ] {
+            assert!(shove(text).unwrap_err().contains(why), "{text}: {:?}", shove(text));
+        }
+    }
+
+    #[test]
+    fn slopes_are_bounded() {
+        assert_eq!(slope("-45"), Ok(-45.0));
+        assert!(slope("46").unwrap_err().contains("-45 to 45"));
+        assert!(slope("NaN").is_err() && slope("steep").is_err());
+    }
+}

@@ -1,0 +1,218 @@
+//! A tour through a library on a simulated robot in virtual time: flash it over the simulated bus, arm, walk over every
+//! transition of the motion graph by command codes, back to SAFE, disarm.
+
+use crate::packed::Packed;
+use crate::{interrupt, output};
+use indicatif::{ProgressBar, ProgressStyle};
+use miette::IntoDiagnostic;
+use rollwalk_host::session::Session;
+use rollwalk_physics::ground::Ground;
+use rollwalk_physics::push::Shove;
+use rollwalk_protocol::library::{ClipId, ClipInfo, Library, NodeId, RATE_HZ};
+use rollwalk_protocol::wire::{Parameter, State};
+use rollwalk_sim_host::ground::Travel;
+use rollwalk_sim_host::rig::Rig;
+use std::sync::Arc;
+
+/// Timeout for a selected motion to begin, in addition to the duration of the current motion and the transition, µs.
+const SLACK_US: u64 = 5_000_000;
+
+/// How a library is played.
+pub struct Options<'a> {
+    /// What the robot stands on; a stand without.
+    pub ground: Option<&'a Arc<dyn Ground>>,
+    /// Pushes, from power-on on.
+    pub shoves: Vec<Shove>,
+    /// Whether the torques of the library are played.
+    pub feed_forward: bool,
+    /// How often a loop goes round; at least once.
+    pub cycles: u32,
+}
+
+/// Time for which a robot is looked at after its tour was stopped, µs.
+const REST_US: u64 = 2_000_000;
+
+/// The robot after the tour.
+pub struct Played {
+    /// The simulated robot, with the log of its buses and the records of its control periods.
+    pub rig: Rig,
+    /// Ways on the ground.
+    pub travels: Vec<Travel>,
+    /// Names of the motions in the order in which they were played.
+    pub tour: Vec<String>,
+    /// Why the tour ended before its end.
+    pub stopped: Option<miette::Report>,
+    /// How long the transfer of the library took on the bus, s.
+    pub flash_s: f64,
+    /// How long the whole session took on the robot's clock, s.
+    pub session_s: f64,
+}
+
+/// Plays a library.
+///
+/// # Errors
+/// The controller refused the library or a setting.
+pub fn play(packed: &Packed, options: Options<'_>) -> miette::Result<Played> {
+    let (robot, library) = (&packed.robot, &packed.library());
+    let mut rig = Rig::new(robot).into_diagnostic()?;
+    if let Some(ground) = options.ground {
+        rig = rig.onto_ground(robot, ground, options.shoves);
+    }
+    let node = rig.node();
+    let mut session = Session::connect(rig, node).into_diagnostic()?;
+    session.expect_robot(robot.controller_config().into_diagnostic()?.hash());
+
+    let before = session.bus().now();
+    let bytes = library.bytes();
+    let bar = transfer_bar(bytes.len());
+    session.flash(bytes, |progress| bar.set_position(progress.done as u64)).into_diagnostic()?;
+    bar.finish_and_clear();
+    let flash_s = session.bus().now().as_s() - before.as_s();
+    output::say(format_args!("✓ flashed {} B over the bus, verified and activated", bytes.len()));
+
+    if !options.feed_forward {
+        session.set_parameter(Parameter::FeedForward, 0, 0.0).into_diagnostic()?;
+        output::say("✓ set feed-forward to 0");
+    }
+    let mut played = vec![library.safe_node()];
+    let stopped = walk(&mut session, library, options.cycles, &mut played).err();
+    let names: Vec<String> = played.into_iter().map(|node| name(library, node)).collect();
+    output::say(format_args!("✓ played {}", names.join(" → ")));
+    if stopped.is_some() {
+        // A robot that falls comes to rest.
+        session.run_for(REST_US).into_diagnostic()?;
+    }
+    let mut rig = session.into_bus();
+    let session_s = rig.now().as_s();
+    let travels = rig.take_travels();
+    Ok(Played { rig, travels, tour: names, stopped, flash_s, session_s })
+}
+
+/// Arms, plays every transition, returns to SAFE and disarms; `played` has the motions where it went.
+fn walk(
+    session: &mut Session<Rig>,
+    library: &Library<'_>,
+    cycles: u32,
+    played: &mut Vec<NodeId>,
+) -> miette::Result<()> {
+    session.arm().into_diagnostic()?;
+    output::say("✓ armed");
+    let safe = library.safe_node();
+    let mut here = safe;
+    let bar = ProgressBar::new_spinner();
+    for node in route(library) {
+        if interrupt::requested() {
+            break;
+        }
+        bar.set_message(format!("{} → {}", name(library, here), name(library, node)));
+        bar.tick();
+        go(session, library, here, node, cycles)?;
+        here = node;
+        played.push(node);
+    }
+    session.return_to_safe().into_diagnostic()?;
+    bar.finish_and_clear();
+    if here != safe {
+        played.push(safe);
+    }
+    session.disarm().into_diagnostic()?;
+    output::say("✓ disarmed");
+    Ok(())
+}
+
+fn name(library: &Library<'_>, node: NodeId) -> String {
+    library.name(node).expect("a validated library has a name for every motion").to_owned()
+}
+
+/// Time that a clip takes, s; of a loop once round.
+fn duration_s(clip: &ClipInfo) -> f64 {
+    let steps = if clip.looping { clip.frames } else { clip.frames.saturating_sub(1) };
+    f64::from(steps) / f64::from(RATE_HZ)
+}
+
+/// How far a transfer is.
+pub fn transfer_bar(bytes: usize) -> ProgressBar {
+    let bar = ProgressBar::new(bytes as u64);
+    bar.set_style(
+        ProgressStyle::with_template("flashing {wide_bar} {bytes}/{total_bytes}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar()),
+    );
+    bar
+}
+
+/// Selects a motion by its code and waits until it is played; a loop then goes round.
+fn go(
+    session: &mut Session<Rig>,
+    library: &Library<'_>,
+    from: NodeId,
+    to: NodeId,
+    cycles: u32,
+) -> miette::Result<()> {
+    let code = library.code_of(to).expect("a validated library has a code for every motion");
+    session.select(code).into_diagnostic()?;
+    // The present motion may have to come to its end first, and a transition takes its time.
+    let seconds = |duration_s: f64| (duration_s * 1e6) as u64;
+    let clip_s = |clip| library.clip(clip).as_ref().map_or(0.0, duration_s);
+    let transitions = library.edges().filter_map(|edge| library.edge(edge));
+    let longest = transitions.map(|edge| clip_s(edge.clip)).fold(0.0, f64::max);
+    let longest = longest + clip_s(ClipId(from.0));
+    let safe = to == library.safe_node();
+    let what = format!("motion {}", name(library, to));
+    session
+        .wait_until(&what, seconds(longest) + SLACK_US, |status| match status.state {
+            State::Ready if safe => Some(true),
+            State::Playing | State::Ready => (!safe && status.clip == Some(to.0)).then_some(true),
+            _ => Some(false),
+        })
+        .into_diagnostic()?;
+    if library.clip(ClipId(to.0)).is_some_and(|clip| clip.looping) {
+        // What is selected next begins at the end of the last round.
+        let rounds = f64::from(cycles) - 0.5;
+        session.run_for(seconds(rounds * clip_s(ClipId(to.0)))).into_diagnostic()?;
+    }
+    Ok(())
+}
+
+/// Motions to select one after the other, from SAFE, so that every transition is played: an edge
+/// that was not played yet where there is one, else towards the next such edge.
+fn route(library: &Library<'_>) -> Vec<NodeId> {
+    let edges = library.edges().filter_map(|edge| library.edge(edge));
+    tour(library.safe_node(), edges.map(|edge| (edge.from, edge.to)).collect())
+}
+
+fn tour<N: Copy + PartialEq>(start: N, mut unplayed: Vec<(N, N)>) -> Vec<N> {
+    let mut here = start;
+    let mut route = Vec::new();
+    while !unplayed.is_empty() {
+        match unplayed.iter().position(|&(from, _)| from == here) {
+            Some(index) => here = unplayed.remove(index).1,
+            None => {
+                // The controller finds the way; edges that it plays on it are played again later.
+                here = unplayed[0].0;
+            }
+        }
+        route.push(here);
+    }
+    route
+}
+
+#[cfg(test)]
+mod tests {
+    use super::tour;
+
+    #[test]
+    fn every_edge_is_played() {
+        let edges = [(3, 2), (2, 3), (0, 1), (1, 0), (0, 2), (2, 0), (0, 3), (3, 0)];
+        let route = tour(0, edges.to_vec());
+        let walked: Vec<_> =
+            std::iter::once(0).chain(route.iter().copied()).zip(route.iter().copied()).collect();
+        for edge in edges {
+            assert!(walked.contains(&edge), "{edge:?} is not in {route:?}");
+        }
+    }
+
+    #[test]
+    fn a_library_without_transitions_stays_in_safe() {
+        assert!(tour(0, Vec::<(u8, u8)>::new()).is_empty());
+    }
+}
