@@ -13,6 +13,10 @@ const LONG: Duration = Duration::from_secs(60);
 /// Nothing that comes within this is nothing that is there.
 const POLL: Duration = Duration::from_millis(20);
 
+/// Longest reading of what has been printed before the screen is looked at: several redraws of a full-screen program,
+/// which on a slow machine may leave no pause between them.
+const BACKLOG: Duration = Duration::from_millis(200);
+
 /// A program, and the terminal that it is on. Killed when dropped.
 pub struct Terminal {
     /// The program.
@@ -90,9 +94,9 @@ impl Terminal {
     /// It does not within a minute.
     #[track_caller]
     pub fn shows(&mut self, words: &str) {
-        // The screen as it is now, and not when it was looked at last.
-        while self.read() {}
         let start = Instant::now();
+        // The screen as it is now, and not when it was looked at last.
+        while self.read() && start.elapsed() < BACKLOG {}
         while !self.screen.screen().contents().contains(words) {
             let shown = self.screen.screen().contents();
             assert!(start.elapsed() < LONG, "{words:?} does not show:\n{shown}");
@@ -134,4 +138,16 @@ pub fn stty(device: &str, args: &[&str]) -> String {
     let output = Command::new("stty").arg("-F").arg(device).args(args).output().expect("stty");
     assert!(output.status.success(), "stty: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).expect("text")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_that_never_stops_printing_is_looked_at() {
+        let mut command = Command::new("sh");
+        command.args(["-c", "while echo working; do sleep 0.002; done"]);
+        Terminal::start(command).shows("working");
+    }
 }

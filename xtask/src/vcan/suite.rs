@@ -12,7 +12,7 @@ use std::time::Duration;
 /// Packages with programs that the tests call.
 const PACKAGES: [&str; 2] = ["can-utils", "iproute2"];
 /// Longest time of this machine, which may be loaded.
-const TIMEOUT: Duration = Duration::from_secs(2400);
+const TIMEOUT: Duration = Duration::from_secs(1200);
 
 /// Selection of tests. The modules are those of `tests/vcan/`; `tests/vcan/bench.rs` has the robots.
 struct Suite {

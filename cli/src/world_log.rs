@@ -1,0 +1,138 @@
+//! The log of the simulated world (`--world-log`): a table with a line for each of its steps (`docs/world-log.md`).
+
+use crate::files::{self, Lines, Output, Rotation};
+use rollwalk_host::catalog::Catalog;
+use rollwalk_physics::World;
+use rollwalk_protocol::library::{ClipId, Library};
+use rollwalk_robot::Robot;
+use rollwalk_sim_host::body::Body;
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::core::Local;
+use rollwalk_sim_host::rig::{Observer, Rig};
+use rollwalk_simulate::log::{self, Moment};
+use std::cell::RefCell;
+use std::path::PathBuf;
+use std::rc::Rc;
+
+/// Option of commands that simulate a world.
+#[derive(clap::Args)]
+pub struct WorldLogArgs {
+    /// Write what the robot does in its world as a table, a line for each step: pose, motors, setpoints, forces of the ground.
+    #[arg(long, value_name = "FILE.csv")]
+    world_log: Option<PathBuf>,
+}
+
+impl WorldLogArgs {
+    /// Whether one is asked for.
+    pub fn is_given(&self) -> bool {
+        self.world_log.is_some()
+    }
+
+    /// Begins the log, if one is asked for.
+    ///
+    /// # Errors
+    /// It cannot be written there.
+    pub fn begin(&self, robot: &Robot, rotation: Rotation) -> miette::Result<Option<WorldLog>> {
+        let Some(path) = &self.world_log else { return Ok(None) };
+        files::ending(path, "a log of the world", &["csv"])?;
+        let lines = Lines::with_heading(&Output::at(path)?, rotation, log::heading(robot))?;
+        Ok(Some(WorldLog { lines, library: None, written_s: 0.0, failed: None }))
+    }
+}
+
+/// A log that grows.
+pub struct WorldLog {
+    lines: Lines,
+    /// Names for the clips of the library that is played.
+    library: Option<(u32, Catalog)>,
+    /// Simulated time of the last line, s.
+    written_s: f64,
+    failed: Option<miette::Report>,
+}
+
+impl WorldLog {
+    /// Adds a line.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn add(&mut self, moment: &Moment<'_>, world: &World) -> miette::Result<()> {
+        self.lines.push(log::line(moment, world))
+    }
+
+    /// Writes what waits.
+    ///
+    /// # Errors
+    /// The operating system refuses, or did so in a step.
+    pub fn end(&mut self) -> miette::Result<()> {
+        self.failed.take().map_or(Ok(()), Err)?;
+        self.lines.flush()
+    }
+
+    /// Takes the names of the library that is played from now on.
+    fn name_clips(&mut self, library: Option<&Library<'_>>) {
+        let id = library.map(|library| library.index().id());
+        if self.library.as_ref().map(|(known, _)| *known) != id {
+            let catalog = library.and_then(|library| Catalog::of(library, "", Vec::new()));
+            self.library = id.zip(catalog);
+        }
+    }
+
+    fn clip_name(&self, clip: ClipId) -> Option<String> {
+        self.library.as_ref()?.1.clip(clip.0)
+    }
+
+    fn look(&mut self, body: &Body) {
+        let Some(ground) = body.ground() else { return };
+        let time_s = ground.world().system().time_s();
+        // Motors have many steps in one of the world.
+        if time_s <= self.written_s || self.failed.is_some() {
+            return;
+        }
+        self.written_s = time_s;
+        let motion = ground.playing().and_then(|clip| self.clip_name(clip)).unwrap_or_default();
+        let moment = Moment {
+            time_s,
+            motion: &motion,
+            is_held: ground.is_held(),
+            has_fallen: ground.has_fallen(),
+        };
+        self.failed = self.add(&moment, ground.world()).err();
+    }
+}
+
+/// The log of a robot behind its firmware.
+#[derive(Clone)]
+pub struct RigLog(Rc<RefCell<WorldLog>>);
+
+impl RigLog {
+    /// Writes a line for each step of the world from now on.
+    pub fn attach(log: WorldLog, rig: &mut Rig<Local>) -> Self {
+        let log = Self(Rc::new(RefCell::new(log)));
+        rig.set_observer(log.clone());
+        log
+    }
+
+    /// Looks up which library is played now.
+    ///
+    /// # Errors
+    /// A line could not be written.
+    pub fn on_time(&self, rig: &Rig<Local>) -> miette::Result<()> {
+        let mut log = self.0.borrow_mut();
+        log.name_clips(rig.core().controller().library().as_ref());
+        log.failed.take().map_or(Ok(()), Err)
+    }
+
+    /// Writes what waits.
+    ///
+    /// # Errors
+    /// The operating system refuses, or did so in a step.
+    pub fn end(&self) -> miette::Result<()> {
+        self.0.borrow_mut().end()
+    }
+}
+
+impl Observer for RigLog {
+    fn on_motor_step(&mut self, _: SimTime, body: &Body) {
+        self.0.borrow_mut().look(body);
+    }
+}
