@@ -1,12 +1,9 @@
 //! What became of the robot itself in a run on the ground: falls, tilt, and how far it went without torque.
 
 use nalgebra::Vector3;
-use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::tunnel::Input;
 use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::ground::{Fall, Grounded};
-use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::rig::Observer;
 use rollwalk_sim_host::servo::Servo;
 
@@ -74,14 +71,6 @@ impl WorldWatch {
 }
 
 impl Observer for WorldWatch {
-    fn on_host_frame(&mut self, _: SimTime, _: &Frame) {}
-
-    fn on_controller_input(&mut self, _: SimTime, _: &Input) {}
-
-    fn on_controller_frame(&mut self, _: SimTime, _: Interface, _: &Frame, _: &Body) {}
-
-    fn on_bus_off(&mut self, _: SimTime) {}
-
     fn on_motor_step(&mut self, at: SimTime, body: &Body) {
         if let Some(ground) = body.ground() {
             self.look(at, ground, body.servos().iter().any(Servo::is_driving));

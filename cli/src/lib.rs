@@ -26,6 +26,7 @@ mod signing;
 pub mod sim;
 mod terrain;
 mod tour;
+mod world_log;
 
 pub use exit::Exit;
 

@@ -8,6 +8,7 @@ use crate::files::{Lines, Output, RotationArgs};
 use crate::inputs::Source;
 use crate::link::cannot_open;
 use crate::terrain::{GroundArgs, Support};
+use crate::world_log::{RigLog, WorldLog, WorldLogArgs};
 use crate::{Exit, end, exit, interrupt, keys, output, signing};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use memory::Memory;
@@ -50,7 +51,8 @@ const ACTUATOR_DEPTH: usize = 2;
 ///
 /// The whole robot is on the ground: a hoist holds it until it plays, and picks it up again when it has had no torque for 3 s.
 /// The simulator prints the way that each motion has made, and falls. With --on stand the robot hangs on a stand instead,
-/// its body held still and its wheels in the air; so do motors on buses of this computer (--actuators).
+/// its body held still and its wheels in the air; so do motors on buses of this computer (--actuators), unless --on ground puts
+/// them on the ground: their hoist does not hear what is played, and lets go when all of them stand still under torque.
 ///
 /// With --library FILE the simulated flash survives a restart: the simulator reads FILE at start, if it exists, and writes
 /// each library that a host flashes to FILE. Before it overwrites a library for the first time, it copies that one to a
@@ -73,6 +75,7 @@ Examples:
       --actuators can:can1 --actuators can:can2      # the firmware on this computer, real motors
   rollwalk-sim robots/pup.toml --only controller --bus sim --actuators tty:/dev/ttyUSB0    # servos at a U2D2
   rollwalk-sim robots/pup.toml --only motors --actuators pty:/tmp/servos    # simulated ones, at tty:/tmp/servos
+  rollwalk-sim robots/pup.toml --only motors --actuators pty:/tmp/servos --on ground    # the same, carrying a robot
 
 Then, in another terminal:
   rollwalk flash agilebot.rwl --bus sim
@@ -104,6 +107,8 @@ struct Cli {
     /// Write every frame of every simulated bus, as candump does.
     #[arg(long, value_name = "FILE", conflicts_with = "actuators")]
     log: Option<PathBuf>,
+    #[command(flatten)]
+    world_log: WorldLogArgs,
     #[command(flatten)]
     rotation: RotationArgs,
     /// File with a link key (`rollwalk keys new`): the controller obeys only hosts that have it.
@@ -163,10 +168,10 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     }
     check_kinds(&robot, &cli.actuators)?;
     let support = match cli.on {
-        Some(Support::Ground) if !cli.actuators.is_empty() => {
+        Some(Support::Ground) if cli.only == Some(Part::Controller) => {
             return Err(miette!(
-                help = "leave out --on ground, or --actuators for a whole robot in one program",
-                "motors on buses of this computer are on a stand: the ground needs all of them in the simulator"
+                help = "give --on ground where the motors are simulated",
+                "--only controller simulates no motors that could stand on the ground"
             ));
         }
         Some(support) => support,
@@ -174,6 +179,12 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         None => Support::Stand,
     };
     let ground = cli.ground.under(support, &robot)?;
+    if ground.is_none() && cli.world_log.is_given() {
+        return Err(miette!(
+            help = "leave it out, or --on stand",
+            "--world-log is for a robot on the ground, and this one is on a stand"
+        ));
+    }
     let actuators = at_rates(&robot, &cli.actuators);
     let keys = Keys {
         link: cli.link_key.as_deref().map(keys::link_key).transpose()?,
@@ -186,7 +197,10 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         (Some(Part::Motors), _) if memory.is_some() => {
             return Err(miette!("--library is the controller's, and --only motors has none"));
         }
-        (Some(Part::Motors), _) => run_motors(&robot, &actuators)?,
+        (Some(Part::Motors), _) => {
+            let world_log = cli.world_log.begin(&robot, cli.rotation.rotate)?;
+            run_motors(&robot, &actuators, motors_of(&robot, cli, ground.as_ref()), world_log)?;
+        }
         (_, None) => {
             return Err(miette!(help = "add --bus BUS", "the controller needs a link"));
         }
@@ -206,11 +220,15 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         (None, Some(bus)) => {
             // Two members of every bus, as the real ones are.
             let ports = ports(&actuators)?;
-            let (robot_of_motors, names) = (robot.clone(), actuators.clone());
+            let names = actuators.clone();
+            let mut body = motors_of(&robot, cli, ground.as_ref());
+            let mut world_log = cli.world_log.begin(&robot, cli.rotation.rotate)?;
             std::thread::spawn(move || {
-                let mut body = Body::new(&robot_of_motors);
                 let mut lost = Lost { link: None, actuators: &names, says: false };
-                motors::run(&mut body, ports, &mut lost, || !interrupt::requested());
+                let ended = simulate_motors(&mut body, ports, &mut lost, world_log.as_mut());
+                if let Err(error) = ended {
+                    output::say(format_args!("the motors have ended: {error}"));
+                }
             });
             run_controller(&robot, keys, bus, &actuators, memory)?;
         }
@@ -251,6 +269,8 @@ fn run_whole(
     if let Some(ground) = ground {
         rig = rig.onto_ground(robot, ground, cli.ground.shoves());
     }
+    let world_log = cli.world_log.begin(robot, cli.rotation.rotate)?;
+    let world_log = world_log.map(|log| RigLog::attach(log, &mut rig));
     let port = port(bus)?;
     ready(robot, bus);
     let (mut printer, mut world) = (StatusPrinter::default(), ground::Printer::default());
@@ -264,6 +284,9 @@ fn run_whole(
             let controller = rig.core().controller();
             printer.print(rig.now().as_s(), controller.state(), controller.faults());
             world.print(rig);
+            if let Some(Err(error)) = world_log.as_ref().map(|log| log.on_time(rig)) {
+                failed = Some(error);
+            }
             if let Some(log) = &mut log
                 && let Err(error) = entries.iter().try_for_each(|entry| log.push(entry))
             {
@@ -280,6 +303,7 @@ fn run_whole(
     outcome.map_err(|error| miette!("{error}"))?;
     failed.map_or(Ok(()), Err)?;
     memory.map_or(Ok(()), |mut memory| memory.keep(rig.core().library_file()))?;
+    world_log.map_or(Ok(()), |log| log.end())?;
     log.map_or(Ok(()), |mut log| log.flush())
 }
 
@@ -315,7 +339,20 @@ fn run_controller(
     memory.map_or(Ok(()), |mut memory| memory.keep(core.library_file()))
 }
 
-fn run_motors(robot: &Robot, actuators: &[BusName]) -> miette::Result<()> {
+/// Motors whose controller is on their buses.
+fn motors_of(robot: &Robot, cli: &Cli, ground: Option<&Arc<dyn Ground>>) -> Body {
+    match ground {
+        Some(ground) => Body::motors_on_ground(robot, ground, cli.ground.shoves()),
+        None => Body::new(robot),
+    }
+}
+
+fn run_motors(
+    robot: &Robot,
+    actuators: &[BusName],
+    mut body: Body,
+    mut world_log: Option<WorldLog>,
+) -> miette::Result<()> {
     let ports = ports(actuators)?;
     let names: Vec<_> = actuators.iter().map(ToString::to_string).collect();
     output::say(format_args!(
@@ -324,8 +361,28 @@ fn run_motors(robot: &Robot, actuators: &[BusName]) -> miette::Result<()> {
         names.join(", ")
     ));
     let mut lost = Lost { link: None, actuators, says: true };
-    motors::run(&mut Body::new(robot), ports, &mut lost, || !interrupt::requested());
-    Ok(())
+    simulate_motors(&mut body, ports, &mut lost, world_log.as_mut())
+}
+
+/// Runs motors until Ctrl-C.
+fn simulate_motors(
+    body: &mut Body,
+    ports: Vec<Port>,
+    lost: &mut Lost<'_>,
+    world_log: Option<&mut WorldLog>,
+) -> miette::Result<()> {
+    let mut printer = ground::Printer::default();
+    let goes_on = |body: &Body| {
+        if let Some(ground) = body.ground() {
+            printer.print_ground(ground);
+        }
+        !interrupt::requested()
+    };
+    let Some(log) = world_log else {
+        return motors::run(body, ports, lost, &mut (), goes_on).into_diagnostic();
+    };
+    motors::run(body, ports, lost, log, goes_on).into_diagnostic()?;
+    log.end()
 }
 
 fn ready(robot: &Robot, bus: &BusName) {

@@ -2,6 +2,7 @@
 //! transition of the motion graph by command codes, back to SAFE, disarm.
 
 use crate::packed::Packed;
+use crate::world_log::{RigLog, WorldLog};
 use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
@@ -27,6 +28,8 @@ pub struct Options<'a> {
     pub feed_forward: bool,
     /// How often a loop goes round; at least once.
     pub cycles: u32,
+    /// What is written of the world.
+    pub world_log: Option<WorldLog>,
 }
 
 /// Time for which a robot is looked at after its tour was stopped, µs.
@@ -58,6 +61,7 @@ pub fn play(packed: &Packed, options: Options<'_>) -> miette::Result<Played> {
     if let Some(ground) = options.ground {
         rig = rig.onto_ground(robot, ground, options.shoves);
     }
+    let world_log = options.world_log.map(|log| RigLog::attach(log, &mut rig));
     let node = rig.node();
     let mut session = Session::connect(rig, node).into_diagnostic()?;
     session.expect_robot(robot.controller_config().into_diagnostic()?.hash());
@@ -70,6 +74,9 @@ pub fn play(packed: &Packed, options: Options<'_>) -> miette::Result<Played> {
     let flash_s = session.bus().now().as_s() - before.as_s();
     output::say(format_args!("✓ flashed {} B over the bus, verified and activated", bytes.len()));
 
+    if let Some(log) = &world_log {
+        log.on_time(session.bus())?;
+    }
     if !options.feed_forward {
         session.set_parameter(Parameter::FeedForward, 0, 0.0).into_diagnostic()?;
         output::say("✓ set feed-forward to 0");
@@ -83,6 +90,7 @@ pub fn play(packed: &Packed, options: Options<'_>) -> miette::Result<Played> {
         session.run_for(REST_US).into_diagnostic()?;
     }
     let mut rig = session.into_bus();
+    world_log.map_or(Ok(()), |log| log.end())?;
     let session_s = rig.now().as_s();
     let travels = rig.take_travels();
     Ok(Played { rig, travels, tour: names, stopped, flash_s, session_s })

@@ -80,8 +80,10 @@ impl WorldLog {
     fn clip_name(&self, clip: ClipId) -> Option<String> {
         self.library.as_ref()?.1.clip(clip.0)
     }
+}
 
-    fn look(&mut self, body: &Body) {
+impl Observer for WorldLog {
+    fn on_motor_step(&mut self, _: SimTime, body: &Body) {
         let Some(ground) = body.ground() else { return };
         let time_s = ground.world().system().time_s();
         // Motors have many steps in one of the world.
@@ -132,7 +134,7 @@ impl RigLog {
 }
 
 impl Observer for RigLog {
-    fn on_motor_step(&mut self, _: SimTime, body: &Body) {
-        self.0.borrow_mut().look(body);
+    fn on_motor_step(&mut self, at: SimTime, body: &Body) {
+        self.0.borrow_mut().on_motor_step(at, body);
     }
 }

@@ -128,6 +128,17 @@ impl World {
         motor.expect("a channel's force is its motor").law = law;
     }
 
+    /// What the motor of a channel does.
+    ///
+    /// # Panics
+    /// The robot has no such channel.
+    pub fn law(&self, channel: usize) -> Law {
+        self.system
+            .force::<Motor>(self.motors[channel])
+            .expect("a channel's force is its motor")
+            .law
+    }
+
     /// Angle, rad, whole turns included, speed, rad/s, and torque, N·m, of the motor of a channel.
     pub fn shaft(&self, channel: usize) -> [f64; 3] {
         let motor = self.system.force::<Motor>(self.motors[channel]);

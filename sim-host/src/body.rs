@@ -50,6 +50,11 @@ impl Body {
         Self { ground: Some(Grounded::new(robot, ground, shoves)), ..Self::new(robot) }
     }
 
+    /// The same for a controller elsewhere: nobody says what it plays.
+    pub fn motors_on_ground(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
+        Self { ground: Some(Grounded::of_motors(robot, ground, shoves)), ..Self::new(robot) }
+    }
+
     /// The world of a robot on the ground.
     pub fn ground(&self) -> Option<&Grounded> {
         self.ground.as_ref()

@@ -1,15 +1,17 @@
 //! The robot on the ground: what its motors move is the simulated world of [`rollwalk_physics`].
 //!
-//! A hoist holds the body at the start, level, and so high that the feet just touch the ground whatever the limbs do. It lets
-//! go when the robot begins to play. A robot that falls, or that loses its torque, lies where it lies; when it has had no
-//! torque for some seconds the hoist picks it up again, as an operator would.
+//! A [hoist](hoist) holds the body at the start, level, and so high that the feet just touch the ground whatever the limbs do. A
+//! robot that falls, or that loses its torque, lies where it lies; when it has had no torque for some seconds the hoist picks
+//! it up again, as an operator would.
 
+mod hoist;
 mod travel;
 
 use crate::clock::{Periodic, SimTime};
 use crate::plant::Plant;
 use crate::servo::Servo;
-use nalgebra::{Matrix3, Vector3};
+use hoist::{Hoist, LetsGo, StillWatch};
+use nalgebra::Vector3;
 use rollwalk_drives as drives;
 use rollwalk_physics::ground::Ground;
 use rollwalk_physics::motor::{Law, torque_speed_line};
@@ -29,9 +31,6 @@ pub const WORLD_RATE_HZ: u32 = 240;
 const STEP_S: f64 = 1.0 / WORLD_RATE_HZ as f64;
 /// Time without torque after which the hoist picks a robot up, s.
 const PICKED_UP_S: f64 = 3.0;
-/// Fastest that the hoist goes up and down, m/s.
-const HOIST_M_S: f64 = 0.3;
-
 /// A fall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fall {
@@ -41,19 +40,13 @@ pub struct Fall {
     pub how: world::Fall,
 }
 
-/// Where the hoist holds the body's origin, m, and which way it faces about the vertical, rad.
-#[derive(Clone, Copy, Debug)]
-struct Hoist {
-    origin: Vector3<f64>,
-    heading_rad: f64,
-}
-
 /// A robot in its world, with its hoist.
 #[derive(Debug)]
 pub struct Grounded {
     world: World,
     steps: Periodic,
     hoist: Option<Hoist>,
+    lets_go: LetsGo,
     fall_watch: FallWatch,
     /// Torque-speed lines in channel order: stall torque, N·m, and no-load speed, rad/s.
     lines: Vec<(f64, f64)>,
@@ -71,8 +64,17 @@ pub struct Grounded {
 }
 
 impl Grounded {
-    /// A robot in its nominal pose in the hoist.
+    /// A robot in its nominal pose in the hoist, which lets go when the robot begins to play.
     pub fn new(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
+        Self::with(robot, ground, shoves, LetsGo::WhenItPlays)
+    }
+
+    /// Motors whose controller is elsewhere, so that nobody says what is played: the hoist lets go when they stand.
+    pub fn of_motors(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
+        Self::with(robot, ground, shoves, LetsGo::WhenItStands(StillWatch::default()))
+    }
+
+    fn with(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>, lets_go: LetsGo) -> Self {
         let parameters = Parameters::new(robot);
         let world = World::standing(robot, ground, &parameters);
         let lines = robot.channels().map(|channel| torque_speed_line(channel.actuator())).collect();
@@ -81,7 +83,8 @@ impl Grounded {
         Self {
             world,
             steps: Periodic::new(WORLD_RATE_HZ),
-            hoist: Some(Hoist { origin, heading_rad: 0.0 }),
+            hoist: Some(Hoist::at(origin, 0.0)),
+            lets_go,
             fall_watch,
             lines,
             falls: Vec::new(),
@@ -103,9 +106,19 @@ impl Grounded {
         &self.falls
     }
 
+    /// Whether the robot has fallen since the hoist let go of it.
+    pub fn has_fallen(&self) -> bool {
+        self.has_fallen
+    }
+
     /// Whether the hoist holds the body.
     pub fn is_held(&self) -> bool {
         self.hoist.is_some()
+    }
+
+    /// The clip that the robot plays.
+    pub fn playing(&self) -> Option<ClipId> {
+        self.travel.map(|travel| travel.clip)
     }
 
     /// Up in the axes of the body.
@@ -120,7 +133,7 @@ impl Grounded {
 
     /// Hears which clip the robot plays. For the first one the hoist lets go.
     pub fn on_playing(&mut self, now: SimTime, clip: Option<ClipId>) {
-        if clip.is_some() {
+        if clip.is_some() && matches!(self.lets_go, LetsGo::WhenItPlays) {
             self.hoist = None;
         }
         if self.travel.map(|travel| travel.clip) != clip {
@@ -165,8 +178,11 @@ impl Grounded {
         let (_, rotation) = self.world.base();
         let time_s = self.world.system().time_s();
         self.world.push(mean_force(&self.shoves, time_s, STEP_S, heading_rad(&rotation)));
-        self.follow_feet();
-        self.world.hold(self.hoist.map(|hoist| (hoist.origin, about_vertical(hoist.heading_rad))));
+        let clearance_m = self.world.clearance_m();
+        if let Some(hoist) = &mut self.hoist {
+            hoist.follow_feet(clearance_m, STEP_S);
+        }
+        self.world.hold(self.hoist.as_ref().map(Hoist::pose));
         self.world.step(STEP_S)?;
         for (channel, (servo, law)) in servos.iter_mut().zip(&laws).enumerate() {
             self.read(channel, law, &mut servo.plant);
@@ -186,15 +202,6 @@ impl Grounded {
         plant.torque_limited = (wanted - torque_nm).abs() > 1e-9 * (1.0 + wanted.abs());
     }
 
-    /// Moves the hoist so that what is lowest of the robot just touches the ground.
-    fn follow_feet(&mut self) {
-        let lowest = self.world.clearance_m();
-        if let Some(hoist) = &mut self.hoist {
-            let most = HOIST_M_S * STEP_S;
-            hoist.origin.z -= lowest.clamp(-most, most);
-        }
-    }
-
     /// Sees falls, and lets the hoist pick up a robot that has had no torque for a while.
     fn watch(&mut self, now: SimTime, servos: &[Servo]) {
         let has_torque = servos.iter().any(Servo::is_driving);
@@ -203,25 +210,30 @@ impl Grounded {
         }
         if self.hoist.is_some() {
             self.has_fallen = false;
+            if let LetsGo::WhenItStands(watch) = &mut self.lets_go
+                && watch.stands(now, servos)
+            {
+                self.hoist = None;
+            }
             return;
         }
         let fall = self.fall_watch.look(&self.world).filter(|_| !self.has_fallen);
         // One that sinks down when its torque goes off has not fallen, unless it topples.
+        let is_up = match self.lets_go {
+            LetsGo::WhenItPlays => self.travel.is_some(),
+            LetsGo::WhenItStands(_) => has_torque,
+        };
         if let Some(how) = fall
-            && (self.travel.is_some() || how.is_toppled())
+            && (is_up || how.is_toppled())
         {
             self.has_fallen = true;
             self.falls.push(Fall { at: now, how });
         }
         if (now - self.torque_at).as_s() > PICKED_UP_S {
             let (origin, rotation) = self.world.base();
-            self.hoist = Some(Hoist { origin, heading_rad: heading_rad(&rotation) });
+            self.hoist = Some(Hoist::at(origin, heading_rad(&rotation)));
         }
     }
-}
-
-fn about_vertical(angle_rad: f64) -> Matrix3<f64> {
-    *nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), angle_rad).matrix()
 }
 
 /// An angle between −π and π that differs by whole turns.

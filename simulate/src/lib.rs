@@ -6,11 +6,13 @@
 //! | [`script`] | a plan as the state in which it begins and the control law of each motor at any time |
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
 //! | [`outcome`] | ways, turns, falls, slip and forces |
+//! | [`log`] | a run as a table, a line for each step |
 //! | [`judgement`] | whether a way is what the plan says |
 //!
 //! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
 
 pub mod judgement;
+pub mod log;
 pub mod outcome;
 pub mod run;
 pub mod script;

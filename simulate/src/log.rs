@@ -73,9 +73,8 @@ pub fn line(moment: &Moment<'_>, world: &World) -> String {
     add(com.as_slice());
     add(velocity.as_slice());
     for (channel, shaft) in world.shafts().enumerate() {
-        let Law {
-            kp_nm_rad, kd_nm_s_rad, position_rad, speed_rad_s, torque_nm, limit_nm, ..
-        } = world.law(channel);
+        let Law { kp_nm_rad, kd_nm_s_rad, position_rad, speed_rad_s, torque_nm, limit_nm, .. } =
+            world.law(channel);
         add(&shaft);
         add(&[position_rad, speed_rad_s, torque_nm, kp_nm_rad, kd_nm_s_rad, limit_nm]);
     }

@@ -38,6 +38,8 @@ pub struct Moment<'a> {
     pub all_s: f64,
     /// Time of the motion, s: 0 before it and its duration after it.
     pub motion_s: f64,
+    /// Whether the robot has fallen, which ends the run.
+    pub has_fallen: bool,
     /// The world.
     pub world: &'a World,
 }
@@ -73,6 +75,7 @@ pub fn play(
             done_s: done as f64 * step_s,
             all_s: total_s,
             motion_s: beat.time_s,
+            has_fallen: tracker.has_fallen(),
             world: &world,
         };
         if !goes_on(&moment) || tracker.has_fallen() {

@@ -58,7 +58,18 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     desk.run(&["simulate", "drive.rwl", "--push", "4:0,100,0:0.2"])
         .succeeds_with(3, &["1 fall, the first after 4.", "waited for motion"]);
     desk.run(&["simulate", "drive.rwl", "--rate", "60"]).fails(1, &["--rate is for plans"]);
+    desk.run(&["simulate", "drive.rwl", "--world-log", "run.csv"]).succeeds();
+    let driven_m = logged_way_m(&desk.read_text("run.csv"), "drive_1m");
+    assert!(
+        (driven_m - ahead_m).abs() < 0.002,
+        "{driven_m} m in the log, {ahead_m} m in the table"
+    );
+    desk.run(&["simulate", "drive.rwl", "--world-log", "run.png"])
+        .fails(1, &["cannot write a log of the world as run.png"]);
     let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let on_stand = ["robots/agilebot.toml", "--bus", &bus, "--on", "stand"];
+    Robot::refuses(&desk, &[&on_stand[..], &["--world-log", "run.csv"]].concat())
+        .fails(1, &["--world-log is for a robot on the ground", "or --on stand"]);
     Robot::refuses(
         &desk,
         &["robots/agilebot.toml", "--bus", &bus, "--on", "stand", "--slope", "3"],
@@ -66,7 +77,7 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     .fails(1, &["are for a robot on the ground, and this one is on a stand", "--on stand"]);
     Robot::refuses(&desk, &["robots/test_leg.toml", "--bus", &bus])
         .fails(1, &["test_leg cannot stand on the ground: it has 1 feet and wheels", "--on stand"]);
-    let robot = ["robots/agilebot.toml"];
+    let robot = ["robots/agilebot.toml", "--world-log", "live.csv"];
     let mut robot = Robot::heard(&desk, &robot, &bus, "said.txt");
     on(&desk, &bus, &["flash", "drive.rwl"]).succeeds();
     on(&desk, &bus, &["send", "--arm", "drive_1m"]).succeeds();
@@ -78,4 +89,21 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
         words[words.iter().position(|word| *word == "ahead,").unwrap() - 2].parse().unwrap();
     assert!((0.97..1.03).contains(&ahead), "{line}");
     assert!(!said.contains("fell"), "{said}");
+    let driven_m = logged_way_m(&desk.read_text("live.csv"), "drive_1m");
+    assert!((driven_m - ahead).abs() < 0.002, "{driven_m} m in the log, {line}");
+}
+
+/// Way of the centre of mass along x while a motion is played, in a log of the world, m; every line must have a cell for
+/// each column.
+fn logged_way_m(log: &str, motion: &str) -> f64 {
+    let mut lines = log.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let heading = lines.next().expect("a heading");
+    let column = |name| heading.iter().position(|cell| *cell == name).expect("the column");
+    let (name, com) = (column("motion"), column("com_x_m"));
+    let rows: Vec<_> = lines.inspect(|row| assert_eq!(row.len(), heading.len())).collect();
+    let mut playing = rows.iter().filter(|row| row[name] == motion);
+    let [first, last] = [playing.next(), playing.next_back()];
+    let com_m =
+        |row: Option<&Vec<&str>>| row.expect("it is played")[com].parse::<f64>().expect("a number");
+    com_m(last) - com_m(first)
 }

@@ -56,7 +56,7 @@ fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
     let args = ["library", "build", "motions/pup_library.toml", "-o", "pup.rwl"];
     desk.run(&args).succeeds();
     let bus = format!("sim:{}", desk.path("robot.sock").display());
-    let mut motors = Robot::motors(&desk, ROBOT, "servos");
+    let mut motors = Robot::motors(&desk, ROBOT, "servos", &[]);
     let _controller = Robot::controller(&desk, ROBOT, &bus, "servos");
     on(&desk, &bus, &["flash", "pup.rwl", "--robot", ROBOT]).succeeds();
     on(&desk, &bus, &["gains", "feed-forward", "0"]).succeeds();
@@ -68,6 +68,32 @@ fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
     let refused = on(&desk, &bus, &["send", "--arm", "stand"]);
     assert_ne!(refused.code, 0, "{}", refused.stdout);
     assert!(desk.path("servos").symlink_metadata().is_err(), "the line is gone");
+}
+
+#[test]
+fn motors_behind_a_serial_line_carry_a_robot_on_the_ground() {
+    let desk = desk_with_shipped_files();
+    let args = ["library", "build", "motions/pup_library.toml", "-o", "pup.rwl"];
+    desk.run(&args).succeeds();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let on_ground = ["--on", "ground", "--world-log", "world.csv"];
+    let mut motors = Robot::motors(&desk, ROBOT, "servos", &on_ground);
+    let _controller = Robot::controller(&desk, ROBOT, &bus, "servos");
+    on(&desk, &bus, &["flash", "pup.rwl", "--robot", ROBOT]).succeeds();
+    // The hoist lets go while the robot stands.
+    played(&desk, &bus, &["stand:2", "drive"]);
+    motors.stop();
+    let log = desk.read_text("world.csv");
+    let mut lines = log.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let heading = lines.next().unwrap();
+    let column = |name| heading.iter().position(|cell| *cell == name).unwrap();
+    let (held, fell, com) = (column("held"), column("fell"), column("com_x_m"));
+    let free: Vec<_> = lines.filter(|row| row[held] == "0").collect();
+    assert!(free.iter().all(|row| row[fell] == "0"), "it fell");
+    let com_m = |row: &[&str]| row[com].parse::<f64>().unwrap();
+    let farthest_m = free.iter().map(|row| com_m(row)).fold(f64::MIN, f64::max) - com_m(&free[0]);
+    // 0.3 m, or more if it had to be armed twice.
+    assert!(farthest_m > 0.27, "{farthest_m} m");
 }
 
 /// Pup with Feetech servos in place of its Dynamixels: slower, and on a line without a watchdog.
@@ -94,7 +120,7 @@ fn feetech_servos_are_played_over_a_serial_line() {
     fs::write(desk.path("motions/sts_library.toml"), library).unwrap();
     desk.run(&["library", "build", "motions/sts_library.toml", "-o", "sts.rwl"]).succeeds();
     let bus = format!("sim:{}", desk.path("robot.sock").display());
-    let _motors = Robot::motors(&desk, ROBOT, "servos");
+    let _motors = Robot::motors(&desk, ROBOT, "servos", &[]);
     let _controller = Robot::controller(&desk, ROBOT, &bus, "servos");
     on(&desk, &bus, &["flash", "sts.rwl", "--robot", ROBOT]).succeeds();
     played(&desk, &bus, &["stand"]);

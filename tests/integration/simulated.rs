@@ -32,11 +32,11 @@ impl Robot {
     }
 
     /// The motors of a robot alone, behind a serial line that is ready when its link is there.
-    pub fn motors(desk: &Desk, robot: &str, line: &str) -> Self {
+    pub fn motors(desk: &Desk, robot: &str, line: &str, args: &[&str]) -> Self {
         let line = desk.path(line);
         let actuators = format!("pty:{}", line.display());
-        let motors =
-            Self::start_with(desk, &[robot, "--only", "motors", "--actuators", &actuators]);
+        let only = [robot, "--only", "motors", "--actuators", &actuators];
+        let motors = Self::start_with(desk, &[&only, args].concat());
         let start = Instant::now();
         while !line.exists() {
             assert!(start.elapsed() < Duration::from_secs(60), "there is no {}", line.display());

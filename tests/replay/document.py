@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes the tables of docs/replay.md and the numbers of README from results of the harness.
 
-    python3 tests/replay/document.py LEVEL.json DISTURBED.json GROUND.json [ROBOT.json ...]
+    python3 tests/replay/document.py LEVEL.json DISTURBED.json GROUND.json FIRMWARE.json [ROBOT.json ...]
 
 They stand between `<!-- NAME -->` and `<!-- end -->`. Without results of imported robots that table stays.
 """
@@ -16,12 +16,14 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def main(*paths):
-    level, disturbed, ground, *imported = (json.loads(Path(path).read_text()) for path in paths)
+    level, disturbed, ground, firmware, *imported = (json.loads(Path(path).read_text()) for path in paths)
     texts = {
         "shipped": tables.both(level),
         "disturbed": tables.robustness(disturbed),
         "compared": tables.compared(level, ground),
         "compared-words": tables.compared_in_words(level, ground),
+        "firmware": tables.behind_firmware(firmware),
+        "firmware-words": tables.behind_firmware_in_words(firmware),
     }
     if imported:
         texts["imported"] = tables.both([result for results in imported for result in results])

@@ -20,11 +20,10 @@ def summary(motion, track, cycles):
     """Everything that the tables and the JSON say about a run."""
     planned = motion.planned()
     ways = _ways(track)
-    wanted = motion.plan["motion"]["goal"]
-    goals = [key for key in planned if wanted.get(key) and abs(planned[key]) > SMALLEST[key]]
+    found = goals(motion)
     middle = ways[FIRST - 1 : LAST] if motion.periodic else ways
     late = ways[cycles - 1 : cycles] if motion.periodic and cycles > LAST else []
-    ratio = lambda some: {key: mean(some, key) / planned[key] for key in goals} if some else None
+    ratio = lambda some: {key: mean(some, key) / planned[key] for key in found} if some else None
     drift = lambda some: {key: mean(some, key) - planned[key] for key in planned} if some else None
     result = {
         "planned": planned,
@@ -46,6 +45,12 @@ def summary(motion, track, cycles):
     result["holds"] = _holds(motion, result, late)
     result["needs_feedback"] = motion.needs_feedback
     return result
+
+
+def goals(motion):
+    """The ways and turns that are a goal of the motion."""
+    planned, wanted = motion.planned(), motion.plan["motion"]["goal"]
+    return [key for key in planned if wanted.get(key) and abs(planned[key]) > SMALLEST[key]]
 
 
 def mean(ways, key):

@@ -128,6 +128,60 @@ def compared_in_words(level, ground):
     return textwrap.fill(text, 116, break_on_hyphens=False)
 
 
+def behind_firmware(results):
+    """One row for each motion: achieved by planned behind firmware and bus, and in MuJoCo with the same commands."""
+    rows = [["motion of robot", "firmware, bus, our world", "the same commands in MuJoCo", "difference", ""]]
+    for result in results:
+        if "refused" in result:
+            rows.append([_name(result), "–", "–", "–", result["refused"]])
+            continue
+        off = _apart(result)
+        remark = _where_it_fell(result) or ("**differs**" if off is not None and off > AGREE else "")
+        ratios = (_way(result, world) for world in ("ours", "mujoco"))
+        rows.append([_name(result), *ratios, "–" if off is None else f"{off:.3f}", remark])
+    return _markdown(rows)
+
+
+def behind_firmware_in_words(results):
+    """How many motions agree in both worlds, given the same commands."""
+    ran = [result for result in results if "refused" not in result]
+    stands = [result for result in ran if not _where_it_fell(result)]
+    apart = [f"{_name(result)} ({_apart(result):.3f})" for result in stands if (_apart(result) or 0) > AGREE]
+    fates = [_name(result) for result in ran if len(set(at is None for at in result["fell_at_s"].values())) > 1]
+    text = (
+        f"{len(ran)} of {len(results)} motions go into a library with a stand before and after them. Of these {len(stands)} stay on "
+        f"their feet in both worlds, and {len(stands) - len(apart)} agree within {AGREE:.2f} of the plan. "
+    )
+    text += f"Apart: {', '.join(apart)}. " if apart else ""
+    text += f"A fall in only one world: {', '.join(fates)}." if fates else "Falls agree."
+    return textwrap.fill(text, 116, break_on_hyphens=False)
+
+
+def _where_it_fell(result):
+    fell = [{"ours": "our world", "mujoco": "MuJoCo"}[world] for world, at in result["fell_at_s"].items() if at is not None]
+    return f"falls in {' and in '.join(fell)}" if fell else ""
+
+
+def _goals(result):
+    """Planned ways and turns that are goals of the motion."""
+    return {key: result["planned"][key] for key in result["goals"]}
+
+
+def _way(result, world):
+    found = result[world]
+    if not found:
+        return "–"
+    return _ratios({key: found[key] / planned for key, planned in _goals(result).items()}, found)
+
+
+def _apart(result):
+    """The largest difference of the ratios."""
+    if not result["ours"]:
+        return None
+    goals = _goals(result).items()
+    return max((abs(result["ours"][key] - result["mujoco"][key]) / abs(planned) for key, planned in goals), default=None)
+
+
 def _rates(ground):
     """Steps per second of the runs, fewest first."""
     return sorted(ground[0]["rates"], key=int)

@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import document  # noqa: E402
 import feedforward  # noqa: E402
 import library  # noqa: E402
+import logged  # noqa: E402
 import measure  # noqa: E402
 import motion  # noqa: E402
 import player  # noqa: E402
@@ -421,6 +422,61 @@ class Libraries(unittest.TestCase):
         np.testing.assert_array_equal(torques[1] * 512, [-4, 600, -0.5, 3])
 
 
+class Logs(unittest.TestCase):
+    """A log of a car whose wheels are commanded one speed, played as `logged` does."""
+
+    def setUp(self):
+        self.robot = robots.from_file(next(path for path in ROBOTS if path.stem == "car"))
+        poses = nominal_poses(self.robot)
+        wheels = self.robot["end_effectors"]
+        lowest = min((poses[f["link"]][1] + poses[f["link"]][0] @ f["center_in_link_m"])[2] - f["radius_m"] for f in wheels)
+        self.radius_m = wheels[0]["radius_m"]
+        self.rows = []
+        for k in range(1, 481):
+            place = {"x_m": 0, "y_m": 0, "z_m": -lowest, "qw": 1, "qx": 0, "qy": 0, "qz": 0}
+            row = {"time_s": k / 240, "motion": "roll" if k > 240 else "", "held": int(k < 4), "fell": 0}
+            row |= {f"base_{key}": value for key, value in place.items()} | {f"com_{axis}_m": 0.0 for axis in "xyz"}
+            for name, actuator, joint, _ in robots.channels(self.robot):
+                law = {"rad": 0, "target_rad": 0, "target_rad_s": 0, "feedforward_nm": 0}
+                law |= {"kp_nm_rad": actuator["kp_nm_rad"], "kd_nm_s_rad": actuator["kd_nm_s_rad"]}
+                law["limit_nm"] = actuator["torque_max_nm"]
+                if joint is None:
+                    name, law["kp_nm_rad"], law["target_rad_s"] = f"{name}_motor", 0, 2.0
+                else:
+                    law["rad"] = law["target_rad"] = joint["nominal_rad"]
+                row |= {f"{name}_{key}": value for key, value in law.items()}
+            self.rows.append(row)
+
+    def compared(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "run.csv"
+            lines = [",".join(self.rows[0])] + [",".join(map(str, row.values())) for row in self.rows]
+            path.write_text("\n".join(lines) + "\n")
+            return logged.compare(self.robot, logged.Log(path, self.robot), {})
+
+    def test_wheels_that_are_commanded_a_speed_roll_their_way(self):
+        result = self.compared()
+        (piece,) = result["pieces"]
+        self.assertEqual((piece["motion"], result["fell_at_s"]), ("roll", {"ours": None, "mujoco": None}))
+        # Damping is all that holds a wheel at its speed, and there is next to no load.
+        self.assertAlmostEqual(piece["mujoco"]["forward_m"] / (2.0 * self.radius_m * 239 / 240), 1.0, delta=0.01)
+        self.assertEqual(piece["ours"]["forward_m"], 0.0)
+
+    def test_a_drive_without_power_stands_still(self):
+        for row in self.rows:
+            row.update({key: 0 for key in row if key.endswith("limit_nm")})
+        self.assertLess(abs(self.compared()["pieces"][0]["mujoco"]["forward_m"]), 1e-3)
+
+    def test_a_log_of_another_robot_and_one_in_the_hoist_are_refused(self):
+        for row in self.rows:
+            row["held"] = 1
+        with self.assertRaisesRegex(Unusable, "the hoist holds the robot all the time"):
+            self.compared()
+        self.rows = [{"time_s": 0, "held": 0, "motion": ""}]
+        with self.assertRaisesRegex(Unusable, "expected the log of a car"):
+            self.compared()
+
+
 class Words(unittest.TestCase):
     @staticmethod
     def result(motion, kind, ratio, marked=None, fell=None):
@@ -478,6 +534,28 @@ class Words(unittest.TestCase):
         words = " ".join(tables.compared_in_words(level, ground).split())
         self.assertIn("Of 3 motions 2 stay on their feet in both worlds", words)
         self.assertIn("and 1 of these agree within 0.03 of the plan at 1/240 s. Apart: `turn` of pup (0.100).", words)
+        self.assertTrue(words.endswith("A fall in only one world: `run` of pup."), words)
+
+    def test_the_same_commands_are_compared_goal_by_goal(self):
+        def result(motion, ours, mujoco, fell=None):
+            way = lambda ahead: {"forward_m": ahead, "left_m": 0.001, "turn_rad": 0.0}
+            return {
+                "motion": motion, "robot": "pup", "plan": f"motions-{motion}.json", "planned": way(0.5), "goals": ["forward_m"],
+                "ours": way(ours), "mujoco": way(mujoco), "fell_at_s": {"ours": None, "mujoco": fell},
+            }
+
+        results = [
+            result("walk", 0.5, 0.51), result("trot", 0.5, 0.4), result("run", 0.5, 0.5, 2.0),
+            {"motion": "fly", "robot": "pup", "plan": "motions-fly.json", "refused": "too fast"},
+        ]
+        rows = tables.behind_firmware(results).splitlines()
+        self.assertEqual(rows[2:], [
+            "| `walk` of pup | 1.000 | 1.020 | 0.020 |  |", "| `trot` of pup | 1.000 | 0.800 | 0.200 | **differs** |",
+            "| `run` of pup | 1.000 | 1.000 | 0.000 | falls in MuJoCo |", "| `fly` of pup | – | – | – | too fast |",
+        ])
+        words = " ".join(tables.behind_firmware_in_words(results).split())
+        self.assertIn("3 of 4 motions go into a library", words)
+        self.assertIn("Of these 2 stay on their feet in both worlds, and 1 agree within 0.03 of the plan. Apart: `trot`", words)
         self.assertTrue(words.endswith("A fall in only one world: `run` of pup."), words)
 
     def test_marks_are_replaced_and_missed(self):

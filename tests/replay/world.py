@@ -12,6 +12,7 @@ import numpy as np
 
 import feedforward
 import player
+from drives import Drives
 from model import Ground, Model
 from motion import quantised_torques
 
@@ -113,7 +114,7 @@ class _Simulation:
     def __init__(self, model, motion, case):
         self.model, self.motion, self.case = model, motion, case
         self.m, self.d = model.m, mujoco.MjData(model.m)
-        m, robot = self.m, model.robot
+        m = self.m
         self.track = Track(m.opt.timestep)
         self.weight = model.mass_kg * motion.gravity_m_s2
         if case.friction is not None:
@@ -126,20 +127,11 @@ class _Simulation:
         g, yaw = motion.gravity_m_s2, motion.base(0.0)[1][0]
         down = -math.sin(case.slope_rad) * np.array([math.cos(yaw), math.sin(yaw), 0.0])
         m.opt.gravity[:] = g * (down - [0.0, 0.0, math.cos(case.slope_rad)])
-        channels = model.channels
         self.kp = -m.actuator_biasprm[:, 1]
         self.kd = -m.actuator_biasprm[:, 2]
-        self.torque_max = np.array([a["torque_max_nm"] for _, a, _, _ in channels])
-        line = [a.get("torque_speed") or {} for _, a, _, _ in channels]
-        self.stall = np.array([entry.get("stall_torque_nm", np.inf) for entry in line])
-        self.no_load = np.array([entry.get("no_load_speed_rad_s", np.inf) for entry in line])
+        self.drives = Drives(model, motion.rolling_sign_width_m_s)
         self.foot_of_geom = np.full(m.ngeom, -1)
         self.foot_of_geom[model.foot_geoms] = np.arange(len(model.foot_geoms))
-        self.free = [
-            (j, model.wheel_dofs[j], f["radius_m"], f["contact"]["drag"])
-            for j, f in enumerate(robot["end_effectors"])
-            if "drag" in f["contact"]
-        ]
         # Planned place of the base, up vector and stance at every step of a period.
         steps = round(motion.duration_s / m.opt.timestep) + 1
         self.plan = [self._planned(k * m.opt.timestep) for k in range(steps)]
@@ -201,18 +193,7 @@ class _Simulation:
 
     def _step(self, during, position_rad):
         m, d = self.m, self.d
-        # A motor drives no harder than its torque-speed line lets it; it brakes with all it has.
-        speed = d.qvel[self.model.channel_dofs]
-        driving = np.minimum(self.torque_max, np.maximum(self.stall * (1 - np.abs(speed) / self.no_load), 0.0))
-        high, low = m.actuator_forcerange[:, 1], m.actuator_forcerange[:, 0]
-        high[:] = np.where(speed > 0, driving, self.torque_max)
-        low[:] = np.where(speed < 0, -driving, -self.torque_max)
-        # Rolling resistance with the load of the step before.
-        width = self.motion.rolling_sign_width_m_s
-        for j, dof, radius, drag in self.free:
-            v = d.qvel[dof] * radius
-            slowing = drag["rolling_resistance"] * math.tanh(v / width) + drag["rolling_drag_s_m"] * v
-            d.qfrc_applied[dof] = -radius * self.load[j] * slowing
+        low, high = self.drives.act(d, self.load)
         mujoco.mj_step(m, d)
         self._contacts(during, high, low, position_rad)
 

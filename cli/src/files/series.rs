@@ -178,6 +178,8 @@ pub struct Lines {
     path: PathBuf,
     series: Series,
     file: BufWriter<File>,
+    /// First line of every file.
+    heading: Option<String>,
 }
 
 impl Lines {
@@ -187,7 +189,27 @@ impl Lines {
     /// The operating system refuses.
     pub fn create(output: &Output, rotation: Rotation) -> miette::Result<Self> {
         let (series, file) = Series::begin(output, rotation)?;
-        Ok(Self { path: output.path().to_owned(), series, file })
+        Ok(Self { path: output.path().to_owned(), series, file, heading: None })
+    }
+
+    /// A log whose files all begin with this line.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn with_heading(
+        output: &Output,
+        rotation: Rotation,
+        heading: String,
+    ) -> miette::Result<Self> {
+        let mut lines = Self::create(output, rotation)?;
+        lines.heading = Some(heading);
+        lines.head()?;
+        Ok(lines)
+    }
+
+    fn head(&mut self) -> miette::Result<()> {
+        let Some(heading) = &self.heading else { return Ok(()) };
+        writeln!(self.file, "{heading}").map_err(|error| cannot_write(&self.path, error))
     }
 
     /// Adds a line.
@@ -209,6 +231,7 @@ impl Lines {
             self.flush()?;
             if let Some(next) = self.series.next()? {
                 self.file = next;
+                self.head()?;
             }
         }
         Ok(())

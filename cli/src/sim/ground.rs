@@ -2,16 +2,22 @@
 
 use crate::output;
 use rollwalk_protocol::library::NodeId;
-use rollwalk_sim_host::ground::Travel;
+use rollwalk_sim_host::ground::{Grounded, Travel};
 use rollwalk_sim_host::rig::Rig;
 
 /// Shortest motion of which something is said, s.
 const SHORTEST_S: f64 = 0.2;
 
-/// Prints the way of each motion, and falls, to stderr.
-#[derive(Default)]
+/// Prints the way of each motion, falls, and what the hoist does, to stderr.
 pub struct Printer {
     falls: usize,
+    is_held: bool,
+}
+
+impl Default for Printer {
+    fn default() -> Self {
+        Self { falls: 0, is_held: true }
+    }
 }
 
 impl Printer {
@@ -24,7 +30,14 @@ impl Printer {
                 say(name, travel);
             }
         }
-        let falls = rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();
+        if let Some(ground) = rig.body().ground() {
+            self.print_ground(ground);
+        }
+    }
+
+    /// Prints falls and what the hoist has done since the last call.
+    pub fn print_ground(&mut self, ground: &Grounded) {
+        let falls = ground.falls();
         for fall in falls.iter().skip(self.falls) {
             output::say(format_args!(
                 "{:9.3} s  fell: tilted by {:.0}°, its body {:.2} m above the ground; the hoist picks it up when its torque has \
@@ -35,6 +48,12 @@ impl Printer {
             ));
         }
         self.falls = falls.len();
+        if ground.is_held() != self.is_held {
+            self.is_held = ground.is_held();
+            let what = if self.is_held { "picks the robot up" } else { "lets go" };
+            let at_s = ground.world().system().time_s();
+            output::say(format_args!("{at_s:9.3} s  the hoist {what}"));
+        }
     }
 }
 

@@ -4,9 +4,10 @@ use super::{Kept, Reopen, Waiting};
 use crate::body::Body;
 use crate::clock::{Periodic, SimTime};
 use crate::interface::Interface;
-use crate::rig::MOTOR_RATE_HZ;
+use crate::rig::{MOTOR_RATE_HZ, Observer};
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Event, Hub, Port};
+use rollwalk_physics::StepError;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -14,13 +15,17 @@ use std::time::{Duration, Instant};
 const LOAD_PERIOD: Duration = Duration::from_millis(10);
 
 /// Runs the motors on `buses`, by number, until `goes_on` returns `false`; it is called every few milliseconds. The
-/// motors of a lost bus are silent until it is back.
+/// motors of a lost bus are silent until it is back. An observer sees every step of the motors.
+///
+/// # Errors
+/// A step of a robot's world has no solution.
 pub fn run(
     body: &mut Body,
     buses: Vec<Port>,
     keeper: &mut dyn Reopen,
-    mut goes_on: impl FnMut() -> bool,
-) {
+    observer: &mut dyn Observer,
+    mut goes_on: impl FnMut(&Body) -> bool,
+) -> Result<(), StepError> {
     let start = Instant::now();
     let mut hub = Hub::new(buses);
     let mut waiting: Vec<_> = hub.outlets.iter().map(|_| Waiting::default()).collect();
@@ -41,8 +46,9 @@ pub fn run(
         };
         let now = SimTime::from_us(start.elapsed().as_micros() as u64);
         while steps.next() <= now {
-            body.step(steps.next(), 1.0 / f64::from(MOTOR_RATE_HZ))
-                .expect("a stand has no steps to solve");
+            let at = steps.next();
+            body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ))?;
+            observer.on_motor_step(at, body);
             steps.advance();
         }
         while let Some((channel, frame)) = body.on_timer(now) {
@@ -53,8 +59,8 @@ pub fn run(
             None => {
                 next_load = Instant::now() + LOAD_PERIOD;
                 body.update_loads();
-                if !goes_on() {
-                    return;
+                if !goes_on(body) {
+                    return Ok(());
                 }
             }
             Some((bus, Err(error))) => kept[bus].lose(&mut hub, keeper, &error),

@@ -8,23 +8,28 @@ use rollwalk_protocol::tunnel::Input;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// Receives the events of a [`super::Rig`] in their order, without influence on them.
+/// Receives the events of a [`super::Rig`] in their order, without influence on them; those that it does not look at
+/// pass by.
 pub trait Observer {
     /// The host has put a frame into its interface.
-    fn on_host_frame(&mut self, at: SimTime, frame: &Frame);
+    fn on_host_frame(&mut self, _at: SimTime, _frame: &Frame) {}
 
     /// The controller receives a frame or a tick.
-    fn on_controller_input(&mut self, at: SimTime, input: &Input);
+    fn on_controller_input(&mut self, _at: SimTime, _input: &Input) {}
 
     /// A frame leaves the controller for a bus; what waits in the bus's interface has left it before.
-    fn on_controller_frame(&mut self, at: SimTime, bus: Interface, frame: &Frame, body: &Body);
+    fn on_controller_frame(&mut self, _at: SimTime, _bus: Interface, _frame: &Frame, _body: &Body) {
+    }
 
     /// An actuator bus of the controller goes bus-off.
-    fn on_bus_off(&mut self, at: SimTime);
+    fn on_bus_off(&mut self, _at: SimTime) {}
 
     /// The motors have made a step.
-    fn on_motor_step(&mut self, at: SimTime, body: &Body);
+    fn on_motor_step(&mut self, _at: SimTime, _body: &Body) {}
 }
+
+/// Nobody looks.
+impl Observer for () {}
 
 /// Two observers, the first one first.
 impl<A: Observer, B: Observer> Observer for (A, B) {

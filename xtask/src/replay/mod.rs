@@ -1,6 +1,7 @@
 //! Shipped motions, and motions of imported robots, replayed in MuJoCo by programs that share no code with the planner:
 //! `docs/replay.md`.
 
+mod behind_firmware;
 mod urdf;
 
 use crate::steps::Extent;
@@ -53,8 +54,9 @@ pub fn document(options: &Options) -> Result<(), String> {
     let replay = Replay::new()?;
     let plans = replay.shipped("both", false)?;
     replay.grounded(&plans)?;
+    behind_firmware::compare(&replay, &plans)?;
     let mut document = replay.python("document.py");
-    for results in ["level.json", "disturbed.json", "ground.json"] {
+    for results in ["level.json", "disturbed.json", "ground.json", behind_firmware::RESULTS] {
         document.arg(replay.out.join(results));
     }
     for urdf in &options.urdf {

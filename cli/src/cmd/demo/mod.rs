@@ -97,6 +97,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         // In the air, torques that hold the robot's weight would push its limbs away from their targets.
         feed_forward: ground.is_some(),
         cycles: 2,
+        world_log: None,
     };
     let played = tour::play(&Packed::new(library.robot.clone(), packed.clone())?, options)?;
     let mut log = Vec::new();

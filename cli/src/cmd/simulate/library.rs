@@ -1,6 +1,7 @@
 //! A motion library behind the firmware: a tour over its motion graph, and what became of each motion.
 
 use super::Args;
+use crate::files::Rotation;
 use crate::output::Table;
 use crate::packed::Packed;
 use crate::terrain::Support;
@@ -65,6 +66,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             shoves: args.ground.shoves(),
             feed_forward: !args.no_feed_forward,
             cycles: args.cycles,
+            world_log: args.world_log.begin(&packed.robot, Rotation::default())?,
         },
     );
     let played = played?;

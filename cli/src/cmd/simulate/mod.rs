@@ -5,6 +5,7 @@ mod plan;
 
 use crate::Exit;
 use crate::terrain::GroundArgs;
+use crate::world_log::WorldLogArgs;
 use std::path::PathBuf;
 
 /// Play a plan or a motion library on the simulated ground.
@@ -23,7 +24,7 @@ Examples:
   rollwalk simulate walk.plan.json --cycles 20 --no-feed-forward
   rollwalk simulate walk.plan.json --terrain doorstep.toml --push 2:20,0,0:0.1
   rollwalk simulate walk.plan.json --slope 5 --json
-  rollwalk simulate demo-out/agilebot.rwl --cycles 3
+  rollwalk simulate demo-out/agilebot.rwl --cycles 3 --world-log run.csv
   rollwalk simulate pup.rwl --robot pup.toml --slope 2")]
 pub struct Args {
     /// Plan (JSON) or motion library.
@@ -43,6 +44,8 @@ pub struct Args {
     /// Steps of the simulation of a plan per second [default: 120]; with a library they are 240.
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(30..=10_000))]
     rate: Option<u32>,
+    #[command(flatten)]
+    world_log: WorldLogArgs,
     /// Print as JSON.
     #[arg(long)]
     json: bool,

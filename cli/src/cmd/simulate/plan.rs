@@ -1,12 +1,13 @@
 //! A plan without bus and controller, compared with what becomes of it.
 
 use super::Args;
+use crate::files::Rotation;
 use crate::{Exit, inputs, interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_physics::world::Totals;
 use rollwalk_planner::plan::Plan;
-use rollwalk_simulate::{Moment, Options, Outcome, play};
+use rollwalk_simulate::{Moment, Options, Outcome, log, play};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -42,12 +43,25 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         ProgressStyle::with_template("{spinner} {wide_bar} {percent} %")
             .unwrap_or_else(|_| ProgressStyle::default_bar()),
     );
+    let mut log = args.world_log.begin(&plan.robot, Rotation::default())?;
+    let mut failed = None;
     let goes_on = |moment: &Moment<'_>| {
         bar.set_position((1000.0 * moment.done_s / moment.all_s) as u64);
-        !interrupt::requested()
+        if let Some(log) = &mut log {
+            let logged = log::Moment {
+                time_s: moment.done_s,
+                motion: &plan.motion.name,
+                is_held: false,
+                has_fallen: moment.has_fallen,
+            };
+            failed = log.add(&logged, moment.world).err();
+        }
+        failed.is_none() && !interrupt::requested()
     };
     let outcome = play(&plan, &options, goes_on).into_diagnostic()?;
     bar.finish_and_clear();
+    failed.map_or(Ok(()), Err)?;
+    log.map_or(Ok(()), |mut log| log.end())?;
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
     }

@@ -1,0 +1,197 @@
+//! The same commands in two worlds: each motion in a library of its own behind firmware and bus on our ground, and what its drives
+//! were commanded there in MuJoCo (`tests/replay/logged.py`).
+
+use super::{CYCLES, Replay, rollwalk};
+use crate::{parallel, shell};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+use std::sync::Mutex;
+
+/// File with the results, in the output folder.
+pub const RESULTS: &str = "firmware.json";
+/// The motion before and after each: the robot stands.
+const STAND: &str = "safe_stand";
+
+/// Plays and compares all plans.
+///
+/// # Errors
+/// A program that fails.
+pub fn compare(replay: &Replay, plans: &[impl AsRef<Path> + Sync]) -> Result<(), String> {
+    let folder = replay.out.join("firmware");
+    fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let results = Mutex::new(BTreeMap::new());
+    let failures = parallel::each(plans, |plan| {
+        let result = one(replay, &folder, plan.as_ref())?;
+        let name = file_name(plan.as_ref());
+        results.lock().expect("no worker panics").insert(name, result);
+        Ok(())
+    });
+    if let Some(why) = failures.into_iter().next() {
+        return Err(why);
+    }
+    let results: Vec<_> = results.into_inner().expect("no worker panics").into_values().collect();
+    write(&replay.out.join(RESULTS), &Value::from(results).to_string())
+}
+
+/// What became of a motion, or why no library takes it.
+fn one(replay: &Replay, folder: &Path, path: &Path) -> Result<Value, String> {
+    let text = fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let plan: Value =
+        serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
+    let word = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let (robot, motion) = (word(&plan["robot"]["name"]), word(&plan["motion"]["name"]));
+    let mut result = json!({ "plan": file_name(path), "robot": robot, "motion": motion });
+    let robot = shell::workspace_root().join("robots").join(format!("{robot}.toml"));
+    // A file for each run, because they run beside each other.
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let file = |ending: &str| folder.join(format!("{stem}{ending}"));
+
+    write(&file("-stand.toml"), &stand(&robot))?;
+    let source = shell::workspace_root().join(motion_file(&stem));
+    let rollwalk = rollwalk()?.path;
+    let run = |args: &[&dyn AsRef<std::ffi::OsStr>]| {
+        let args: Vec<_> = args.iter().map(|arg| (*arg).as_ref()).collect();
+        let output = shell::command(&rollwalk.to_string_lossy(), &args).output();
+        output.map_err(|error| format!("rollwalk: {error}"))
+    };
+    let library = file(".rwl");
+    let mut refused = String::new();
+    for footfalls in [String::new(), steps(&plan)] {
+        let list = library_file(&robot, &file("-stand.toml"), &source, &motion, &footfalls);
+        write(&file("_library.toml"), &list)?;
+        let built = run(&[&"library", &"build", &file("_library.toml"), &"-o", &library])?;
+        if built.status.success() {
+            refused.clear();
+            break;
+        }
+        refused = reason(&String::from_utf8_lossy(&built.stderr));
+    }
+    if !refused.is_empty() {
+        result["refused"] = refused.into();
+        return Ok(result);
+    }
+    let log = file(".csv");
+    let cycles = ["--cycles", CYCLES, "--world-log"];
+    let played = run(&[
+        &"simulate",
+        &library,
+        &"--robot",
+        &robot,
+        &cycles[0],
+        &cycles[1],
+        &cycles[2],
+        &log,
+    ])?;
+    // Exit code 3: it falls, or its tour is stopped.
+    if !matches!(played.status.code(), Some(0 | 3)) {
+        let why = String::from_utf8_lossy(&played.stderr);
+        return Err(format!("rollwalk simulate {}: {why}", library.display()));
+    }
+    let mut compared = replay.python("logged.py");
+    shell::output(compared.arg(&robot).arg(&log).arg(path).arg("--json").arg(file(".json")))?;
+    // A log is a hundred times as large as everything else.
+    fs::remove_file(&log).map_err(|error| format!("{}: {error}", log.display()))?;
+    let text = fs::read_to_string(file(".json")).map_err(|error| error.to_string())?;
+    let outcome: Value = serde_json::from_str(&text).map_err(|error| error.to_string())?;
+    result["fell_at_s"] = outcome["fell_at_s"].clone();
+    let pieces = outcome["pieces"].as_array().into_iter().flatten();
+    let piece = pieces.into_iter().find(|piece| piece["motion"] == motion.as_str());
+    for key in ["planned", "goals", "ours", "mujoco"] {
+        result[key] = piece.map_or(Value::Null, |piece| piece[key].clone());
+    }
+    Ok(result)
+}
+
+/// A motion in which the robot stands.
+fn stand(robot: &Path) -> String {
+    format!(
+        "name = \"{STAND}\"\nrobot = \"{}\"\nduration_s = 1.0\nends = \"at_rest\"\nsamples = 12\n\
+         [goal]\nforward_m = 0.0\nleft_m = 0.0\nturn_rad = 0.0\n[footfalls]\nall = \"stance\"\n",
+        robot.display()
+    )
+}
+
+/// A library of a stand and a motion.
+fn library_file(
+    robot: &Path,
+    stand: &Path,
+    motion_file: &Path,
+    motion: &str,
+    footfalls: &str,
+) -> String {
+    let (robot, stand, motion_file) = (robot.display(), stand.display(), motion_file.display());
+    let transition = match footfalls {
+        "" => "duration_s = 1.2\nsamples = 25\n".to_owned(),
+        _ => format!(
+            "duration_s = 2.4\nsamples = 60\nswing_height_m = 0.02\n[via_safe.footfalls]\n{footfalls}"
+        ),
+    };
+    format!(
+        "name = \"replay\"\nrobot = \"{robot}\"\nsafe = \"{STAND}\"\n\
+         [[motion]]\nname = \"{STAND}\"\nfile = \"{stand}\"\ncode = 1\n\
+         [[motion]]\nname = \"{motion}\"\nfile = \"{motion_file}\"\ncode = 2\n[via_safe]\n{transition}"
+    )
+}
+
+/// Footfalls of a transition in which each leg steps once: what stands on skates cannot get to another place without.
+fn steps(plan: &Value) -> String {
+    /// Marks of a row, and those of a step with the stance before it.
+    const MARKS: usize = 40;
+    const BETWEEN: usize = 4;
+    let end_effectors = plan["robot"]["end_effectors"].as_array().cloned().unwrap_or_default();
+    let mut legs: Vec<&Value> = Vec::new();
+    for end_effector in &end_effectors {
+        if !legs.contains(&&end_effector["link"]) {
+            legs.push(&end_effector["link"]);
+        }
+    }
+    // Of four legs those across from each other follow one another.
+    if let [first, second, third, fourth] = legs[..] {
+        legs = vec![first, fourth, second, third];
+    }
+    let each = (MARKS - BETWEEN) / legs.len().max(1);
+    let mut rows = String::new();
+    for end_effector in &end_effectors {
+        let leg = legs.iter().position(|link| **link == end_effector["link"]).unwrap_or_default();
+        let lift = BETWEEN + leg * each;
+        let swing = lift..lift + each.saturating_sub(BETWEEN).max(2);
+        let marks: String =
+            (0..MARKS).map(|mark| if swing.contains(&mark) { '.' } else { '#' }).collect();
+        let _ =
+            writeln!(rows, "{} = \"{marks}\"", end_effector["name"].as_str().unwrap_or_default());
+    }
+    rows
+}
+
+/// Motion file of a plan, whose name begins with that of the folder: see [`Replay::plan`].
+fn motion_file(stem: &str) -> String {
+    match stem.strip_prefix("table_2_1-") {
+        Some(name) => format!("motions/table_2_1/{name}.toml"),
+        None => format!("motions/{}.toml", stem.strip_prefix("motions-").unwrap_or(stem)),
+    }
+}
+
+/// Why a library is not built: the error, or the transitions that were not found.
+fn reason(errors: &str) -> String {
+    let line = |mark: char| errors.lines().filter_map(move |line| line.trim().strip_prefix(mark));
+    if let Some(error) = line('×').next() {
+        // Without the place in a file that nobody has.
+        let (_, what) = error.split_once(".toml:").unwrap_or(("", error));
+        let what = what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ':');
+        return what.trim().replace(STAND, "stand");
+    }
+    let failed: Vec<_> =
+        line('✗').map(|line| line.split("  ").next().unwrap_or_default().trim()).collect();
+    format!("no transition found: {}", failed.join(", ").replace(STAND, "stand"))
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn write(path: &Path, text: &str) -> Result<(), String> {
+    fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
+}
