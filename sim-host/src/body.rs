@@ -50,7 +50,7 @@ impl Body {
         Self { ground: Some(Grounded::new(robot, ground, shoves)), ..Self::new(robot) }
     }
 
-    /// The same for a controller elsewhere: nobody says what it plays.
+    /// The same for a controller elsewhere, whose clips are not known here.
     pub fn motors_on_ground(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
         Self { ground: Some(Grounded::of_motors(robot, ground, shoves)), ..Self::new(robot) }
     }

@@ -69,7 +69,7 @@ impl Grounded {
         Self::with(robot, ground, shoves, LetsGo::WhenItPlays)
     }
 
-    /// Motors whose controller is elsewhere, so that nobody says what is played: the hoist lets go when they stand.
+    /// Motors whose controller is elsewhere, so that its clips are not known: the hoist lets go when they stand.
     pub fn of_motors(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
         Self::with(robot, ground, shoves, LetsGo::WhenItStands(StillWatch::default()))
     }

@@ -1,7 +1,7 @@
 //! A run as a table: at every step where the robot is, what its drives were commanded, what its motors did, and what the
 //! ground did to it. Format: `docs/world-log.md`.
 //!
-//! Whoever steps a world writes it, with a bus or without.
+//! The caller that steps a world writes it, with a bus or without.
 
 use rollwalk_physics::World;
 use rollwalk_physics::motor::Law;

@@ -28,7 +28,7 @@ pub trait Observer {
     fn on_motor_step(&mut self, _at: SimTime, _body: &Body) {}
 }
 
-/// Nobody looks.
+/// An observer that ignores all events.
 impl Observer for () {}
 
 /// Two observers, the first one first.
