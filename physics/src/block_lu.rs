@@ -197,6 +197,64 @@ impl BlockLu {
         }
     }
 
+    /// Solves with the factors for several right sides at once, in place: of each unknown, one number of every side.
+    pub fn solve_lanes<const W: usize>(&self, sides: &mut [[f64; W]]) {
+        let own = |pivot: &Pivot| self.firsts[pivot.body]..self.firsts[pivot.body + 1];
+        let mut known = [[0.0; W]; 6];
+        for pivot in &self.pivots {
+            let rows = own(pivot);
+            let size = rows.len();
+            known[..size].copy_from_slice(&sides[rows]);
+            for (&other, &below) in pivot.later.iter().zip(&pivot.below) {
+                let target = &mut sides[own(&self.pivots[other])];
+                subtract_lanes(&self.values[below..], &known[..size], target);
+            }
+        }
+        let mut part = [[0.0; W]; 6];
+        for pivot in self.pivots.iter().rev() {
+            let rows = own(pivot);
+            let size = rows.len();
+            part[..size].copy_from_slice(&sides[rows.clone()]);
+            for (&other, &beside) in pivot.later.iter().zip(&pivot.beside) {
+                let known = &sides[own(&self.pivots[other])];
+                subtract_lanes(&self.values[beside..], known, &mut part[..size]);
+            }
+            part[..size].iter_mut().flatten().for_each(|value| *value = -*value);
+            let target = &mut sides[rows];
+            target.fill([0.0; W]);
+            subtract_lanes(&self.values[pivot.diagonal..], &part[..size], target);
+        }
+    }
+
+    /// Solves with the transposed factors, in place.
+    pub fn solve_transposed(&self, side: &mut [f64]) {
+        let own = |pivot: &Pivot| self.firsts[pivot.body]..self.firsts[pivot.body + 1];
+        for pivot in &self.pivots {
+            let part = Small::new(&side[own(pivot)]);
+            let mut known = Small { parts: [0.0; 6], length: part.length };
+            self.subtract_transposed(pivot.diagonal, &part, known.as_mut());
+            known.as_mut().iter_mut().for_each(|value| *value = -*value);
+            side[own(pivot)].copy_from_slice(known.as_mut());
+            for (&other, &beside) in pivot.later.iter().zip(&pivot.beside) {
+                self.subtract_transposed(beside, &known, &mut side[own(&self.pivots[other])]);
+            }
+        }
+        for pivot in self.pivots.iter().rev() {
+            for (&other, &below) in pivot.later.iter().zip(&pivot.below) {
+                let known = Small::new(&side[own(&self.pivots[other])]);
+                self.subtract_transposed(below, &known, &mut side[own(pivot)]);
+            }
+        }
+    }
+
+    /// Subtracts the product of a transposed block and a vector.
+    fn subtract_transposed(&self, begin: usize, vector: &Small, from: &mut [f64]) {
+        let block = &self.values[begin..begin + from.len() * vector.length];
+        for (row, column) in from.iter_mut().zip(block.chunks_exact(vector.length)) {
+            *row -= column.iter().zip(vector.parts).map(|(value, part)| value * part).sum::<f64>();
+        }
+    }
+
     /// Subtracts the product of a block and a vector.
     fn subtract_product(&self, begin: usize, vector: &Small, from: &mut [f64]) {
         let block = &self.values[begin..begin + from.len() * vector.length];
@@ -205,6 +263,21 @@ impl BlockLu {
                 *row -= value * part;
             }
         }
+    }
+}
+
+/// Subtracts the product of a block, by columns, and the rows of several vectors.
+#[inline]
+fn subtract_lanes<const W: usize>(block: &[f64], known: &[[f64; W]], from: &mut [[f64; W]]) {
+    let rows = from.len();
+    for (row, lanes) in from.iter_mut().enumerate() {
+        let mut sum = *lanes;
+        for (part, value) in known.iter().zip(block[row..].iter().step_by(rows)) {
+            for (sum, part) in sum.iter_mut().zip(part) {
+                *sum -= value * part;
+            }
+        }
+        *lanes = sum;
     }
 }
 
@@ -318,7 +391,16 @@ mod tests {
             assert!(lu.factorise());
             let mut found: Vec<f64> = side.iter().copied().collect();
             lu.solve(&mut found);
+            let mut lanes: Vec<[f64; 2]> = side.iter().map(|&part| [part, 2.0 * part]).collect();
+            lu.solve_lanes(&mut lanes);
+            for (one, [same, twice]) in found.iter().zip(lanes) {
+                assert!((one - same).abs() + (2.0 * one - twice).abs() < 1e-9, "seed {seed}");
+            }
             let residual = &dense * DVector::from_vec(found) - &side;
+            assert!(residual.norm() < 1e-9, "seed {seed}: {}", residual.norm());
+            let mut found: Vec<f64> = side.iter().copied().collect();
+            lu.solve_transposed(&mut found);
+            let residual = dense.transpose() * DVector::from_vec(found) - &side;
             assert!(residual.norm() < 1e-9, "seed {seed}: {}", residual.norm());
         }
     }

@@ -1,7 +1,9 @@
 //! What moves: rigid bodies, and particles, which do not turn.
 
+use crate::force::{By, Derivative};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::rotation::skew;
 
 /// Mass and inertia of a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,6 +63,19 @@ impl Body {
             Self::Rigid(inertia) => inertia.spinning(motion).0,
             Self::Particle { .. } => Vector3::zeros(),
         }
+    }
+
+    /// Derivatives of momentum and angular momentum by the motion.
+    pub(crate) fn momentum_by(&self, motion: &Motion) -> Derivative {
+        let mut by = Derivative::default();
+        by.add_force(By::Velocity, &(Matrix3::identity() * self.mass_kg()));
+        if let Self::Rigid(inertia) = self {
+            let (momentum, about_com) = inertia.spinning(motion);
+            // L = I ω: δL = δθ × L − I (δθ × ω) + I δω.
+            by.add_moment(By::Rotation, &(about_com * skew(&motion.spin) - skew(&momentum)));
+            by.add_moment(By::Spin, &about_com);
+        }
+        by
     }
 
     /// Kinetic energy, J.

@@ -49,16 +49,9 @@ pub fn agrees_at(force: &dyn Force, count: u64, prepare: impl Fn(&mut [Motion]))
         let [mut now, last, before] = [0; 3].map(|_| motions(&mut rng, bodies));
         prepare(&mut now);
         let weights = Weights::new(Scheme::Bdf2, 0.01);
-        let wrenches = |now: &[Motion]| {
+        let wrenches = |[now, last, before]: &[Vec<Motion>; 3]| {
             let mut wrenches = vec![Wrench::default(); bodies];
-            let view = View {
-                now,
-                last: &last,
-                before: &before,
-                weights: &weights,
-                tame: false,
-                held: None,
-            };
+            let view = View { now, last, before, weights: &weights, tame: false, held: None };
             force.wrenches(&view, &mut wrenches);
             wrenches
         };
@@ -74,15 +67,18 @@ pub fn agrees_at(force: &dyn Force, count: u64, prepare: impl Fn(&mut [Motion]))
         };
         force.derivatives(&view, &mut again, &mut found);
         let scale = 1.0 + again.iter().map(|w| w.stacked().norm()).fold(0.0, f64::max);
-        for (one, other) in wrenches(&now).iter().zip(&again) {
+        let times = [now.clone(), last.clone(), before.clone()];
+        for (one, other) in wrenches(&times).iter().zip(&again) {
             assert!((one.stacked() - other.stacked()).norm() < 1e-12 * scale, "{force:?}");
         }
-        for j in 0..bodies {
-            for direction in 0..12 {
+        let [mut by_last, mut by_before] = [0; 2].map(|_| vec![Derivative::default(); found.len()]);
+        force.history(&view, &mut by_last, &mut by_before);
+        for (time, found) in [found, by_last, by_before].iter().enumerate() {
+            for (j, direction) in (0..bodies).flat_map(|j| (0..12).map(move |k| (j, k))) {
                 let at = |by: f64| {
-                    let mut now = now.clone();
-                    now[j] = moved(&now[j], direction, by);
-                    wrenches(&now)
+                    let mut times = [now.clone(), last.clone(), before.clone()];
+                    times[time][j] = moved(&times[time][j], direction, by);
+                    wrenches(&times)
                 };
                 let (ahead, behind) = (at(step), at(-step));
                 for i in 0..bodies {
@@ -95,7 +91,8 @@ pub fn agrees_at(force: &dyn Force, count: u64, prepare: impl Fn(&mut [Motion]))
                     let bound = 1e-6 * (scale + matrix.norm());
                     assert!(
                         error < bound,
-                        "{force:?}: body {i} by direction {direction} of body {j}: {error} > {bound}"
+                        "{force:?}: body {i} by direction {direction} of body {j}, {time} steps ago: \
+                         {error} > {bound}"
                     );
                 }
             }

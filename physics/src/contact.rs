@@ -10,6 +10,7 @@ use crate::friction::Friction;
 use crate::ground::{Ground, Surface};
 use crate::kinks::Kink;
 use crate::motion::Motion;
+use crate::sensitivity::parameter::OfContact;
 use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6x3, RowVector3, Vector3};
 use place::{Place, across};
@@ -204,6 +205,61 @@ impl Contact {
                 - ahead * ahead.transpose() * (spring * slope * gain);
         }
         (force, by_shift)
+    }
+
+    /// Derivative of the wrench by one of the contact's numbers; none while it does not touch.
+    pub(crate) fn wrench_by(&self, number: OfContact, view: &View<'_>) -> Option<Wrench> {
+        let body = &view.now[0];
+        let place = Place::new(self, body);
+        let Surface { gap_m, normal, .. } = place.surface;
+        if gap_m >= 0.0 {
+            return None;
+        }
+        let velocity = body.velocity + body.spin.cross(&place.arm);
+        let spring = -self.normal.stiffness_n_m * gap_m;
+        let approach = normal.dot(&velocity);
+        let mut sliding = velocity - normal * approach;
+        // Directions, and the derivative of what resists along a blade or about a rim by its share of the load.
+        let (mut ahead, mut axis, mut speed) = (Vector3::zeros(), Vector3::zeros(), 0.0);
+        match (self.tip, place.axis) {
+            (Tip::Blade { .. }, Some(of_blade)) => {
+                let (across, _, _) = across(&of_blade, &normal);
+                sliding = across * across.dot(&velocity);
+                ahead = across.cross(&normal);
+                speed = ahead.dot(&velocity);
+            }
+            (Tip::Rim { .. }, Some(of_rim)) => {
+                axis = of_rim;
+                speed = self.radius_m * axis.dot(&body.spin);
+            }
+            _ => {}
+        }
+        let friction = self.friction.held_force(view.held.as_ref(), &sliding, spring);
+        let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
+        let mut resist = |by: f64| {
+            force = ahead * -by;
+            moment = axis * -(self.radius_m * by);
+        };
+        match number {
+            OfContact::Stiffness => {
+                resist(-gap_m * self.resistance(speed).0);
+                force += (normal + friction.by_normal) * -gap_m;
+            }
+            OfContact::Damping => {
+                let ramp =
+                    if -gap_m < self.normal.ramp_m { -gap_m / self.normal.ramp_m } else { 1.0 };
+                force = normal * (-ramp * approach);
+            }
+            OfContact::Ramp if -gap_m < self.normal.ramp_m => {
+                force = normal * (self.damping(gap_m).0 / self.normal.ramp_m * approach);
+            }
+            OfContact::Ramp => {}
+            OfContact::Friction => force = friction.by_coefficient,
+            OfContact::Stick => force = friction.by_stick,
+            OfContact::Resistance => resist(spring * (speed / RESISTANCE_SPEED_M_S).tanh()),
+            OfContact::ResistancePerSpeed => resist(spring * speed),
+        }
+        Some(Wrench { force, moment: moment + place.arm.cross(&force) })
     }
 
     /// Moment of the rolling resistance of a rim about its axis.

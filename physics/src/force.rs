@@ -6,7 +6,7 @@
 
 use crate::friction::Friction;
 use crate::kinks::Kink;
-use crate::motion::{Motion, Weights};
+use crate::motion::{Motion, Trial, Weights};
 use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use std::any::Any;
@@ -71,6 +71,22 @@ impl Derivative {
         self.add(3, by, block);
     }
 
+    /// Derivative by the unknowns of a body: by its shift and, if it turns, by its rotation increment; through velocity and
+    /// spin as well.
+    pub(crate) fn chained(&self, by: &Trial, gain: f64, turns: bool) -> Matrix6<f64> {
+        let Self { by_pose, by_rate } = self;
+        let mut by_unknowns = Matrix6::zeros();
+        let mut shift = by_unknowns.fixed_columns_mut::<3>(0);
+        shift.copy_from(&by_pose.fixed_columns::<3>(0));
+        shift += by_rate.fixed_columns::<3>(0) * gain;
+        if turns {
+            let mut turn = by_unknowns.fixed_columns_mut::<3>(3);
+            turn.copy_from(&(by_pose.fixed_columns::<3>(3) * by.turn_by_phi));
+            turn += by_rate.fixed_columns::<3>(3) * by.spin_by_phi;
+        }
+        by_unknowns
+    }
+
     fn add(&mut self, row: usize, by: By, block: &Matrix3<f64>) {
         let (matrix, column) = match by {
             By::Position => (&mut self.by_pose, 0),
@@ -122,6 +138,10 @@ pub trait Force: Any + Debug + Send + Sync {
     /// Adds the wrenches and their derivatives: that of the wrench on body `i` by the motion of body `j` is in
     /// `derivatives[i * bodies + j]`.
     fn derivatives(&self, view: &View<'_>, wrenches: &mut [Wrench], derivatives: &mut [Derivative]);
+
+    /// Adds the derivatives of the wrenches by the motions at the beginning of the step and one step earlier, of a force that
+    /// looks at them.
+    fn history(&self, _view: &View<'_>, _last: &mut [Derivative], _before: &mut [Derivative]) {}
 
     /// Hears that a step has ended with these motions of all bodies: for what the motions do not tell. To hear of motions at the
     /// beginning of a step again must undo it.

@@ -36,6 +36,10 @@ pub struct FrictionForce {
     pub by_sliding: Matrix3<f64>,
     /// By the normal force.
     pub by_normal: Vector3<f64>,
+    /// By the coefficient, N.
+    pub by_coefficient: Vector3<f64>,
+    /// By what sticks, m/s.
+    pub by_stick: Vector3<f64>,
     /// Whether it is beyond what the cone holds.
     pub slips: bool,
 }
@@ -61,7 +65,9 @@ impl Friction {
         normal_n: f64,
     ) -> FrictionForce {
         let Some(&Held { force, stick_n_s_m }) = held else { return self.force(sliding, normal_n) };
-        Self { stick_n_s_m, ..*self }.force(&(sliding - force / stick_n_s_m), normal_n)
+        let force = Self { stick_n_s_m, ..*self }.force(&(sliding - force / stick_n_s_m), normal_n);
+        // How firm the hold is, is no number of the contact's.
+        FrictionForce { by_stick: Vector3::zeros(), ..force }
     }
 
     /// The force at a sliding velocity, m/s in the tangent plane, under a normal force, N.
@@ -73,12 +79,18 @@ impl Friction {
             force: sliding * -stick,
             by_sliding: Matrix3::identity() * -stick,
             by_normal: Vector3::zeros(),
+            by_coefficient: Vector3::zeros(),
+            by_stick: -sliding,
             slips: false,
         };
         if limit <= 0.0 {
+            // Of a contact without friction, to the side of more of it.
+            let by_coefficient = sliding * (-normal_n.max(0.0) / speed.max(f64::MIN_POSITIVE));
             return FrictionForce {
                 force: Vector3::zeros(),
                 by_sliding: Matrix3::zeros(),
+                by_coefficient,
+                by_stick: Vector3::zeros(),
                 slips: speed > 0.0,
                 ..sticking
             };
@@ -95,6 +107,8 @@ impl Friction {
                 force: along * -limit,
                 by_sliding: across * (-limit / speed),
                 by_normal: along * -self.coefficient,
+                by_coefficient: along * -normal_n,
+                by_stick: Vector3::zeros(),
                 slips: true,
             },
             Model::Tanh => {
@@ -105,6 +119,8 @@ impl Friction {
                     by_sliding: across * (-limit * share / speed)
                         - along * along.transpose() * (stick * slope),
                     by_normal: along * (-self.coefficient * (share - ratio * slope)),
+                    by_coefficient: along * (-normal_n * (share - ratio * slope)),
+                    by_stick: sliding * -slope,
                     slips: ratio >= 1.0,
                 }
             }

@@ -16,6 +16,8 @@
 //! | [`contact`], [`friction`], [`touch`], [`event`] | contact with the ground, its friction law, its reported state, and touch-down, lift-off and slip |
 //! | [`kinks`] | where forces are not smooth, and how the solver passes there |
 //! | [`system`] | the step, halved where it does not converge |
+//! | [`sensitivity`] | derivatives of whole rollouts by what they depend on, direct and adjoint |
+//! | [`curve`] | curves of time through knots, which motors' targets follow |
 //! | `newton`, `residual`, `matrix`, `block_lu`, `sticking` | how a step is solved: the method, the equations, their matrix and its factors, what friction holds |
 //! | [`world`] | a robot from its description |
 
@@ -26,6 +28,7 @@ pub mod body;
 #[cfg(test)]
 mod check;
 pub mod contact;
+pub mod curve;
 pub mod event;
 pub mod force;
 pub mod friction;
@@ -41,6 +44,7 @@ pub mod points;
 pub mod push;
 mod residual;
 pub mod rotation;
+pub mod sensitivity;
 pub mod soft;
 pub mod spring;
 mod sticking;

@@ -147,6 +147,43 @@ impl BlockMatrix {
         }
     }
 
+    /// All values, to be kept.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Factorises the matrix with these values, for right sides that come; false for a singular one.
+    pub fn factorise(&mut self, values: &[f64]) -> bool {
+        self.values.copy_from_slice(values);
+        // How exact the factors are shows at a right side: here at one that has a part of everything.
+        let mut side = vec![1.0; self.solution.len()];
+        self.solve(&mut side)
+    }
+
+    /// Solves in place for several right sides, with the last factors: of each unknown, one number of every side.
+    pub fn solve_lanes<const W: usize>(&mut self, sides: &mut [[f64; W]]) {
+        match &self.blocks {
+            Some((lu, _)) if !self.exchanged => lu.solve_lanes(sides),
+            _ => {
+                let mut side = vec![0.0; sides.len()];
+                for lane in 0..W {
+                    side.iter_mut().zip(&*sides).for_each(|(part, lanes)| *part = lanes[lane]);
+                    self.solve_again(&mut side);
+                    sides.iter_mut().zip(&side).for_each(|(lanes, part)| lanes[lane] = *part);
+                }
+            }
+        }
+    }
+
+    /// Solves in place with the transposed matrix and the last factors.
+    pub fn solve_transposed(&mut self, side: &mut [f64]) {
+        match (&self.blocks, &mut self.exchanging) {
+            (_, Some(exchanging)) if self.exchanged => exchanging.solve_transposed(side),
+            (Some((lu, _)), _) => lu.solve_transposed(side),
+            _ => unreachable!("the matrix was factorised before"),
+        }
+    }
+
     /// By blocks; false, and the right side as it was, where that is not exact.
     fn solve_blocks(&mut self, side: &mut [f64]) -> bool {
         let Some((lu, begins)) = &mut self.blocks else { return false };
@@ -192,7 +229,8 @@ impl BlockMatrix {
             let symbolic = symbolic.expect("there is memory");
             let scratch = symbolic
                 .factorize_numeric_lu_scratch::<f64>(Par::Seq, Spec::default())
-                .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+                .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq))
+                .or(symbolic.solve_transpose_in_place_scratch::<f64>(1, Par::Seq));
             let memory = MemBuffer::new(scratch);
             Exchanging { symbolic, numeric: NumericLu::new(), memory }
         });
@@ -216,6 +254,15 @@ impl Exchanging {
         let factors = LuRef::new_unchecked(&self.symbolic, &self.numeric);
         let stack = MemStack::new(&mut self.memory);
         factors.solve_in_place_with_conj(Conj::No, side, Par::Seq, stack);
+    }
+
+    /// The transposed matrix, with the last factors.
+    fn solve_transposed(&mut self, side: &mut [f64]) {
+        let size = side.len();
+        let side = MatMut::from_column_major_slice_mut(side, size, 1);
+        let factors = LuRef::new_unchecked(&self.symbolic, &self.numeric);
+        let stack = MemStack::new(&mut self.memory);
+        factors.solve_transpose_in_place_with_conj(Conj::No, side, Par::Seq, stack);
     }
 }
 
@@ -256,6 +303,17 @@ mod tests {
                 assert!(solve(&mut matrix, &mut found));
                 let residual = &dense * DVector::from_vec(found) - &side;
                 assert!(residual.norm() < 1e-10, "{}", residual.norm());
+            }
+            for exchanged in [false, true] {
+                matrix.exchanged = exchanged;
+                let mut found: Vec<f64> = side.iter().copied().collect();
+                matrix.solve_transposed(&mut found);
+                let residual = dense.transpose() * DVector::from_vec(found) - &side;
+                assert!(residual.norm() < 1e-10, "{}", residual.norm());
+                let mut lanes: Vec<[f64; 1]> = side.iter().map(|&part| [part]).collect();
+                matrix.solve_lanes(&mut lanes);
+                let found = DVector::from_iterator(21, lanes.into_iter().flatten());
+                assert!((&dense * found - &side).norm() < 1e-10);
             }
         }
     }

@@ -92,6 +92,11 @@ impl Weights {
         self.now / self.step_s
     }
 
+    /// Derivatives of the rate by the quantity at the two steps before, 1/s.
+    pub(crate) fn earlier_gains(&self) -> [f64; 2] {
+        [self.last / self.step_s, self.before / self.step_s]
+    }
+
     /// The rate of a quantity from its value now and at the two steps before.
     pub fn rate<T>(&self, now: T, last: T, before: T) -> T
     where

@@ -50,6 +50,8 @@ pub struct Torque {
     pub value_nm: f64,
     by_angle: f64,
     by_speed: f64,
+    /// By what the loops want: 1 within all limits, 0 at one.
+    by_wanted: f64,
 }
 
 impl Law {
@@ -71,9 +73,13 @@ impl Law {
             + self.kd_nm_s_rad * (self.speed_rad_s - speed_rad_s)
             + self.torque_nm;
         let limited =
-            |limit: f64, by_speed: f64| Torque { value_nm: limit, by_angle: 0.0, by_speed };
-        let mut torque =
-            Torque { value_nm: wanted, by_angle: -self.kp_nm_rad, by_speed: -self.kd_nm_s_rad };
+            |limit: f64, by_speed: f64| Torque { value_nm: limit, by_speed, ..Torque::default() };
+        let mut torque = Torque {
+            value_nm: wanted,
+            by_angle: -self.kp_nm_rad,
+            by_speed: -self.kd_nm_s_rad,
+            by_wanted: 1.0,
+        };
         if wanted.abs() > self.limit_nm {
             torque = limited(self.limit_nm.copysign(wanted), 0.0);
         }
@@ -91,6 +97,16 @@ impl Law {
         }
         torque
     }
+}
+
+/// Derivatives of a motor's torque by the numbers of its law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LawBy {
+    pub position_nm_rad: f64,
+    pub speed_nm_s_rad: f64,
+    pub torque: f64,
+    pub kp_rad: f64,
+    pub kd_rad_s: f64,
 }
 
 /// The motor of a hinge between a first body, which carries it, and a second, which it turns.
@@ -126,7 +142,7 @@ impl Stops {
         let [min, max] = self.range_rad;
         let beyond = angle_rad - angle_rad.clamp(min, max);
         let by_angle = if beyond == 0.0 { 0.0 } else { -self.stiffness_nm_rad };
-        Torque { value_nm: -self.stiffness_nm_rad * beyond, by_angle, by_speed: 0.0 }
+        Torque { value_nm: -self.stiffness_nm_rad * beyond, by_angle, ..Torque::default() }
     }
 }
 
@@ -151,6 +167,25 @@ impl Motor {
     /// Torque of the motor at the motions `now`, rotor and stops aside.
     pub fn torque(&self, now: &[Motion]) -> Torque {
         self.law.torque(self.angle(now), self.speed(now))
+    }
+
+    /// Derivatives of the torque at the end of a step by the law's numbers: 0 at a limit.
+    pub(crate) fn law_by(&self, view: &View<'_>) -> LawBy {
+        let (angle, speed) = (self.angle(view.now), self.speed(view.now));
+        let free = self.law.torque(angle, speed).by_wanted;
+        LawBy {
+            position_nm_rad: free * self.law.kp_nm_rad,
+            speed_nm_s_rad: free * self.law.kd_nm_s_rad,
+            torque: free,
+            kp_rad: free * (self.law.position_rad - angle),
+            kd_rad_s: free * (self.law.speed_rad_s - speed),
+        }
+    }
+
+    /// Acceleration of the second body about the axis relative to the first, as the step has it, rad/s².
+    pub(crate) fn acceleration(&self, view: &View<'_>) -> f64 {
+        let speed = |motions| self.speed(motions);
+        view.weights.rate(speed(view.now), speed(view.last), speed(view.before))
     }
 
     /// Sine and cosine of the angle, up to a common factor; and its gradient by the turn of the second body.
@@ -179,9 +214,7 @@ impl Motor {
     /// Moment about the axis on the second body.
     fn moment(&self, view: &View<'_>) -> Torque {
         let mut torque = self.bounded(self.angle(view.now), self.speed(view.now));
-        let speed = |motions| self.speed(motions);
-        let acceleration = view.weights.rate(speed(view.now), speed(view.last), speed(view.before));
-        torque.value_nm -= self.armature_kg_m2 * acceleration;
+        torque.value_nm -= self.armature_kg_m2 * self.acceleration(view);
         torque.by_speed -= self.armature_kg_m2 * view.weights.gain();
         torque
     }
@@ -246,6 +279,24 @@ impl Force for Motor {
             derivatives[of_second].add_moment(By::Rotation, &(by_angle * on_i));
             derivatives[of_first].add_moment(By::Spin, &(by_speed * -on_i));
             derivatives[of_second].add_moment(By::Spin, &(by_speed * on_i));
+        }
+    }
+
+    /// The rotor's inertia feels the change of its speed.
+    fn history(&self, view: &View<'_>, last: &mut [Derivative], before: &mut [Derivative]) {
+        let axis_now = self.axis_in_world(&view.now[0]);
+        let times = [(view.last, last), (view.before, before)];
+        for ((then, derivatives), gain) in times.into_iter().zip(view.weights.earlier_gains()) {
+            let axis = self.axis_in_world(&then[0]);
+            let relative = then[1].spin - then[0].spin;
+            let moment = axis_now * (-self.armature_kg_m2 * gain);
+            let (by_turn, by_spin) =
+                (moment * axis.cross(&relative).transpose(), moment * axis.transpose());
+            for (i, on_i) in [(0, -1.0), (1, 1.0)] {
+                derivatives[2 * i].add_moment(By::Rotation, &(by_turn * on_i));
+                derivatives[2 * i].add_moment(By::Spin, &(by_spin * -on_i));
+                derivatives[2 * i + 1].add_moment(By::Spin, &(by_spin * on_i));
+            }
         }
     }
 }

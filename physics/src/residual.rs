@@ -10,10 +10,9 @@ use crate::force::{Derivative, Force, Held, View, Wrench};
 use crate::matrix::{BlockMatrix, Slot};
 use crate::motion::{Displacement, Motion, Trial, Weights};
 use nalgebra::{Matrix3, Matrix6, Vector3};
-use rollwalk_multibody::rotation::skew;
 
 /// What is known of a step before it is solved.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Step<'a> {
     pub bodies: &'a [Body],
     pub forces: &'a [Box<dyn Force>],
@@ -182,20 +181,14 @@ impl Equations {
         let (mass_kg, motion) = (body.mass_kg(), &trial.motion);
         let Wrench { force, moment } = self.inertial[k];
         let force = (motion.velocity * gain - step.gravity_m_s2) * mass_kg + force;
-        let mut block = Matrix6::zeros();
-        let of_shift = Matrix3::identity() * (mass_kg * gain * gain);
-        block.fixed_view_mut::<3, 3>(0, 0).copy_from(&of_shift);
         let rows = &mut self.residual[self.firsts[k]..self.firsts[k + 1]];
         rows[..3].copy_from_slice(force.as_slice());
-        if let Body::Rigid(inertia) = body {
-            let (momentum, about_com) = inertia.spinning(motion);
-            rows[3..].copy_from_slice((momentum * gain + moment).as_slice());
-            // L = I ω: δL = δθ × L − I (δθ × ω) + I δω.
-            let by_turn = about_com * skew(&motion.spin) - skew(&momentum);
-            let by_phi = by_turn * trial.turn_by_phi + about_com * trial.spin_by_phi;
-            block.fixed_view_mut::<3, 3>(3, 3).copy_from(&(by_phi * gain));
+        let turns = matches!(body, Body::Rigid(_));
+        if turns {
+            rows[3..].copy_from_slice((body.spin_momentum(motion) * gain + moment).as_slice());
         }
         if derive != Derive::Nothing {
+            let block = body.momentum_by(motion).chained(trial, gain, turns) * gain;
             self.matrix.add(&self.diagonal[k], &block);
         }
     }
@@ -228,7 +221,7 @@ impl Equations {
             for ((derivative, slot), pair) in self.derivatives.iter().zip(&self.slots[k]).zip(0..) {
                 let by = bodies[pair % bodies.len()];
                 let turns = matches!(step.bodies[by], Body::Rigid(_));
-                let block = chained(derivative, &self.trials[by], step.weights.gain(), turns);
+                let block = derivative.chained(&self.trials[by], step.weights.gain(), turns);
                 self.matrix.add(slot, &-block);
             }
         }
@@ -266,20 +259,4 @@ fn is_far(force: &dyn Force, motions: &[Motion], step_s: f64, now: &mut Vec<Moti
     now.clear();
     now.extend(force.bodies().iter().map(|&body| motions[body]));
     force.is_far(now, step_s)
-}
-
-/// Derivative by the unknowns of a body: by its shift and, if it turns, by its rotation increment; through velocity and
-/// spin as well.
-fn chained(derivative: &Derivative, by: &Trial, gain: f64, turns: bool) -> Matrix6<f64> {
-    let Derivative { by_pose, by_rate } = derivative;
-    let mut by_unknowns = Matrix6::zeros();
-    let mut shift = by_unknowns.fixed_columns_mut::<3>(0);
-    shift.copy_from(&by_pose.fixed_columns::<3>(0));
-    shift += by_rate.fixed_columns::<3>(0) * gain;
-    if turns {
-        let mut turn = by_unknowns.fixed_columns_mut::<3>(3);
-        turn.copy_from(&(by_pose.fixed_columns::<3>(3) * by.turn_by_phi));
-        turn += by_rate.fixed_columns::<3>(3) * by.spin_by_phi;
-    }
-    by_unknowns
 }

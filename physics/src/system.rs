@@ -7,6 +7,7 @@ use crate::force::Force;
 use crate::motion::{Displacement, Motion, Scheme, Weights};
 use crate::newton::{Failure, Newton};
 use crate::residual::Step;
+use crate::sensitivity::Recorder;
 use crate::touch::Touch;
 use nalgebra::Vector3;
 use std::any::Any;
@@ -150,6 +151,33 @@ impl System {
         &self.bodies
     }
 
+    /// A body, to change its mass. It stays a rigid body or a particle.
+    pub fn body_mut(&mut self, body: usize) -> &mut Body {
+        &mut self.bodies[body]
+    }
+
+    /// Goes on from other motions, as at the beginning: without a step before.
+    ///
+    /// # Panics
+    /// There is not one motion for each body.
+    pub fn restart(&mut self, motions: Vec<Motion>) {
+        assert_eq!(self.bodies.len(), motions.len(), "a motion for each body");
+        self.state = State {
+            time_s: self.state.time_s,
+            last: motions.clone(),
+            moved: vec![Displacement::default(); motions.len()],
+            now: motions,
+            last_step_s: None,
+        };
+        self.contacts = Contacts::new(&self.forces, &self.state.now);
+        self.end_step();
+    }
+
+    /// All forces.
+    pub(crate) fn forces(&self) -> &[Box<dyn Force>] {
+        &self.forces
+    }
+
     /// A force, if it is of this kind.
     pub fn force<F: Force>(&self, index: usize) -> Option<&F> {
         let force: &dyn Any = self.forces.get(index)?.as_ref();
@@ -208,9 +236,33 @@ impl System {
     /// # Errors
     /// A part of 1/64 of the step does not converge either. The system is then where it was before the step.
     pub fn step(&mut self, step_s: f64) -> Result<StepReport, StepError> {
+        self.take(step_s, None)
+    }
+
+    /// [`step`](Self::step), with what derivatives need kept in a record of this system.
+    ///
+    /// # Errors
+    /// As `step`. The record, too, is then as it was before.
+    pub fn step_recorded(
+        &mut self,
+        step_s: f64,
+        recorder: &mut Recorder,
+    ) -> Result<StepReport, StepError> {
+        self.take(step_s, Some(recorder))
+    }
+
+    fn take(
+        &mut self,
+        step_s: f64,
+        mut recorder: Option<&mut Recorder>,
+    ) -> Result<StepReport, StepError> {
         let kept = self.state.clone();
         let mut report = StepReport::default();
-        match self.advance(step_s, SUBDIVISIONS, &mut report) {
+        if let Some(recorder) = &mut recorder {
+            recorder.begin_step(self.state.time_s + step_s);
+        }
+        let taken = self.advance(step_s, SUBDIVISIONS, &mut report, &mut recorder);
+        let taken = match taken {
             Ok(()) => {
                 report.events = self.contacts.update(&self.forces, &self.state.now);
                 Ok(report)
@@ -220,7 +272,11 @@ impl System {
                 self.end_step();
                 Err(error)
             }
+        };
+        if let Some(recorder) = recorder {
+            recorder.end_step(&self.state.now, taken.as_ref().ok());
         }
+        taken
     }
 
     fn advance(
@@ -228,13 +284,14 @@ impl System {
         step_s: f64,
         parts: u32,
         report: &mut StepReport,
+        recorder: &mut Option<&mut Recorder>,
     ) -> Result<(), StepError> {
-        match self.solve(step_s, report) {
+        match self.solve(step_s, report, recorder) {
             Ok(()) => Ok(()),
             Err(_) if parts > 0 => {
                 report.subdivisions += 1;
-                self.advance(0.5 * step_s, parts - 1, report)?;
-                self.advance(0.5 * step_s, parts - 1, report)
+                self.advance(0.5 * step_s, parts - 1, report, recorder)?;
+                self.advance(0.5 * step_s, parts - 1, report, recorder)
             }
             Err(Failure { residual, iterations, body }) => {
                 let time_s = self.state.time_s;
@@ -244,7 +301,12 @@ impl System {
     }
 
     /// One step in one piece. BDF2 begins with a step of BDF1, and so it does after a change of the step's length.
-    fn solve(&mut self, step_s: f64, report: &mut StepReport) -> Result<(), Failure> {
+    fn solve(
+        &mut self,
+        step_s: f64,
+        report: &mut StepReport,
+        recorder: &mut Option<&mut Recorder>,
+    ) -> Result<(), Failure> {
         let Settings { scheme, gravity_m_s2, tolerance, iterations } = self.settings;
         let goes_on = self.state.last_step_s == Some(step_s);
         let weights = Weights::new(if goes_on { scheme } else { Scheme::Bdf1 }, step_s);
@@ -265,6 +327,9 @@ impl System {
             acceleration_share,
         };
         let moved = self.newton.solve(&step, tolerance, iterations, report)?;
+        if let Some(recorder) = recorder {
+            recorder.part(&step, &moved, self.newton.sticking());
+        }
         let ends = self.newton.equations().motions.clone();
         let state = &mut self.state;
         state.time_s += step_s;
@@ -273,6 +338,35 @@ impl System {
         state.last_step_s = Some(step_s);
         self.end_step();
         Ok(())
+    }
+
+    /// The next step, for tests of its residual.
+    #[cfg(test)]
+    pub(crate) fn next_step<'a>(&'a self, weights: &'a Weights) -> Step<'a> {
+        Step {
+            bodies: &self.bodies,
+            forces: &self.forces,
+            gravity_m_s2: self.settings.gravity_m_s2,
+            weights,
+            now: &self.state.now,
+            last: &self.state.last,
+            moved: &self.state.moved,
+            acceleration_share: 0.0,
+        }
+    }
+
+    /// Comes from a uniform motion at its velocities, in steps of this length, instead of from nowhere.
+    #[cfg(test)]
+    pub(crate) fn glide(&mut self, step_s: f64) {
+        let moved = |motion: &Motion| Displacement {
+            shift: motion.velocity * step_s,
+            turn: motion.spin * step_s,
+        };
+        self.state.moved = self.state.now.iter().map(moved).collect();
+        for (last, moved) in self.state.last.iter_mut().zip(&self.state.moved) {
+            last.position -= moved.shift;
+        }
+        self.state.last_step_s = Some(step_s);
     }
 
     fn end_step(&mut self) {

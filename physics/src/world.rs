@@ -119,6 +119,21 @@ impl World {
         &self.system
     }
 
+    /// Bodies and forces, to change them and to record steps.
+    pub fn system_mut(&mut self) -> &mut System {
+        &mut self.system
+    }
+
+    /// Forces of the system that are motors, by channel.
+    pub fn motors(&self) -> &[usize] {
+        &self.motors
+    }
+
+    /// Forces of the system that are contacts of an end effector.
+    pub fn contacts(&self, end_effector: usize) -> Range<usize> {
+        self.contacts[end_effector].clone()
+    }
+
     /// What the motor of a channel does from now on.
     ///
     /// # Panics

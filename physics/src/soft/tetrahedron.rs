@@ -34,6 +34,20 @@ impl Tetrahedron {
         Ok(Self { nodes, gradients: [-(b + c + d), b, c, d], volume_m3, material })
     }
 
+    /// Its particles.
+    pub(crate) fn nodes(&self) -> &[usize; 4] {
+        &self.nodes
+    }
+
+    /// What it is made of. The particles have its mass: the density here is only what they were made with.
+    pub fn material(&self) -> &Material {
+        &self.material
+    }
+
+    pub(crate) fn material_mut(&mut self) -> &mut Material {
+        &mut self.material
+    }
+
     /// Volume at rest, m³.
     pub fn volume_m3(&self) -> f64 {
         self.volume_m3
@@ -53,6 +67,21 @@ impl Tetrahedron {
         let [deformation, rate] = self.deformation(now);
         Stress::new(&self.material, &deformation, &rate)
     }
+
+    /// Adds the forces that another material would have here.
+    pub(crate) fn of_material(&self, material: Material, now: &[Motion], wrenches: &mut [Wrench]) {
+        let [deformation, rate] = self.deformation(now);
+        self.add(Stress::new(&material, &deformation, &rate), wrenches);
+    }
+
+    fn add(&self, stress: Option<Stress>, wrenches: &mut [Wrench]) {
+        // Inside out there is no force that is right: Newton's method has to go back.
+        let stress = stress.map(|stress| stress.value());
+        let stress = stress.unwrap_or_else(|| Matrix3::repeat(f64::NAN));
+        for (wrench, gradient) in wrenches.iter_mut().zip(&self.gradients) {
+            wrench.force -= stress * gradient * self.volume_m3;
+        }
+    }
 }
 
 impl Force for Tetrahedron {
@@ -61,12 +90,7 @@ impl Force for Tetrahedron {
     }
 
     fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
-        // Inside out there is no force that is right: Newton's method has to go back.
-        let stress = self.stress(view.now).map(|stress| stress.value());
-        let stress = stress.unwrap_or_else(|| Matrix3::repeat(f64::NAN));
-        for (wrench, gradient) in wrenches.iter_mut().zip(&self.gradients) {
-            wrench.force -= stress * gradient * self.volume_m3;
-        }
+        self.add(self.stress(view.now), wrenches);
     }
 
     fn derivatives(

@@ -1,0 +1,94 @@
+//! CPU time of derivatives: AgileBot, 96 steps of 1/60 s by 128 targets, by the direct and the adjoint method, beside the
+//! simulation alone.
+//!
+//! `cargo run --release -p rollwalk-physics --example sensitivity_time`
+
+use cpu_time::ProcessTime;
+use nalgebra::Vector3;
+use rollwalk_physics::World;
+use rollwalk_physics::curve::{Curve, Degree};
+use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_physics::motor::Motor;
+use rollwalk_physics::sensitivity::parameter::Control;
+use rollwalk_physics::sensitivity::{Recorder, Residual, Rollout};
+use rollwalk_physics::world::Parameters;
+use rollwalk_robot::{Channel, Robot};
+use std::sync::Arc;
+
+const STEP_S: f64 = 1.0 / 60.0;
+const RUNS: u32 = 5;
+
+fn agilebot() -> Robot {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml");
+    let text = std::fs::read_to_string(path).expect("the robot files are beside this crate");
+    Robot::from_toml("agilebot", &text).expect("shipped robot files are sound")
+}
+
+/// A robot that swings its joints and drives its wheels; recorded by so many knots of each joint, or not.
+fn run(robot: &Robot, steps: usize, knots: Option<usize>) -> Option<Rollout> {
+    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    let mut world = World::standing(robot, &ground, &Parameters::new(robot));
+    let (motors, joints) = (world.motors().to_vec(), robot.joints.len());
+    let mut recorder = knots.map(|knots| {
+        let spacing_s = steps as f64 * STEP_S / (knots - 1) as f64;
+        let curve =
+            Curve { begin_s: 0.0, spacing_s, knots, degree: Degree::Cubic, periodic: false };
+        let parameters = Control::of_all(&motors[..joints], &Arc::new(curve));
+        Recorder::new(world.system(), parameters)
+    });
+    for step in 1..=steps {
+        let (sine, cosine) = (std::f64::consts::TAU * step as f64 * STEP_S).sin_cos();
+        for (&motor, channel) in motors.iter().zip(robot.channels()) {
+            let motor = world.system_mut().force_mut::<Motor>(motor);
+            let law = &mut motor.expect("a channel's motor").law;
+            match channel {
+                Channel::Joint(joint) => {
+                    law.position_rad = joint.nominal_rad + 0.03 * (1.0 - cosine);
+                    law.speed_rad_s = 0.03 * std::f64::consts::TAU * sine;
+                }
+                Channel::Wheel(..) => law.speed_rad_s = 3.0 * (1.0 - cosine),
+            }
+        }
+        let system = world.system_mut();
+        let taken = match &mut recorder {
+            Some(recorder) => system.step_recorded(STEP_S, recorder),
+            None => system.step(STEP_S),
+        };
+        taken.expect("the step converges");
+    }
+    recorder.map(Recorder::finish)
+}
+
+/// Shortest of some runs.
+fn measure<T>(name: &str, mut what: impl FnMut() -> T) -> T {
+    let mut shortest = f64::INFINITY;
+    let mut result = None;
+    for _ in 0..RUNS {
+        let start = ProcessTime::now();
+        result = Some(what());
+        shortest = shortest.min(start.elapsed().as_secs_f64());
+    }
+    println!("{name:44} {:8.2} ms", 1e3 * shortest);
+    result.expect("it ran")
+}
+
+fn main() {
+    let robot = agilebot();
+    for steps in [96, 960] {
+        println!("AgileBot, {steps} steps, 128 targets");
+        measure("simulation, with its setup", || run(&robot, steps, None));
+        let rollout = measure("recorded", || run(&robot, steps, Some(8))).expect("a record");
+        let residuals: Vec<Residual> = (1..=rollout.steps())
+            .flat_map(|step| [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| (step, axis)))
+            .map(|(step, axis)| Residual::com(&rollout, step, &Vector3::zeros(), axis))
+            .collect();
+        measure("direct, all motions", || rollout.direct(|_, _| {}));
+        let jacobian =
+            measure("direct, centre of mass of each step", || rollout.jacobian(&residuals));
+        let gradient = measure("adjoint, its squares", || rollout.gradient(&residuals));
+        let values: Vec<f64> = residuals.iter().map(|residual| residual.value).collect();
+        let expected = jacobian.tr_mul(&nalgebra::DVector::from_vec(values));
+        let error = (&expected - nalgebra::DVector::from_vec(gradient)).norm() / expected.norm();
+        println!("{:44} {error:8.1e}", "difference of the gradients");
+    }
+}

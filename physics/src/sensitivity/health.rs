@@ -1,0 +1,77 @@
+//! Whether the derivatives of a rollout can be used.
+
+use crate::event::ContactEvent;
+use crate::sensitivity::Rollout;
+use std::ops::Range;
+
+/// How the derivatives of a rollout grow, and which are 0.
+///
+/// Robots that stand on their servos forget disturbances: derivatives by where they began stay of one size. Throws, falls and
+/// tumbling do not, and a gradient over many bounces says little about finite changes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Health {
+    /// Largest derivative of a body's place, m, or turn, rad, by any of the parameters, after each step, the beginning
+    /// included.
+    pub size: Vec<f64>,
+    /// What began and ended at contacts, with the number of its step.
+    pub events: Vec<(usize, ContactEvent)>,
+    /// Steps that were taken in parts.
+    pub halved: Vec<usize>,
+    /// Parameters that no place, turn or velocity depends on: of friction where nothing slips, of motors at their limits.
+    pub without_effect: Vec<usize>,
+    /// Parameters whose derivatives become exactly 0, and after which step.
+    pub vanishing: Vec<(usize, usize)>,
+    /// Whether all derivatives are finite numbers.
+    pub finite: bool,
+}
+
+impl Health {
+    /// Of some bodies, by all parameters, by the direct method.
+    pub fn of(rollout: &Rollout, bodies: Range<usize>) -> Self {
+        let parameters = rollout.parameters();
+        let mut health = Self {
+            size: Vec::with_capacity(rollout.steps() + 1),
+            events: Vec::new(),
+            halved: Vec::new(),
+            without_effect: Vec::new(),
+            vanishing: Vec::new(),
+            finite: true,
+        };
+        let mut before = vec![false; parameters];
+        let mut ever = vec![false; parameters];
+        rollout.direct(|step, tangents| {
+            let mut largest = 0.0_f64;
+            for parameter in 0..parameters {
+                let mut moves = false;
+                for body in bodies.clone() {
+                    let by = tangents.of(body, parameter);
+                    let size = by.shift.norm().max(by.turn.norm());
+                    let rate = by.velocity.norm().max(by.spin.norm());
+                    health.finite &= (size + rate).is_finite();
+                    largest = largest.max(size);
+                    moves |= size.max(rate) != 0.0;
+                }
+                if before[parameter] && !moves {
+                    health.vanishing.push((parameter, step));
+                }
+                before[parameter] = moves;
+                ever[parameter] |= moves;
+            }
+            health.size.push(largest);
+        });
+        health.without_effect = (0..parameters).filter(|&parameter| !ever[parameter]).collect();
+        for (step, report) in (1..).zip(rollout.reports()) {
+            health.events.extend(report.events.iter().map(|event| (step, *event)));
+            if report.subdivisions > 0 {
+                health.halved.push(step);
+            }
+        }
+        health
+    }
+
+    /// How many times as large the derivatives are at the end as at the beginning: of rollouts whose parameters are where they
+    /// begin.
+    pub fn growth(&self) -> f64 {
+        self.size[self.size.len() - 1] / self.size[0]
+    }
+}

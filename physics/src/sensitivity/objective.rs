@@ -1,0 +1,100 @@
+//! Objectives on rollouts, as sums of squares, with derivatives by the motions that they look at.
+//!
+//! O = ½ Σ e², with residuals e that each are one number of some motions. Their derivatives by parameters are the rows of a
+//! Jacobian J ([`Rollout::jacobian`]); then ∇O = Jᵀe, and JᵀJ is the SᵀO_qqS of the thesis's Gauss–Newton method (4.7.1). The
+//! gradient alone comes cheaper from the adjoint method ([`Rollout::gradient`]).
+
+use crate::sensitivity::{Rollout, Variation};
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::rotation::{log, right_jacobian_inverse};
+
+/// A number that is to be 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residual {
+    /// Its value.
+    pub value: f64,
+    /// Its derivatives: by the motion, after a step, of a body.
+    pub by: Vec<(usize, usize, Variation)>,
+}
+
+impl Residual {
+    /// Place of a body after a step, from a target along a direction of length `weight`.
+    pub fn position(
+        rollout: &Rollout,
+        step: usize,
+        body: usize,
+        target: &Vector3<f64>,
+        weight: Vector3<f64>,
+    ) -> Self {
+        let value = weight.dot(&(rollout.motions(step)[body].position - target));
+        let by = Variation { shift: weight, ..Variation::default() };
+        Self { value, by: vec![(step, body, by)] }
+    }
+
+    /// Velocity of a body after a step, from a target along a direction of length `weight`.
+    pub fn velocity(
+        rollout: &Rollout,
+        step: usize,
+        body: usize,
+        target: &Vector3<f64>,
+        weight: Vector3<f64>,
+    ) -> Self {
+        let value = weight.dot(&(rollout.motions(step)[body].velocity - target));
+        let by = Variation { velocity: weight, ..Variation::default() };
+        Self { value, by: vec![(step, body, by)] }
+    }
+
+    /// The turn that leads a body after a step from a target, as a rotation vector: one residual for each component.
+    pub fn orientation(
+        rollout: &Rollout,
+        step: usize,
+        body: usize,
+        target: &Matrix3<f64>,
+        weight: f64,
+    ) -> [Self; 3] {
+        let turned = log(&(rollout.motions(step)[body].rotation * target.transpose()));
+        // Exp(δθ) Exp(e) = Exp(e + J_l⁻¹ δθ), and J_l⁻¹ is the transposed J_r⁻¹.
+        let by_turn = right_jacobian_inverse(&turned) * weight;
+        [0, 1, 2].map(|k| {
+            let by = Variation { turn: by_turn.column(k).into(), ..Variation::default() };
+            Self { value: weight * turned[k], by: vec![(step, body, by)] }
+        })
+    }
+
+    /// Centre of mass of all bodies after a step, from a target along a direction of length `weight`.
+    pub fn com(
+        rollout: &Rollout,
+        step: usize,
+        target: &Vector3<f64>,
+        weight: Vector3<f64>,
+    ) -> Self {
+        let mass_kg: f64 = rollout.masses_kg().iter().sum();
+        let mut residual = Self { value: -weight.dot(target), by: Vec::new() };
+        for (body, of_body) in rollout.masses_kg().iter().enumerate() {
+            let shift = weight * (of_body / mass_kg);
+            residual.value += shift.dot(&rollout.motions(step)[body].position);
+            residual.by.push((step, body, Variation { shift, ..Variation::default() }));
+        }
+        residual
+    }
+
+    /// Mean velocity of the centre of mass between two steps, from a target, m/s, along a direction of length `weight`.
+    pub fn mean_velocity(
+        rollout: &Rollout,
+        [from, to]: [usize; 2],
+        target: &Vector3<f64>,
+        weight: Vector3<f64>,
+    ) -> Self {
+        let per_s = 1.0 / (rollout.time_s(to) - rollout.time_s(from));
+        let mut residual = Self::com(rollout, to, &(target / per_s), weight * per_s);
+        let before = Self::com(rollout, from, &Vector3::zeros(), weight * -per_s);
+        residual.value += before.value;
+        residual.by.extend(before.by);
+        residual
+    }
+}
+
+/// Half the sum of squares.
+pub fn cost(residuals: &[Residual]) -> f64 {
+    0.5 * residuals.iter().map(|residual| residual.value * residual.value).sum::<f64>()
+}

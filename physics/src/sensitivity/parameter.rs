@@ -1,0 +1,156 @@
+//! What sensitivities are taken by: one kind of parameter in each file of this folder.
+//!
+//! | kind | is |
+//! |---|---|
+//! | [`Control`] | a knot of a curve that a motor's target follows |
+//! | [`Initial`] | where bodies begin, and how fast |
+//! | [`BodyMass`] | mass, or an entry of the inertia, of a body |
+//! | [`Softness`] | shear modulus, λ, viscosity or density of a soft body |
+//! | [`Touching`] | stiffness and damping of contacts, friction, rolling resistance |
+//! | [`Drive`] | gains of motors, and their rotors' inertia |
+//!
+//! A kind is an implementation of [`Parameter`], and of [`Constant`] where it is a number that a system keeps. It gives the
+//! derivative of the residual of a step, and of where the bodies begin. Nothing else is needed for both methods.
+
+mod contact;
+mod control;
+mod initial;
+mod mass;
+mod material;
+mod motor;
+#[cfg(test)]
+mod tests;
+
+use crate::body::Body;
+use crate::force::{Force, Held, View, Wrench};
+use crate::motion::{Displacement, Motion};
+use crate::residual::Step;
+use crate::sensitivity::Variation;
+use crate::system::System;
+use nalgebra::Vector3;
+use std::any::Any;
+use std::fmt::Debug;
+
+pub use contact::{OfContact, Touching};
+pub use control::Control;
+pub use initial::{Freedom, Initial};
+pub use mass::{BodyMass, OfMass};
+pub use material::{OfMaterial, Softness};
+pub use motor::{Drive, OfMotor};
+
+/// A number that a rollout depends on.
+pub trait Parameter: Debug + Send + Sync {
+    /// Adds the derivative of the residual of a step that has been solved.
+    fn residual(&self, solved: &Solved<'_>, column: &mut Column);
+
+    /// Adds the derivative of the motions at the beginning.
+    fn start(&self, _system: &System, _start: &mut Start) {}
+}
+
+/// A number of the system that does not change during a rollout.
+pub trait Constant: Parameter {
+    /// Its value.
+    fn value(&self, system: &System) -> f64;
+
+    /// Changes it, before the first step.
+    fn set(&self, system: &mut System, value: f64);
+}
+
+/// A step that has been solved, as a parameter sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Solved<'a> {
+    pub(crate) step: &'a Step<'a>,
+    pub(crate) motions: &'a [Motion],
+    pub(crate) held: &'a [Option<Held>],
+    /// Time at the end of the whole step, of which this one may be a part, s.
+    pub time_s: f64,
+}
+
+impl Solved<'_> {
+    /// A body.
+    pub fn body(&self, body: usize) -> &Body {
+        &self.step.bodies[body]
+    }
+
+    /// A force of a kind.
+    ///
+    /// # Panics
+    /// It is not of this kind.
+    pub fn force<F: Force>(&self, force: usize) -> &F {
+        let force: &dyn Any = self.step.forces[force].as_ref();
+        force.downcast_ref().expect("a parameter's force is of its kind")
+    }
+
+    /// What a force makes of the motions that it saw.
+    pub fn view<T>(&self, force: usize, what: impl FnOnce(&View<'_>) -> T) -> T {
+        let bodies = self.step.forces[force].bodies();
+        let of = |all: &[Motion]| -> Vec<Motion> { bodies.iter().map(|&body| all[body]).collect() };
+        let (now, last, before) = (of(self.motions), of(self.step.now), of(self.step.last));
+        let held = self.held.get(force).copied().flatten();
+        let (weights, tame) = (self.step.weights, false);
+        what(&View { now: &now, last: &last, before: &before, weights, tame, held })
+    }
+
+    /// Rate of a quantity of a body's motion, as the step has it.
+    pub fn rate(&self, body: usize, of: impl Fn(&Motion) -> Vector3<f64>) -> Vector3<f64> {
+        let [now, last, before] = [self.motions, self.step.now, self.step.last];
+        self.step.weights.rate(of(&now[body]), of(&last[body]), of(&before[body]))
+    }
+
+    /// Acceleration of a body less gravity, m/s²: what its mass resists.
+    pub fn resisted_m_s2(&self, body: usize) -> Vector3<f64> {
+        self.rate(body, |motion| motion.velocity) - self.step.gravity_m_s2
+    }
+}
+
+/// Derivative of all residuals by one parameter.
+#[derive(Clone, Debug)]
+pub struct Column {
+    pub(super) firsts: Vec<usize>,
+    pub(super) parts: Vec<f64>,
+}
+
+impl Column {
+    pub(super) fn new(firsts: Vec<usize>) -> Self {
+        let parts = vec![0.0; firsts[firsts.len() - 1]];
+        Self { firsts, parts }
+    }
+
+    /// Adds to the residual of a body, force and moment; moments on particles are none.
+    pub fn add(&mut self, body: usize, residual: &Wrench) {
+        let rows = &mut self.parts[self.firsts[body]..self.firsts[body + 1]];
+        rows.iter_mut().zip(&residual.stacked()).for_each(|(row, part)| *row += part);
+    }
+
+    /// Adds the derivative of a force's wrenches on its bodies, which the residual has with the opposite sign.
+    pub fn add_force(&mut self, bodies: &[usize], wrenches: &[Wrench]) {
+        for (&body, wrench) in bodies.iter().zip(wrenches) {
+            self.add(body, &Wrench { force: -wrench.force, moment: -wrench.moment });
+        }
+    }
+}
+
+/// Derivative of the motions at the beginning by one parameter.
+#[derive(Clone, Debug)]
+pub struct Start {
+    pub(super) now: Vec<Variation>,
+    /// One step earlier, and what the bodies moved from there, for a system that is on its way already.
+    pub(super) last: Vec<Variation>,
+    pub(super) moved: Vec<Displacement>,
+}
+
+impl Start {
+    pub(super) fn new(bodies: usize) -> Self {
+        let none = vec![Variation::default(); bodies];
+        Self { now: none.clone(), last: none, moved: vec![Displacement::default(); bodies] }
+    }
+
+    /// Adds the derivative of a body's motion.
+    pub fn add(&mut self, body: usize, by: &Variation) {
+        let of_body = &mut self.now[body];
+        of_body.shift += by.shift;
+        of_body.turn += by.turn;
+        of_body.velocity += by.velocity;
+        of_body.spin += by.spin;
+    }
+}

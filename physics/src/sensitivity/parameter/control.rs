@@ -1,0 +1,48 @@
+//! Controls: knots of curves that targets of motors follow.
+
+use crate::curve::Curve;
+use crate::force::Wrench;
+use crate::motor::Motor;
+use crate::sensitivity::parameter::{Column, Parameter, Solved};
+use std::sync::Arc;
+
+/// One knot of a curve that is added to the target of a motor: angle and speed, [`Law::position_rad`](crate::motor::Law) and
+/// `speed_rad_s`, at the end of each step.
+#[derive(Clone, Debug)]
+pub struct Control {
+    /// Force that is the motor.
+    pub motor: usize,
+    /// The curve.
+    pub curve: Arc<Curve>,
+    /// Which of its knots.
+    pub knot: usize,
+}
+
+impl Control {
+    /// All knots of curves of some motors, the first knot of all motors first: so that targets still to come cost nothing.
+    pub fn of_all(motors: &[usize], curve: &Arc<Curve>) -> Vec<Box<dyn Parameter>> {
+        let of_knot = |knot: usize| {
+            motors.iter().map(move |&motor| -> Box<dyn Parameter> {
+                Box::new(Self { motor, curve: Arc::clone(curve), knot })
+            })
+        };
+        (0..curve.knots).flat_map(of_knot).collect()
+    }
+}
+
+impl Parameter for Control {
+    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+        let [angle, speed] = self.curve.of_knot(self.knot, solved.time_s);
+        if angle == 0.0 && speed == 0.0 {
+            return;
+        }
+        let motor: &Motor = solved.force(self.motor);
+        let wrenches = solved.view(self.motor, |view| {
+            let by = motor.law_by(view);
+            let torque = by.position_nm_rad * angle + by.speed_nm_s_rad * speed;
+            let moment = motor.axis_in_world(&view.now[0]) * torque;
+            [-moment, moment].map(|moment| Wrench { moment, ..Wrench::default() })
+        });
+        column.add_force(&motor.bodies, &wrenches);
+    }
+}

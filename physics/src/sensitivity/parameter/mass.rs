@@ -1,0 +1,66 @@
+//! Masses and inertias of bodies.
+
+use crate::body::Body;
+use crate::force::Wrench;
+use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
+use crate::system::System;
+use nalgebra::Matrix3;
+
+/// Mass, or an entry of the inertia, of a body.
+#[derive(Clone, Copy, Debug)]
+pub struct BodyMass {
+    /// The body.
+    pub body: usize,
+    /// Which number.
+    pub of: OfMass,
+}
+
+/// A number of a body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OfMass {
+    /// Mass, kg; the inertia stays.
+    Mass,
+    /// An entry of the inertia about the centre of mass in body axes, and its mirror image, kg·m²: of a rigid body.
+    Inertia(usize, usize),
+}
+
+impl Parameter for BodyMass {
+    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+        let mut wrench = Wrench::default();
+        match self.of {
+            OfMass::Mass => wrench.force = solved.resisted_m_s2(self.body),
+            OfMass::Inertia(row, of_column) => {
+                let mut entry = Matrix3::zeros();
+                (entry[(row, of_column)], entry[(of_column, row)]) = (1.0, 1.0);
+                wrench.moment = solved.rate(self.body, |motion| {
+                    motion.rotation * (entry * motion.rotation.tr_mul(&motion.spin))
+                });
+            }
+        }
+        column.add(self.body, &wrench);
+    }
+}
+
+impl Constant for BodyMass {
+    fn value(&self, system: &System) -> f64 {
+        match (self.of, &system.bodies()[self.body]) {
+            (OfMass::Mass, body) => body.mass_kg(),
+            (OfMass::Inertia(row, column), Body::Rigid(inertia)) => {
+                inertia.about_com_kg_m2[(row, column)]
+            }
+            (OfMass::Inertia(..), Body::Particle { .. }) => 0.0,
+        }
+    }
+
+    fn set(&self, system: &mut System, value: f64) {
+        match (self.of, system.body_mut(self.body)) {
+            (OfMass::Mass, Body::Particle { mass_kg }) => *mass_kg = value,
+            (OfMass::Mass, Body::Rigid(inertia)) => inertia.mass_kg = value,
+            (OfMass::Inertia(row, column), Body::Rigid(inertia)) => {
+                inertia.about_com_kg_m2[(row, column)] = value;
+                inertia.about_com_kg_m2[(column, row)] = value;
+            }
+            (OfMass::Inertia(..), Body::Particle { .. }) => {}
+        }
+    }
+}

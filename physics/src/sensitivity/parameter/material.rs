@@ -1,0 +1,90 @@
+//! Materials of soft bodies.
+
+use crate::body::Body;
+use crate::force::Wrench;
+use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
+use crate::soft::{Material, Tetrahedron};
+use crate::system::System;
+use std::ops::Range;
+
+/// A number of a soft body's material.
+#[derive(Clone, Debug)]
+pub struct Softness {
+    /// Forces that are its elements.
+    pub elements: Range<usize>,
+    /// Which number.
+    pub of: OfMaterial,
+}
+
+/// A number of a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OfMaterial {
+    /// Shear modulus μ, Pa.
+    Mu,
+    /// λ, Pa.
+    Lambda,
+    /// Viscosity, Pa·s.
+    Viscosity,
+    /// Density, kg/m³: the particles' masses.
+    Density,
+}
+
+impl OfMaterial {
+    fn place(self, material: &mut Material) -> &mut f64 {
+        match self {
+            Self::Mu => &mut material.mu_pa,
+            Self::Lambda => &mut material.lambda_pa,
+            Self::Viscosity => &mut material.viscosity_pa_s,
+            Self::Density => &mut material.density_kg_m3,
+        }
+    }
+}
+
+/// Share of an element's mass that each of its nodes has.
+const OF_NODE: f64 = 0.25;
+
+impl Parameter for Softness {
+    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+        for number in self.elements.clone() {
+            let element: &Tetrahedron = solved.force(number);
+            if self.of == OfMaterial::Density {
+                for &node in element.nodes() {
+                    let force = solved.resisted_m_s2(node) * (OF_NODE * element.volume_m3());
+                    column.add(node, &Wrench { force, ..Wrench::default() });
+                }
+                continue;
+            }
+            // Stress is linear in all of them.
+            let mut unit =
+                Material { mu_pa: 0.0, lambda_pa: 0.0, viscosity_pa_s: 0.0, ..*element.material() };
+            *self.of.place(&mut unit) = 1.0;
+            let mut wrenches = [Wrench::default(); 4];
+            solved.view(number, |view| element.of_material(unit, view.now, &mut wrenches));
+            column.add_force(element.nodes(), &wrenches);
+        }
+    }
+}
+
+impl Constant for Softness {
+    fn value(&self, system: &System) -> f64 {
+        let element = system.force::<Tetrahedron>(self.elements.start);
+        *self.of.place(&mut element.expect("the force is an element").material().clone())
+    }
+
+    fn set(&self, system: &mut System, value: f64) {
+        for number in self.elements.clone() {
+            let element = system.force_mut::<Tetrahedron>(number).expect("the force is an element");
+            let place = self.of.place(element.material_mut());
+            let more = value - *place;
+            *place = value;
+            if self.of == OfMaterial::Density {
+                let more_kg = OF_NODE * more * element.volume_m3();
+                for node in *element.nodes() {
+                    if let Body::Particle { mass_kg } = system.body_mut(node) {
+                        *mass_kg += more_kg;
+                    }
+                }
+            }
+        }
+    }
+}

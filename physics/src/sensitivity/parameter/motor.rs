@@ -1,0 +1,73 @@
+//! Drives: gains of motors, and their rotors' inertia.
+
+use crate::force::Wrench;
+use crate::motor::Motor;
+use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
+use crate::system::System;
+
+/// A number of motors, the same for all.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    /// Forces that are the motors.
+    pub motors: Vec<usize>,
+    /// Which number.
+    pub of: OfMotor,
+}
+
+/// A number of a motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OfMotor {
+    /// Position gain kp, N·m/rad.
+    PositionGain,
+    /// Speed gain kd, N·m·s/rad.
+    SpeedGain,
+    /// Feed-forward torque, N·m.
+    Torque,
+    /// Inertia of the rotor, kg·m².
+    Armature,
+}
+
+impl OfMotor {
+    fn place(self, motor: &mut Motor) -> &mut f64 {
+        match self {
+            Self::PositionGain => &mut motor.law.kp_nm_rad,
+            Self::SpeedGain => &mut motor.law.kd_nm_s_rad,
+            Self::Torque => &mut motor.law.torque_nm,
+            Self::Armature => &mut motor.armature_kg_m2,
+        }
+    }
+}
+
+impl Parameter for Drive {
+    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+        for &number in &self.motors {
+            let motor: &Motor = solved.force(number);
+            let wrenches = solved.view(number, |view| {
+                let by = motor.law_by(view);
+                let torque = match self.of {
+                    OfMotor::PositionGain => by.kp_rad,
+                    OfMotor::SpeedGain => by.kd_rad_s,
+                    OfMotor::Torque => by.torque,
+                    OfMotor::Armature => -motor.acceleration(view),
+                };
+                let moment = motor.axis_in_world(&view.now[0]) * torque;
+                [-moment, moment].map(|moment| Wrench { moment, ..Wrench::default() })
+            });
+            column.add_force(&motor.bodies, &wrenches);
+        }
+    }
+}
+
+impl Constant for Drive {
+    fn value(&self, system: &System) -> f64 {
+        let motor = self.motors.first().and_then(|&motor| system.force::<Motor>(motor));
+        *self.of.place(&mut motor.expect("the force is a motor").clone())
+    }
+
+    fn set(&self, system: &mut System, value: f64) {
+        for &motor in &self.motors {
+            let motor = system.force_mut::<Motor>(motor).expect("the force is a motor");
+            *self.of.place(motor) = value;
+        }
+    }
+}

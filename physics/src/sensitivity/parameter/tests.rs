@@ -1,0 +1,227 @@
+//! Every kind of parameter against differences of the residual, at random states.
+
+use super::*;
+use crate::assembly::Assembly;
+use crate::body::Inertia;
+use crate::contact::{Contact, Normal, Resistance, Tip};
+use crate::curve::{Curve, Degree};
+use crate::friction::{Friction, Model};
+use crate::ground::{Ground, Plane};
+use crate::motion::{Scheme, Weights};
+use crate::motor::{Law, Motor};
+use crate::residual::{Derive, Equations};
+use crate::soft::{Material, Mesh, SoftBody, SurfaceContact};
+use crate::system::Settings;
+use fastrand::Rng;
+use nalgebra::{Matrix3, Vector3};
+use std::sync::Arc;
+
+const FRICTION: Friction = Friction { model: Model::Tanh, coefficient: 0.5, stick_n_s_m: 20.0 };
+
+/// A foot that carries a wheel with a motor, a skate, and a soft block, all near the ground.
+struct Scene {
+    system: System,
+    motor: usize,
+    contacts: [usize; 3],
+    elements: std::ops::Range<usize>,
+    nodes: std::ops::Range<usize>,
+    surface: std::ops::Range<usize>,
+}
+
+fn scene(model: Model, law: Law) -> Scene {
+    let ground: Arc<dyn Ground> = Arc::new(Plane::rising(0.1));
+    let mut assembly = Assembly::default();
+    let about_com_kg_m2 = Matrix3::new(0.02, 0.001, 0.0, 0.001, 0.03, 0.002, 0.0, 0.002, 0.04);
+    let inertia = Inertia { mass_kg: 2.0, about_com_kg_m2 };
+    let axis = Vector3::y();
+    let tips = [Tip::Sphere, Tip::Rim { axis }, Tip::Blade { axis }];
+    let contacts = [0, 1, 2].map(|body| {
+        let place = Vector3::new(body as f64, 0.0, 0.1 * (1.0 + body as f64));
+        assembly.add_body(inertia, Motion::at(place));
+        assembly.add(Contact {
+            body: [body],
+            center: Vector3::new(0.0, 0.01, -0.02),
+            radius_m: 0.09,
+            tip: tips[body],
+            normal: Normal { stiffness_n_m: 500.0, damping_n_s_m: 3.0, ramp_m: 0.02 },
+            friction: Friction { model, ..FRICTION },
+            resistance: Resistance { constant: 0.02, per_speed_s_m: 0.05 },
+            ground: Arc::clone(&ground),
+        })
+    });
+    let motor = assembly.add(Motor {
+        bodies: [0, 1],
+        axis,
+        across: [Vector3::x(); 2],
+        armature_kg_m2: 0.02,
+        stops: None,
+        angle_rad: 0.0,
+        law,
+    });
+    let mesh = Mesh::block(Vector3::new(3.0, 0.0, 0.3), Vector3::repeat(0.1), [1; 3]);
+    let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 1e4, 0.3) };
+    let first = assembly.forces.len();
+    let soft = SoftBody::add(&mut assembly, &mesh, &material).unwrap();
+    let elements = first..assembly.forces.len();
+    let of_area = SurfaceContact {
+        stiffness_n_m3: 1e4,
+        damping_n_s_m3: 50.0,
+        ramp_m: 0.02,
+        friction: Friction { stick_n_s_m: 500.0, model, ..FRICTION },
+    };
+    let surface = soft.touch(&mut assembly, &ground, &of_area);
+    let settings = Settings { scheme: Scheme::Bdf2, ..Settings::default() };
+    let system = System::new(settings, assembly);
+    Scene { system, motor, contacts, elements, nodes: soft.nodes, surface }
+}
+
+const LAW: Law = Law {
+    kp_nm_rad: 5.0,
+    kd_nm_s_rad: 0.3,
+    position_rad: 0.2,
+    speed_rad_s: -0.4,
+    torque_nm: 0.7,
+    limit_nm: 1e3,
+    line: None,
+};
+
+/// Bodies near where they were put, with random velocities, so that most are in the ground.
+fn stir(system: &mut System, places: &[Motion], rng: &mut Rng) {
+    let mut random = |size: f64| Vector3::from_fn(|_, _| size * (2.0 * rng.f64() - 1.0));
+    let stirred = places.iter().map(|motion| Motion {
+        position: motion.position
+            + random(0.02)
+            + Vector3::z() * (motion.position.x * 0.1 - motion.position.z + 0.08),
+        rotation: crate::rotation::Increment::new(random(0.3)).rotation(),
+        velocity: random(1.0),
+        spin: random(2.0),
+    });
+    let mut stirred: Vec<Motion> = stirred.collect();
+    // The soft block keeps its shape.
+    for (motion, place) in stirred.iter_mut().zip(places).skip(3) {
+        motion.position = place.position + random(0.01) + Vector3::z() * 0.02;
+    }
+    system.restart(stirred);
+}
+
+/// Residual of a step at a trial.
+fn residual(system: &System, trial: &[Displacement]) -> Vec<f64> {
+    let weights = Weights::new(Scheme::Bdf2, 0.01);
+    let step = system.next_step(&weights);
+    let mut equations = Equations::new(step.bodies, step.forces);
+    equations.begin(&step);
+    equations.evaluate(&step, trial, &[], &[], Derive::Nothing);
+    equations.residual
+}
+
+fn column(system: &System, trial: &[Displacement], parameter: &dyn Parameter) -> Vec<f64> {
+    let weights = Weights::new(Scheme::Bdf2, 0.01);
+    let step = system.next_step(&weights);
+    let mut equations = Equations::new(step.bodies, step.forces);
+    equations.begin(&step);
+    equations.evaluate(&step, trial, &[], &[], Derive::Nothing);
+    let solved = Solved { step: &step, motions: &equations.motions, held: &[], time_s: 0.3 };
+    let mut column = Column::new(equations.firsts.clone());
+    parameter.residual(&solved, &mut column);
+    column.parts
+}
+
+/// Compares at random states; whether the derivative was ever other than 0.
+fn agrees(
+    system: &mut System,
+    parameter: &dyn Parameter,
+    size: f64,
+    change: impl Fn(&mut System, f64),
+) -> bool {
+    let places = system.motions().to_vec();
+    let mut moves = false;
+    for seed in 0..12 {
+        let mut rng = Rng::with_seed(seed);
+        stir(system, &places, &mut rng);
+        let mut random = |size: f64| Vector3::from_fn(|_, _| size * (2.0 * rng.f64() - 1.0));
+        let trial: Vec<_> = places
+            .iter()
+            .map(|_| Displacement { shift: random(0.005), turn: random(0.02) })
+            .collect();
+        let found = column(system, &trial, parameter);
+        let step = 1e-6 * size;
+        change(system, step);
+        let ahead = residual(system, &trial);
+        change(system, -2.0 * step);
+        let behind = residual(system, &trial);
+        change(system, step);
+        let scale = found.iter().map(|part| part.abs()).fold(1.0 / size, f64::max);
+        for (row, part) in found.iter().enumerate() {
+            let rate = (ahead[row] - behind[row]) / (2.0 * step);
+            let error = (rate - part).abs();
+            assert!(error < 2e-6 * scale, "{parameter:?}, {seed}, row {row}: {part}, {rate}");
+        }
+        moves |= found.iter().any(|part| *part != 0.0);
+    }
+    system.restart(places);
+    moves
+}
+
+#[test]
+fn every_constant_is_the_derivative_of_the_residual() {
+    for model in [Model::Linear, Model::Tanh] {
+        let Scene { mut system, motor, contacts, elements, nodes, surface } = scene(model, LAW);
+        let mut all: Vec<Box<dyn Constant>> = Vec::new();
+        for of in [OfMass::Mass, OfMass::Inertia(0, 0), OfMass::Inertia(0, 2)] {
+            all.push(Box::new(BodyMass { body: 1, of }));
+        }
+        all.push(Box::new(BodyMass { body: nodes.start, of: OfMass::Mass }));
+        use OfMotor::{Armature, PositionGain, SpeedGain, Torque};
+        for of in [PositionGain, SpeedGain, Torque, Armature] {
+            all.push(Box::new(Drive { motors: vec![motor], of }));
+        }
+        use OfMaterial::{Density, Lambda, Mu, Viscosity};
+        for of in [Mu, Lambda, Viscosity, Density] {
+            all.push(Box::new(Softness { elements: elements.clone(), of }));
+        }
+        use OfContact::{
+            Damping, Friction, Ramp, Resistance, ResistancePerSpeed, Stick, Stiffness,
+        };
+        let of_all = contacts.into_iter().chain(surface);
+        for of in [Stiffness, Damping, Ramp, Friction, Stick] {
+            all.push(Box::new(Touching::new(&system, of_all.clone(), of)));
+        }
+        for (of, contact) in [Resistance, ResistancePerSpeed]
+            .into_iter()
+            .flat_map(|of| [(of, contacts[1]), (of, contacts[2])])
+        {
+            all.push(Box::new(Touching::new(&system, [contact], of)));
+        }
+        for constant in &all {
+            let value = constant.value(&system);
+            let size = value.abs().max(1e-3);
+            let change = |system: &mut System, by: f64| {
+                let value = constant.value(system);
+                constant.set(system, value + by);
+            };
+            let parameter: &dyn Parameter = constant.as_ref();
+            assert!(agrees(&mut system, parameter, size, change), "{constant:?} does nothing");
+            assert!((constant.value(&system) - value).abs() < 1e-9 * size);
+        }
+    }
+}
+
+#[test]
+fn controls_are_derivatives_of_the_residual_and_nothing_at_a_motors_limit() {
+    let curve =
+        Curve { begin_s: 0.0, spacing_s: 0.1, knots: 6, degree: Degree::Cubic, periodic: false };
+    for (limit_nm, free) in [(1e3, true), (1e-3, false)] {
+        let Scene { mut system, motor, .. } = scene(Model::Tanh, Law { limit_nm, ..LAW });
+        for knot in [2, 4, 5] {
+            let control = Control { motor, curve: Arc::new(curve), knot };
+            let [angle, speed] = curve.of_knot(knot, 0.3);
+            let change = |system: &mut System, by: f64| {
+                let law = &mut system.force_mut::<Motor>(motor).unwrap().law;
+                law.position_rad += angle * by;
+                law.speed_rad_s += speed * by;
+            };
+            let moves = agrees(&mut system, &control, 1.0, change);
+            assert_eq!(moves, free && knot != 5, "{knot}");
+        }
+    }
+}

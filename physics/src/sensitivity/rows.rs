@@ -1,0 +1,55 @@
+//! Sparse matrices by rows, as a record keeps them: a value for every entry that is not 0.
+
+/// A matrix that is multiplied and nothing else.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Rows {
+    /// Where each row ends.
+    ends: Vec<u32>,
+    columns: Vec<u32>,
+    values: Vec<f64>,
+}
+
+impl Rows {
+    /// Adds an entry to the row that is being written.
+    pub fn push(&mut self, column: usize, value: f64) {
+        if value != 0.0 {
+            self.columns.push(column as u32);
+            self.values.push(value);
+        }
+    }
+
+    /// Ends a row.
+    pub fn end_row(&mut self) {
+        self.ends.push(self.values.len() as u32);
+    }
+
+    fn rows(&self) -> impl Iterator<Item = (&[u32], &[f64])> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(start, &end)| {
+            let range = start as usize..end as usize;
+            (&self.columns[range.clone()], &self.values[range])
+        })
+    }
+
+    /// Subtracts the product with several vectors.
+    pub fn subtract_product<const W: usize>(&self, with: &[[f64; W]], from: &mut [[f64; W]]) {
+        for ((columns, values), lanes) in self.rows().zip(from) {
+            let mut sum = *lanes;
+            for (&column, value) in columns.iter().zip(values) {
+                for (sum, part) in sum.iter_mut().zip(&with[column as usize]) {
+                    *sum -= value * part;
+                }
+            }
+            *lanes = sum;
+        }
+    }
+
+    /// Subtracts the product of the transposed matrix with a vector.
+    pub fn subtract_transposed(&self, with: &[f64], from: &mut [f64]) {
+        for ((columns, values), part) in self.rows().zip(with) {
+            for (&column, value) in columns.iter().zip(values) {
+                from[column as usize] -= value * part;
+            }
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! The whole scheme against numbers that were found without it.
+
+use super::parameter::{Column, OfContact, Parameter, Solved, Start, Touching};
+use super::{Recorder, Residual, Variation};
+use crate::assembly::Assembly;
+use crate::body::Body;
+use crate::contact::{Contact, Normal, Resistance, Tip};
+use crate::friction::{Friction, Model};
+use crate::ground::Plane;
+use crate::motion::{Motion, Scheme};
+use crate::sensitivity::objective::cost;
+use crate::system::{Settings, System};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+const STEP_S: f64 = 1.0 / 240.0;
+const STEPS: usize = 120;
+
+/// Height or speed of a mass that comes from a uniform motion.
+#[derive(Debug)]
+enum From {
+    Height,
+    Speed,
+}
+
+impl Parameter for From {
+    fn residual(&self, _: &Solved<'_>, _: &mut Column) {}
+
+    fn start(&self, _: &System, start: &mut Start) {
+        let none = Variation::default();
+        match self {
+            Self::Height => {
+                start.add(0, &Variation { shift: Vector3::z(), ..none });
+                start.last[0].shift = Vector3::z();
+            }
+            Self::Speed => {
+                start.add(0, &Variation { velocity: Vector3::z(), ..none });
+                start.last[0] =
+                    Variation { velocity: Vector3::z(), shift: Vector3::z() * -STEP_S, ..none };
+                start.moved[0].shift = Vector3::z() * STEP_S;
+            }
+        }
+    }
+}
+
+/// A unit mass that falls onto a spring and a damper, by BDF2 with a uniform motion before: derivatives of
+/// (q_n − 0.2)²/2 + Σ q_i²/20 by height, speed, stiffness and damping. The reference differentiated a few lines of scalar
+/// arithmetic by complex steps.
+#[test]
+fn a_mass_on_a_wall_has_the_derivatives_of_an_independent_calculation() {
+    let mut assembly = Assembly::default();
+    let motion = Motion { velocity: Vector3::z() * -0.5, ..Motion::at(Vector3::z() * 0.3) };
+    assembly.add_body(Body::Particle { mass_kg: 1.0 }, motion);
+    assembly.add(Contact {
+        body: [0],
+        center: Vector3::zeros(),
+        radius_m: 0.0,
+        tip: Tip::Sphere,
+        normal: Normal { stiffness_n_m: 900.0, damping_n_s_m: 2.0, ramp_m: 0.0 },
+        friction: Friction { model: Model::Linear, coefficient: 0.0, stick_n_s_m: 1.0 },
+        resistance: Resistance::default(),
+        ground: Arc::new(Plane::level()),
+    });
+    let settings = Settings { scheme: Scheme::Bdf2, tolerance: 1e-12, ..Settings::default() };
+    let mut system = System::new(settings, assembly);
+    system.glide(STEP_S);
+    let parameters: Vec<Box<dyn Parameter>> = vec![
+        Box::new(From::Height),
+        Box::new(From::Speed),
+        Box::new(Touching::new(&system, [0], OfContact::Stiffness)),
+        Box::new(Touching::new(&system, [0], OfContact::Damping)),
+    ];
+    let mut recorder = Recorder::new(&system, parameters);
+    for _ in 0..STEPS {
+        system.step_recorded(STEP_S, &mut recorder).unwrap();
+    }
+    let rollout = recorder.finish();
+    let height = |step: usize, target: f64, weight: f64| {
+        let (target, weight) = (Vector3::z() * target, Vector3::z() * weight);
+        Residual::position(&rollout, step, 0, &target, weight)
+    };
+    let mut residuals: Vec<_> = (1..=STEPS).map(|step| height(step, 0.0, 0.1_f64.sqrt())).collect();
+    residuals.push(height(STEPS, 0.2, 1.0));
+    assert!((rollout.motions(STEPS)[0].position.z - 0.2327097803).abs() < 1e-9);
+    assert!((cost(&residuals) - 0.161191868952).abs() < 1e-11, "{}", cost(&residuals));
+    let expected = [1.0298491375, 1.9745196813e-2, 1.8050215172e-5, -1.1733254658e-2];
+    let values = nalgebra::DVector::from_iterator(STEPS + 1, residuals.iter().map(|r| r.value));
+    let forward = rollout.jacobian(&residuals).tr_mul(&values);
+    let backward = rollout.gradient(&residuals);
+    for ((expected, forward), backward) in expected.iter().zip(&forward).zip(&backward) {
+        assert!((forward / expected - 1.0).abs() < 1e-9, "{forward}, {expected}");
+        assert!((backward / forward - 1.0).abs() < 1e-12, "{forward}, {backward}");
+    }
+}
