@@ -1,0 +1,237 @@
+//! Gauss–Newton's method on sums of squares of rollouts (thesis 4.7.1), with a shift of the Hessian that grows where a step
+//! makes things worse.
+//!
+//! H = JᵀJ + the penalties' own, which is SᵀO_qqS of the thesis; a step solves (H + λ diag H) Δp = −∇O. Touch-downs that move
+//! make the model wrong over more than small steps: then λ shortens the step and turns it towards the gradient, which a line
+//! search along one direction does not. A rollout that fails, because a robot falls or a step does not converge, counts as
+//! infinitely bad.
+
+use crate::sensitivity::{Residual, Rollout};
+use nalgebra::{DMatrix, DVector};
+
+/// What a rollout with some parameters is worth.
+pub struct Evaluation {
+    /// The residuals.
+    pub values: Vec<f64>,
+    /// Their derivatives by the parameters, a row for each; asked for where a step ends.
+    #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
+    pub jacobian: Box<dyn FnOnce() -> DMatrix<f64>>,
+}
+
+impl std::fmt::Debug for Evaluation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Evaluation").field("values", &self.values).finish_non_exhaustive()
+    }
+}
+
+impl From<(Rollout, Vec<Residual>)> for Evaluation {
+    fn from((rollout, residuals): (Rollout, Vec<Residual>)) -> Self {
+        let values = residuals.iter().map(|residual| residual.value).collect();
+        Self { values, jacobian: Box::new(move || rollout.jacobian(&residuals)) }
+    }
+}
+
+/// A residual of the parameters alone: Σ c p − target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Penalty {
+    /// Parameters, by number, and their factors c.
+    pub factors: Vec<(usize, f64)>,
+    /// The target.
+    pub target: f64,
+}
+
+impl Penalty {
+    /// Of the change from knot to knot of so many curves side by side, as [`Control::of_all`] has them; squares come with β.
+    ///
+    /// [`Control::of_all`]: crate::sensitivity::parameter::Control::of_all
+    pub fn smooth(curves: usize, knots: usize, periodic: bool, beta: f64) -> Vec<Self> {
+        let weight = beta.sqrt();
+        let pairs = (0..if periodic { knots } else { knots - 1 }).map(|k| (k, (k + 1) % knots));
+        let of_pair = |(from, to): (usize, usize)| {
+            (0..curves).map(move |curve| Self {
+                factors: vec![(to * curves + curve, weight), (from * curves + curve, -weight)],
+                target: 0.0,
+            })
+        };
+        pairs.flat_map(of_pair).collect()
+    }
+
+    /// Of so many parameters themselves; squares come with β.
+    pub fn small(parameters: usize, beta: f64) -> Vec<Self> {
+        let of = |k: usize| Self { factors: vec![(k, beta.sqrt())], target: 0.0 };
+        (0..parameters).map(of).collect()
+    }
+
+    fn value(&self, parameters: &DVector<f64>) -> f64 {
+        let sum: f64 = self.factors.iter().map(|&(k, factor)| factor * parameters[k]).sum();
+        sum - self.target
+    }
+}
+
+/// When to end, and how far to go at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Most iterations, each with derivatives.
+    pub iterations: usize,
+    /// Share of the objective by which an iteration has to improve it; its square is the share of the first objective below
+    /// which nothing but rounding is left.
+    pub tolerance: f64,
+    /// Largest change of a parameter in an iteration.
+    pub most: f64,
+    /// λ at the beginning.
+    pub shift: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { iterations: 30, tolerance: 1e-6, most: f64::INFINITY, shift: 1e-3 }
+    }
+}
+
+/// Times that the shift grows before a minimum is taken to be found.
+const TRIALS: u32 = 8;
+/// Factor of the shift after a step that made things worse, and its inverse after one that did not.
+const FACTOR: f64 = 10.0;
+/// Share of the largest entry of the Hessian's diagonal that the shift takes for one that is 0: nothing depends on that parameter.
+const LEAST: f64 = 1e-9;
+
+/// Where the method has come to.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The best parameters.
+    pub parameters: Vec<f64>,
+    /// Objective ½ Σ e² at the beginning and after every iteration, penalties included.
+    pub costs: Vec<f64>,
+    /// Rollouts, failed ones included.
+    pub rollouts: usize,
+    /// Whether the last iteration improved the objective by less than the tolerance, no step did, or nothing is left to improve.
+    pub converged: bool,
+    /// JᵀJ where the last step began, penalties included: its inverse is the parameters' covariance if residuals are in units of
+    /// their own deviations.
+    pub hessian: DMatrix<f64>,
+}
+
+/// Minimises half the sum of squares of residuals and penalties. `run` gives a rollout's with some parameters, or none where
+/// that fails.
+///
+/// Returns none if the rollout fails with the parameters at the beginning.
+pub fn minimise(
+    start: &[f64],
+    penalties: &[Penalty],
+    options: &Options,
+    mut run: impl FnMut(&[f64]) -> Option<Evaluation>,
+) -> Option<Fit> {
+    let mut at = DVector::from_column_slice(start);
+    let cost = |values: &[f64], at: &DVector<f64>| {
+        let of_penalties = penalties.iter().map(|penalty| penalty.value(at).powi(2));
+        0.5 * (values.iter().map(|value| value * value).sum::<f64>() + of_penalties.sum::<f64>())
+    };
+    let mut evaluation = run(start)?;
+    let mut fit = Fit {
+        parameters: start.to_vec(),
+        costs: vec![cost(&evaluation.values, &at)],
+        rollouts: 1,
+        converged: false,
+        hessian: DMatrix::zeros(start.len(), start.len()),
+    };
+    let mut shift = options.shift;
+    for _ in 0..options.iterations {
+        let before = fit.costs[fit.costs.len() - 1];
+        let values = DVector::from_vec(evaluation.values);
+        let jacobian = (evaluation.jacobian)();
+        fit.hessian = jacobian.tr_mul(&jacobian);
+        let mut gradient = jacobian.tr_mul(&values);
+        for penalty in penalties {
+            let value = penalty.value(&at);
+            for &(row, factor) in &penalty.factors {
+                gradient[row] += factor * value;
+                for &(column, other) in &penalty.factors {
+                    fit.hessian[(row, column)] += factor * other;
+                }
+            }
+        }
+        let mut found = None;
+        for _ in 0..TRIALS {
+            let step = shifted_step(&fit.hessian, &gradient, shift);
+            let step = step.map(|step| &step * (options.most / step.amax()).min(1.0));
+            let trial = step.map(|step| &at + step);
+            let trial = trial.filter(|trial| trial.iter().all(|part| part.is_finite()));
+            if let Some(trial) = trial {
+                fit.rollouts += 1;
+                if let Some(evaluation) = run(trial.as_slice()) {
+                    let cost = cost(&evaluation.values, &trial);
+                    if cost < before {
+                        found = Some((trial, evaluation, cost));
+                        break;
+                    }
+                }
+            }
+            shift *= FACTOR;
+        }
+        let Some((trial, next, cost)) = found else {
+            fit.converged = true;
+            break;
+        };
+        shift /= FACTOR;
+        (at, evaluation) = (trial, next);
+        fit.parameters = at.as_slice().to_vec();
+        fit.costs.push(cost);
+        let rounding = options.tolerance * options.tolerance * fit.costs[0];
+        if before - cost <= options.tolerance * before || cost <= rounding {
+            fit.converged = true;
+            break;
+        }
+    }
+    Some(fit)
+}
+
+/// −(H + λ diag H)⁻¹ ∇O.
+fn shifted_step(
+    hessian: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    shift: f64,
+) -> Option<DVector<f64>> {
+    let diagonal = hessian.diagonal();
+    let least = LEAST * diagonal.amax().max(f64::MIN_POSITIVE);
+    let mut shifted = hessian.clone();
+    for (k, entry) in diagonal.iter().enumerate() {
+        shifted[(k, k)] += shift * entry.max(least) + if *entry < least { least } else { 0.0 };
+    }
+    Some(-shifted.cholesky()?.solve(gradient))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rosenbrock's valley as a sum of squares, with a parameter that nothing depends on and a region where nothing runs.
+    #[test]
+    fn it_finds_the_end_of_a_bent_valley() {
+        let run = |p: &[f64]| {
+            let (x, y) = (p[0], p[1]);
+            let jacobian = DMatrix::from_row_slice(2, 3, &[-20.0 * x, 10.0, 0.0, -1.0, 0.0, 0.0]);
+            let values = vec![10.0 * (y - x * x), 1.0 - x];
+            (y < 2.0).then(|| Evaluation { values, jacobian: Box::new(move || jacobian) })
+        };
+        let options = Options { iterations: 60, tolerance: 1e-14, ..Options::default() };
+        let fit = minimise(&[-1.2, 1.0, 5.0], &[], &options, run).unwrap();
+        assert!((fit.parameters[0] - 1.0).abs() < 1e-6, "{fit:?}");
+        assert_eq!(fit.parameters[2], 5.0);
+        assert!(fit.converged && fit.costs.windows(2).all(|pair| pair[1] < pair[0]), "{fit:?}");
+        assert!(minimise(&[0.0, 3.0, 0.0], &[], &options, run).is_none());
+    }
+
+    #[test]
+    fn penalties_pull_knots_together_and_to_their_targets() {
+        let mut penalties = Penalty::smooth(2, 3, true, 4.0);
+        penalties.extend(Penalty::small(6, 0.01));
+        let nothing = |_: &[f64]| {
+            Some(Evaluation { values: Vec::new(), jacobian: Box::new(|| DMatrix::zeros(0, 6)) })
+        };
+        let start = [1.0, 0.0, 2.0, 0.0, 3.0, 0.0];
+        let options = Options { shift: 1e-9, ..Options::default() };
+        let fit = minimise(&start, &penalties, &options, nothing).unwrap();
+        assert!((fit.costs[0] - 0.5 * (4.0 * 6.0 + 0.14)).abs() < 1e-12, "{fit:?}");
+        assert!(fit.parameters.iter().all(|part| part.abs() < 1e-5), "{fit:?}");
+    }
+}

@@ -1,0 +1,261 @@
+//! Inverse problems: parameters found from what a rollout is to do, or has done.
+
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
+use rollwalk_physics::curve::{Curve, Degree};
+use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_physics::motor::Motor;
+use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Options, Penalty, minimise};
+use rollwalk_physics::sensitivity::parameter::{
+    BodyMass, Control, Freedom, Initial, OfContact, OfMass, Touching,
+};
+use rollwalk_physics::sensitivity::{Constant, Health, Parameter, Recorder, Residual, Rollout};
+use rollwalk_physics::world::Parameters;
+use rollwalk_physics::{Assembly, ContactChange, Inertia, Motion, Scheme, Settings, System, World};
+use rollwalk_robot::{Channel, Robot};
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+fn settings(scheme: Scheme) -> Settings {
+    Settings { scheme, tolerance: 1e-10, ..Settings::default() }
+}
+
+/// A ball above level ground, or a box on it.
+fn thrown(points: &[Vector3<f64>], radius_m: f64, motion: Motion) -> System {
+    let mut assembly = Assembly::default();
+    let about_com_kg_m2 = Matrix3::identity() * 2e-3;
+    assembly.add_body(Inertia { mass_kg: 1.0, about_com_kg_m2 }, motion);
+    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    for &center in points {
+        assembly.add(Contact {
+            body: [0],
+            center,
+            radius_m,
+            tip: Tip::Sphere,
+            normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 4.0, ramp_m: 1e-3 },
+            friction: Friction { model: Model::Tanh, coefficient: 0.4, stick_n_s_m: 30.0 },
+            resistance: Resistance::default(),
+            ground: Arc::clone(&ground),
+        });
+    }
+    System::new(settings(Scheme::Bdf2), assembly)
+}
+
+/// A ball is thrown so that after a bounce it comes to a place, with the spin that it has.
+#[test]
+fn a_throw_finds_its_target_with_a_bounce() {
+    let aim = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| Initial {
+        bodies: vec![0],
+        freedom: Freedom::Velocity,
+        axis,
+    });
+    let target = Vector3::new(0.9, 0.2, 0.2);
+    let motion = Motion {
+        velocity: Vector3::new(1.0, 0.0, 1.0),
+        spin: Vector3::y() * -6.0,
+        ..Motion::at(Vector3::z() * 0.3)
+    };
+    let run = |velocity: &[f64]| {
+        let mut system = thrown(&[Vector3::zeros()], 0.05, motion);
+        aim.iter().zip(velocity).for_each(|(aim, by)| aim.vary(&mut system, *by));
+        let parameters = aim.iter().map(|aim| -> Box<dyn Parameter> { Box::new(aim.clone()) });
+        let mut recorder = Recorder::new(&system, parameters.collect());
+        for _ in 0..160 {
+            system.step_recorded(1.0 / 240.0, &mut recorder).ok()?;
+        }
+        Some(recorder.finish())
+    };
+    let evaluate = |velocity: &[f64]| {
+        let rollout = run(velocity)?;
+        let miss = |axis| Residual::position(&rollout, rollout.steps(), 0, &target, axis);
+        let residuals = [Vector3::x(), Vector3::y(), Vector3::z()].map(miss).to_vec();
+        Some(Evaluation::from((rollout, residuals)))
+    };
+    let options = Options { tolerance: 1e-12, ..Options::default() };
+    let fit = minimise(&[0.0; 3], &[], &options, evaluate).unwrap();
+    assert!(fit.costs[fit.costs.len() - 1] < 1e-20 * fit.costs[0], "{fit:?}");
+    assert!(fit.rollouts <= 15, "{fit:?}");
+    let rollout = run(&fit.parameters).unwrap();
+    let events = rollout.reports().iter().flat_map(|report| &report.events);
+    let bounces = events.filter(|event| matches!(event.change, ContactChange::TouchDown { .. }));
+    assert_eq!(bounces.count(), 1);
+}
+
+const CORNERS: [Vector3<f64>; 4] = [
+    Vector3::new(0.1, 0.06, -0.03),
+    Vector3::new(0.1, -0.06, -0.03),
+    Vector3::new(-0.1, 0.06, -0.03),
+    Vector3::new(-0.1, -0.06, -0.03),
+];
+
+/// Friction and the speed at the beginning, from places of a box that slides to a stop; factors as logarithms.
+#[test]
+fn friction_is_recovered_from_how_a_box_slides() {
+    let motion = |speed: f64| {
+        let velocity = Vector3::new(speed, 0.3, 0.0);
+        Motion { velocity, spin: Vector3::z(), ..Motion::at(Vector3::z() * 0.0276) }
+    };
+    let ahead = Initial { bodies: vec![0], freedom: Freedom::Velocity, axis: Vector3::x() };
+    let run = |coefficient: f64, speed: f64| {
+        let mut system = thrown(&CORNERS, 0.0, motion(speed));
+        let friction = Touching::new(&system, 0..4, OfContact::Friction);
+        friction.set(&mut system, coefficient);
+        let mut recorder =
+            Recorder::new(&system, vec![Box::new(friction), Box::new(ahead.clone())]);
+        for _ in 0..80 {
+            system.step_recorded(1.0 / 120.0, &mut recorder).ok()?;
+        }
+        Some(recorder.finish())
+    };
+    let truth = run(0.27, 1.1).unwrap();
+    let evaluate = |p: &[f64]| {
+        let rollout = run(p[0].exp(), p[1])?;
+        let seen = |step: usize| {
+            let target = truth.motions(step)[0];
+            let axes = [Vector3::x(), Vector3::y()];
+            let places = axes
+                .map(|axis| Residual::position(&rollout, step, 0, &target.position, axis * 1e3));
+            let turn = Residual::orientation(&rollout, step, 0, &target.rotation, 1e3);
+            places.into_iter().chain(turn)
+        };
+        let residuals: Vec<_> = (1..=rollout.steps()).step_by(4).flat_map(seen).collect();
+        let values = residuals.iter().map(|residual| residual.value).collect();
+        let coefficient = p[0].exp();
+        let jacobian = move || {
+            let mut jacobian = rollout.jacobian(&residuals);
+            jacobian.column_mut(0).scale_mut(coefficient);
+            jacobian
+        };
+        Some(Evaluation { values, jacobian: Box::new(jacobian) })
+    };
+    let options = Options { tolerance: 1e-14, most: 0.5, ..Options::default() };
+    let fit = minimise(&[0.6_f64.ln(), 0.8], &[], &options, evaluate).unwrap();
+    let [coefficient, speed] = [fit.parameters[0].exp(), fit.parameters[1]];
+    assert!((coefficient / 0.27 - 1.0).abs() < 1e-6, "{coefficient}");
+    assert!((speed - 1.1).abs() < 1e-6, "{speed}");
+}
+
+/// A contact that sticks does not tell its friction, and one that is never touched nothing.
+#[test]
+fn health_says_what_has_no_effect_and_what_happens() {
+    let motion = Motion { velocity: Vector3::x() * 0.01, ..Motion::at(Vector3::z() * 0.0276) };
+    let mut points = CORNERS.to_vec();
+    points.push(Vector3::z());
+    let mut system = thrown(&points, 0.0, motion);
+    for contact in 0..5 {
+        system.force_mut::<Contact>(contact).unwrap().friction.model = Model::Linear;
+    }
+    let start = Initial { bodies: vec![0], freedom: Freedom::Position, axis: Vector3::x() };
+    let parameters: Vec<Box<dyn Parameter>> = vec![
+        Box::new(start),
+        Box::new(Touching::new(&system, 0..4, OfContact::Friction)),
+        Box::new(Touching::new(&system, 0..4, OfContact::Stick)),
+        Box::new(Touching::new(&system, [4], OfContact::Stiffness)),
+        Box::new(BodyMass { body: 0, of: OfMass::Mass }),
+    ];
+    let mut recorder = Recorder::new(&system, parameters);
+    for _ in 0..30 {
+        system.step_recorded(1.0 / 60.0, &mut recorder).unwrap();
+    }
+    let health = Health::of(&recorder.finish(), 0..1);
+    assert_eq!(health.without_effect, [1, 3]);
+    assert!(health.finite && health.vanishing.is_empty() && health.halved.is_empty());
+    assert_eq!(health.size.len(), 31);
+}
+
+fn robot(name: &str) -> Robot {
+    let path = format!("{}/../robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+const STEP_S: f64 = 1.0 / 60.0;
+const STEPS: usize = 90;
+
+/// A robot that crouches and sways with its servos' gains times a factor; offsets of targets by knots and joints.
+struct Crouch {
+    robot: Robot,
+    gain: f64,
+    curve: Arc<Curve>,
+}
+
+impl Crouch {
+    fn run(&self, offsets: &[f64]) -> Option<Rollout> {
+        let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+        let mut world = World::standing(&self.robot, &ground, &Parameters::new(&self.robot));
+        let (motors, joints) = (world.motors().to_vec(), self.robot.joints.len());
+        let system = world.system_mut();
+        for &motor in &motors[..joints] {
+            system.force_mut::<Motor>(motor).unwrap().law.kp_nm_rad *= self.gain;
+        }
+        let mut recorder = Recorder::new(system, Control::of_all(&motors[..joints], &self.curve));
+        for _ in 0..STEPS {
+            let time_s = system.time_s() + STEP_S;
+            let (sine, cosine) = (TAU * time_s).sin_cos();
+            let channels = self.robot.channels().zip(&motors).enumerate();
+            for (number, (channel, &motor)) in channels {
+                let law = &mut system.force_mut::<Motor>(motor).unwrap().law;
+                match channel {
+                    Channel::Joint(joint) => {
+                        let knots: Vec<_> =
+                            offsets.chunks(joints).map(|knot| knot[number]).collect();
+                        let [angle, speed] = self.curve.at(&knots, time_s);
+                        let size = 0.02 * (1 + number % 4) as f64;
+                        law.position_rad = joint.nominal_rad + size * (1.0 - cosine) + angle;
+                        law.speed_rad_s = size * TAU * sine + speed;
+                    }
+                    Channel::Wheel(..) => law.speed_rad_s = 2.0 * (1.0 - cosine),
+                }
+            }
+            system.step_recorded(STEP_S, &mut recorder).ok()?;
+        }
+        Some(recorder.finish())
+    }
+}
+
+/// Weak servos are given targets with which the robot moves as strong ones move it; and derivatives by where it began do not
+/// grow.
+#[test]
+fn targets_make_up_for_weak_servos() {
+    let robot = robot("agilebot");
+    let curve = Arc::new(Curve {
+        begin_s: 0.0,
+        spacing_s: 0.25,
+        knots: 7,
+        degree: Degree::Cubic,
+        periodic: false,
+    });
+    let parameters = robot.joints.len() * curve.knots;
+    let strong = Crouch { robot: robot.clone(), gain: 1.0, curve: Arc::clone(&curve) };
+    let weak = Crouch { robot, gain: 0.2, curve };
+    let wanted = strong.run(&vec![0.0; parameters]).unwrap();
+    let miss = |rollout: &Rollout| {
+        let at = |step: usize| {
+            let target = wanted.motions(step)[0];
+            let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+            let places = axes
+                .map(|axis| Residual::position(rollout, step, 0, &target.position, axis * 30.0));
+            let turn = Residual::orientation(rollout, step, 0, &target.rotation, 10.0);
+            places.into_iter().chain(turn)
+        };
+        (1..=STEPS).flat_map(at).collect::<Vec<_>>()
+    };
+    let mut penalties = Penalty::smooth(16, 7, false, 1e-3);
+    penalties.extend(Penalty::small(parameters, 1e-6));
+    let options = Options { iterations: 6, ..Options::default() };
+    let fit = minimise(&vec![0.0; parameters], &penalties, &options, |offsets| {
+        let rollout = weak.run(offsets)?;
+        let residuals = miss(&rollout);
+        Some(Evaluation::from((rollout, residuals)))
+    });
+    let fit = fit.unwrap();
+    let sags = |offsets: &[f64]| {
+        let rollout = weak.run(offsets).unwrap();
+        let off = |step: usize| {
+            (rollout.motions(step)[0].position - wanted.motions(step)[0].position).norm()
+        };
+        (20..=STEPS).map(off).fold(0.0, f64::max)
+    };
+    let [before, after] = [vec![0.0; parameters], fit.parameters].map(|offsets| sags(&offsets));
+    assert!(after < 0.05 * before, "{before}, {after}");
+}
