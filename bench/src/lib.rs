@@ -5,7 +5,7 @@
 //! through [`Program`]; what it finds is a value, [`Findings`], which `rollwalk bench` prints and writes. What each
 //! benchmark shows: `docs/benchmarks.md`.
 
-mod chart;
+pub mod chart;
 mod fault_campaign;
 mod figure_2_3;
 mod figure_3_2;

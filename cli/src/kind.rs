@@ -30,6 +30,8 @@ pub enum Kind {
     Gamepad,
     /// A terrain file.
     Terrain,
+    /// A log of the simulated world.
+    WorldLog,
     /// A motion library.
     Packed,
     /// Names of a library's motions, in the user's cache.
@@ -55,6 +57,7 @@ impl fmt::Display for Kind {
             Self::Side => "side file (TOML)",
             Self::Gamepad => "gamepad mapping (TOML)",
             Self::Terrain => "terrain file (TOML)",
+            Self::WorldLog => "log of a world (CSV)",
             Self::Packed => "motion library",
             Self::Names => "cached list of names (JSON)",
             Self::LinkKey => "link key",
@@ -95,6 +98,8 @@ impl Kind {
         match self {
             Self::Robot | Self::Motion | Self::Library | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names => 1 << 20,
+            // A quarter of an hour of a robot with twenty motors: a file of `--rotate`.
+            Self::WorldLog => 256 << 20,
             // 250,000 heights.
             Self::Terrain => 8 << 20,
             Self::LinkKey | Self::PrivateKey | Self::PublicKey => 1 << 10,
@@ -120,6 +125,7 @@ impl Kind {
             Self::Side => "make one with `rollwalk robot import ROBOT.urdf --template SIDE.toml`",
             Self::Gamepad => "docs/gamepad.md shows how to write one",
             Self::Terrain => "docs/terrain-files.md shows how to write one",
+            Self::WorldLog => "make one with `rollwalk simulate PLAN --world-log RUN.csv`",
             Self::Packed => "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`",
             Self::Names => "every build and flash of a library makes one",
             Self::LinkKey => "make one with `rollwalk keys new FILE`",
@@ -145,6 +151,7 @@ impl Kind {
             Self::Side => "a side file",
             Self::Gamepad => "a gamepad mapping",
             Self::Terrain => "a terrain file",
+            Self::WorldLog => "a log of a world",
             Self::Packed => "a motion library",
             Self::Names => "a list of names",
             Self::LinkKey => "a link key",
@@ -168,6 +175,7 @@ impl Kind {
             Self::Terrain => {
                 "`--terrain` of `rollwalk-sim`, `rollwalk demo` and `rollwalk simulate` reads it"
             }
+            Self::WorldLog => "`rollwalk plot` draws it",
             Self::Packed => "`rollwalk library inspect` and `rollwalk flash` read it",
             Self::Names => "rollwalk keeps it for itself",
             Self::LinkKey => "--link-key takes it",

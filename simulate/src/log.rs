@@ -3,11 +3,11 @@
 //!
 //! The caller that steps a world writes it, with a bus or without.
 
+use nalgebra::UnitQuaternion;
 use rollwalk_physics::World;
 use rollwalk_physics::motor::Law;
 use rollwalk_robot::{Channel, Robot};
-use std::borrow::Cow;
-use std::fmt::Write;
+use thiserror::Error;
 
 /// What is known of a step besides its world.
 #[derive(Clone, Copy, Debug)]
@@ -22,74 +22,218 @@ pub struct Moment<'a> {
     pub has_fallen: bool,
 }
 
-/// Names of the columns, separated by commas. Names of joints and end effectors come from the robot file.
+const BASE: [&str; 17] = [
+    "time_s",
+    "motion",
+    "held",
+    "fell",
+    "base_x_m",
+    "base_y_m",
+    "base_z_m",
+    "base_qw",
+    "base_qx",
+    "base_qy",
+    "base_qz",
+    "com_x_m",
+    "com_y_m",
+    "com_z_m",
+    "com_vx_m_s",
+    "com_vy_m_s",
+    "com_vz_m_s",
+];
+const MOTOR: [&str; 9] = [
+    "rad",
+    "rad_s",
+    "nm",
+    "target_rad",
+    "target_rad_s",
+    "feedforward_nm",
+    "kp_nm_rad",
+    "kd_nm_s_rad",
+    "limit_nm",
+];
+const END_EFFECTOR: [&str; 5] = ["normal_n", "fx_n", "fy_n", "fz_n", "slip_m_s"];
+
+/// Names of the columns as a line. Names of joints and end effectors come from the robot file.
 pub fn heading(robot: &Robot) -> String {
-    let base = "time_s,motion,held,fell,base_x_m,base_y_m,base_z_m,base_qw,base_qx,base_qy,base_qz,com_x_m,com_y_m,com_z_m,\
-                com_vx_m_s,com_vy_m_s,com_vz_m_s";
-    let mut text = base.to_owned();
-    for channel in robot.channels() {
-        let name = match channel {
-            Channel::Joint(joint) => joint.name.clone(),
-            Channel::Wheel(wheel, _) => format!("{}_motor", wheel.name),
-        };
-        for what in [
-            "rad",
-            "rad_s",
-            "nm",
-            "target_rad",
-            "target_rad_s",
-            "feedforward_nm",
-            "kp_nm_rad",
-            "kd_nm_s_rad",
-            "limit_nm",
-        ] {
-            let _ = write!(text, ",{name}_{what}");
-        }
-    }
-    for end_effector in &robot.end_effectors {
-        for what in ["normal_n", "fx_n", "fy_n", "fz_n", "slip_m_s"] {
-            let _ = write!(text, ",{}_{what}", end_effector.name);
-        }
-    }
-    text
+    let motors = robot.channels().map(|channel| match channel {
+        Channel::Joint(joint) => joint.name.clone(),
+        Channel::Wheel(wheel, _) => format!("{}_motor", wheel.name),
+    });
+    let motors = motors.flat_map(|name| MOTOR.map(|what| format!("{name}_{what}")));
+    let end_effectors = robot.end_effectors.iter();
+    let end_effectors =
+        end_effectors.flat_map(|of| END_EFFECTOR.map(|what| format!("{}_{what}", of.name)));
+    record(BASE.map(str::to_owned).into_iter().chain(motors).chain(end_effectors))
 }
 
 /// A line of the table. Numbers have the digits of single precision.
 pub fn line(moment: &Moment<'_>, world: &World) -> String {
     let &Moment { time_s, motion, is_held, has_fallen } = moment;
-    let flag = u8::from;
-    let (motion, held, fell) = (quoted(motion), flag(is_held), flag(has_fallen));
-    let mut text = format!("{time_s:.6},{motion},{held},{fell}");
-    let mut add = |values: &[f64]| {
-        for value in values {
-            let _ = write!(text, ",{}", *value as f32);
-        }
-    };
+    let flag = |is: bool| u8::from(is).to_string();
+    let first = [format!("{time_s:.6}"), motion.to_owned(), flag(is_held), flag(has_fallen)];
+    let mut values = Vec::new();
     let (position, rotation) = world.base();
-    let turned = nalgebra::UnitQuaternion::from_matrix(&rotation);
+    let turned = UnitQuaternion::from_matrix(&rotation);
     let (com, velocity) = world.com();
-    add(position.as_slice());
-    add(&[turned.w, turned.i, turned.j, turned.k]);
-    add(com.as_slice());
-    add(velocity.as_slice());
+    values.extend(&position);
+    values.extend([turned.w, turned.i, turned.j, turned.k]);
+    values.extend(com.iter().chain(&velocity));
     for (channel, shaft) in world.shafts().enumerate() {
+        let law = world.law(channel);
         let Law { kp_nm_rad, kd_nm_s_rad, position_rad, speed_rad_s, torque_nm, limit_nm, .. } =
-            world.law(channel);
-        add(&shaft);
-        add(&[position_rad, speed_rad_s, torque_nm, kp_nm_rad, kd_nm_s_rad, limit_nm]);
+            law;
+        values.extend(shaft);
+        values.extend([position_rad, speed_rad_s, torque_nm, kp_nm_rad, kd_nm_s_rad, limit_nm]);
     }
     for touch in world.touches() {
-        add(&[touch.normal_n]);
-        add(touch.force.as_slice());
-        add(&[if touch.normal_n > 0.0 { touch.sliding.norm() } else { 0.0 }]);
+        values.push(touch.normal_n);
+        values.extend(&touch.force);
+        values.push(if touch.normal_n > 0.0 { touch.sliding.norm() } else { 0.0 });
     }
-    text
+    let values = values.into_iter().map(|value| (value as f32).to_string());
+    record(first.into_iter().chain(values))
 }
 
-/// A name as a cell (RFC 4180).
-fn quoted(name: &str) -> Cow<'_, str> {
-    match name.contains([',', '"']) {
-        true => Cow::Owned(format!("\"{}\"", name.replace('"', "\"\""))),
-        false => Cow::Borrowed(name),
+/// Cells as a line without its end.
+fn record(cells: impl Iterator<Item = String>) -> String {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    // A vector takes everything, and cells are text.
+    let written = writer.write_record(cells).and_then(|()| Ok(writer.flush()?));
+    written.expect("memory takes it");
+    let bytes = writer.into_inner().unwrap_or_default();
+    String::from_utf8(bytes).unwrap_or_default().trim_end().to_owned()
+}
+
+/// A table that was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Motion of each row; empty where none was played.
+    pub motions: Vec<String>,
+    names: Vec<String>,
+    /// By row; the motion's is 0.
+    values: Vec<Vec<f64>>,
+}
+
+/// What is wrong with a table.
+#[derive(Debug, Error)]
+pub enum LogError {
+    /// Not the form of a table.
+    #[error("{0}")]
+    Csv(#[from] csv::Error),
+    /// A column of the base is missing.
+    #[error("there is no column `{0}`")]
+    Missing(&'static str),
+    /// A cell that should be a number is none.
+    #[error("line {line}, column `{column}`: `{cell}` is no number")]
+    Number {
+        /// Counted from 1, as editors do.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// What is there.
+        cell: String,
+    },
+    /// It has only a heading.
+    #[error("it has no rows")]
+    Empty,
+}
+
+impl Table {
+    /// Reads a table.
+    ///
+    /// # Errors
+    /// It is none, or it has no rows.
+    pub fn read(text: &str) -> Result<Self, LogError> {
+        let mut reader = csv::Reader::from_reader(text.as_bytes());
+        let names: Vec<String> = reader.headers()?.iter().map(str::to_owned).collect();
+        if let Some(missing) = BASE.into_iter().find(|base| names.iter().all(|name| name != base)) {
+            return Err(LogError::Missing(missing));
+        }
+        let (mut motions, mut values) = (Vec::new(), Vec::new());
+        for row in reader.records() {
+            let row = row?;
+            let number = |(cell, name): (&str, &String)| {
+                if name == "motion" {
+                    return Ok(0.0);
+                }
+                cell.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(|| {
+                    let line = row.position().map_or(0, csv::Position::line);
+                    LogError::Number { line, column: name.clone(), cell: cell.to_owned() }
+                })
+            };
+            values.push(row.iter().zip(&names).map(number).collect::<Result<Vec<_>, _>>()?);
+            let motion = row.iter().zip(&names).find(|(_, name)| *name == "motion");
+            motions.push(motion.map_or_else(String::new, |(cell, _)| cell.to_owned()));
+        }
+        if values.is_empty() { Err(LogError::Empty) } else { Ok(Self { motions, names, values }) }
+    }
+
+    /// Values of a column that is there.
+    pub fn column(&self, name: &str) -> Option<Vec<f64>> {
+        let column = self.names.iter().position(|known| known == name)?;
+        Some(self.values.iter().map(|row| row[column]).collect())
+    }
+
+    /// What columns with an ending are of, in their order: `front_left` of `front_left_normal_n` and `_normal_n`.
+    pub fn with_ending<'a>(&'a self, ending: &'a str) -> impl Iterator<Item = &'a str> {
+        self.names.iter().filter_map(move |name| name.strip_suffix(ending))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_physics::ground::{Ground, Plane};
+    use rollwalk_physics::world::Parameters;
+    use std::sync::Arc;
+
+    fn robot() -> Robot {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/car.toml");
+        Robot::from_toml("car", &std::fs::read_to_string(path).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let robot = robot();
+        let level: Arc<dyn Ground> = Arc::new(Plane::level());
+        let mut world = World::standing(&robot, &level, &Parameters::new(&robot));
+        let mut text = heading(&robot) + "\n";
+        for step in 1..=20 {
+            world.step(0.01).unwrap();
+            let motion = if step > 10 { "a \"fast\", long drive" } else { "" };
+            let time_s = 0.01 * f64::from(step);
+            let moment = Moment { time_s, motion, is_held: false, has_fallen: step == 20 };
+            text += &(line(&moment, &world) + "\n");
+        }
+        let table = Table::read(&text).unwrap();
+        assert_eq!(table.motions[9..11], ["", "a \"fast\", long drive"]);
+        let column = |name: &str| table.column(name).expect(name);
+        assert_eq!(column("time_s")[19], 0.2);
+        assert_eq!(column("fell").iter().sum::<f64>(), 1.0);
+        assert!((column("base_z_m")[19] - world.base().0.z).abs() < 1e-7);
+        let wheels: Vec<_> = table.with_ending("_normal_n").collect();
+        assert_eq!(wheels, ["front_left", "front_right", "rear_left", "rear_right"]);
+        let weight_n: f64 =
+            wheels.iter().map(|wheel| column(&format!("{wheel}_normal_n"))[19]).sum();
+        let mass_kg: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
+        assert!((weight_n / (9.81 * mass_kg) - 1.0).abs() < 0.02, "{weight_n} N");
+        assert_eq!(column("front_left_motor_kp_nm_rad")[0], 0.0);
+        assert_eq!(column("front_left_motor_kd_nm_s_rad")[0], 0.5);
+    }
+
+    #[test]
+    fn faults_are_told_by_line_and_column() {
+        let heading = heading(&robot());
+        let why = |text: &str| Table::read(text).unwrap_err().to_string();
+        assert_eq!(why("a,b\n1,2\n"), "there is no column `time_s`");
+        assert_eq!(why(&heading), "it has no rows");
+        let row = |time: &str| {
+            let zeros = vec!["0"; heading.split(',').count() - 1].join(",");
+            format!("{heading}\n{time},{zeros}\n")
+        };
+        assert_eq!(why(&row("soon")), "line 2, column `time_s`: `soon` is no number");
+        assert!(why(&row("NaN")).contains("`NaN` is no number"));
+        assert!(why(&format!("{heading}\n1,2\n")).contains("found record with 2 fields"));
     }
 }

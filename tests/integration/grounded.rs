@@ -64,6 +64,14 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
         (driven_m - ahead_m).abs() < 0.002,
         "{driven_m} m in the log, {ahead_m} m in the table"
     );
+    desk.run(&["plot", "run.csv", "-o", "run.svg"]).succeeds();
+    let figure = desk.read_text("run.svg");
+    for words in ["force along the normal", "rear_right", " drive_1m"] {
+        assert!(figure.contains(words), "{words}");
+    }
+    desk.write("cut.csv", &desk.read_text("run.csv").replacen(",0.0", ",x", 1));
+    desk.run(&["plot", "cut.csv", "-o", "run.svg"]).fails(1, &["cut.csv: line 2, column `"]);
+    desk.run(&["plot", "drive.toml", "-o", "run.svg"]).fails(1, &["drive.toml is a library file"]);
     desk.run(&["simulate", "drive.rwl", "--world-log", "run.png"])
         .fails(1, &["cannot write a log of the world as run.png"]);
     let bus = format!("sim:{}", desk.path("robot.sock").display());

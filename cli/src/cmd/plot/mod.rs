@@ -1,23 +1,27 @@
-//! `rollwalk plot`: plans as figures.
+//! `rollwalk plot`: plans and logs of the simulated world as figures.
+
+mod world;
 
 use crate::files::{self, Output};
 use crate::{Exit, inputs};
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::plot;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Pictures of a motion in a strip.
 pub const STRIP_MOMENTS: usize = 6;
 
-/// Draw a plan as SVG: footfalls, centre of mass, joint angles, wheel speeds, ground forces.
+/// Draw a plan as SVG: footfalls, centre of mass, joint angles, wheel speeds, ground forces; or a log of the simulated world: way,
+/// height, tilt, speed, forces of the ground, slip, torques.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk plot walk.plan.json -o walk.svg
-  rollwalk plot --strip drive.plan.json walk.plan.json -o robot.svg")]
+  rollwalk plot --strip drive.plan.json walk.plan.json -o robot.svg
+  rollwalk plot run.csv -o run.svg       # of `rollwalk simulate walk.plan.json --world-log run.csv`")]
 pub struct Args {
-    /// Plan (JSON); several with --strip.
-    #[arg(value_name = "PLAN.json", required = true)]
+    /// Plan (JSON), or log of the simulated world (CSV); several plans with --strip.
+    #[arg(value_name = "PLAN.json|RUN.csv", required = true)]
     plans: Vec<PathBuf>,
     /// Draw the robot itself instead, at six moments of each plan.
     #[arg(long)]
@@ -30,6 +34,12 @@ pub struct Args {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     files::ending(&args.output, "a figure", &["svg"])?;
+    if let [log] = &args.plans[..]
+        && log.extension().is_some_and(|extension| extension == "csv")
+        && !args.strip
+    {
+        return finish(&args.output, &world::figure(log)?);
+    }
     let plans: Vec<Plan> =
         args.plans.iter().map(|path| inputs::plan(path)).collect::<miette::Result<_>>()?;
     let svg = match &plans[..] {
@@ -43,8 +53,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             ));
         }
     };
-    let place = Output::at(&args.output)?;
+    finish(&args.output, &svg)
+}
+
+fn finish(path: &Path, svg: &str) -> miette::Result<Exit> {
+    let place = Output::at(path)?;
     place.write(svg.as_bytes())?;
-    place.comment(&format!("wrote {}", args.output.display()))?;
+    place.comment(&format!("wrote {}", path.display()))?;
     Ok(Exit::Ok)
 }
