@@ -1,33 +1,39 @@
-//! CPU time of derivatives: AgileBot, 96 steps of 1/60 s by 128 targets, by the direct and the adjoint method, beside the
-//! simulation alone.
+//! CPU time of derivatives: AgileBot by 128 targets, LegBot on soft feet by 96, by the direct and the adjoint method, beside
+//! the simulation alone.
 //!
 //! `cargo run --release -p rollwalk-physics --example sensitivity_time`
 
 use cpu_time::ProcessTime;
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 use rollwalk_physics::World;
 use rollwalk_physics::curve::{Curve, Degree};
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Motor;
 use rollwalk_physics::sensitivity::parameter::Control;
 use rollwalk_physics::sensitivity::{Recorder, Residual, Rollout};
-use rollwalk_physics::world::Parameters;
+use rollwalk_physics::soft::Material;
+use rollwalk_physics::world::{Parameters, SoftFeet};
 use rollwalk_robot::{Channel, Robot};
 use std::sync::Arc;
 
 const STEP_S: f64 = 1.0 / 60.0;
 const RUNS: u32 = 5;
 
-fn agilebot() -> Robot {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml");
+fn robot(name: &str) -> Robot {
+    let path = format!("{}/../robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(path).expect("the robot files are beside this crate");
-    Robot::from_toml("agilebot", &text).expect("shipped robot files are sound")
+    Robot::from_toml(name, &text).expect("shipped robot files are sound")
 }
 
 /// A robot that swings its joints and drives its wheels; recorded by so many knots of each joint, or not.
-fn run(robot: &Robot, steps: usize, knots: Option<usize>) -> Option<Rollout> {
+fn run(
+    robot: &Robot,
+    parameters: &Parameters,
+    steps: usize,
+    knots: Option<usize>,
+) -> Option<Rollout> {
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
-    let mut world = World::standing(robot, &ground, &Parameters::new(robot));
+    let mut world = World::standing(robot, &ground, parameters);
     let (motors, joints) = (world.motors().to_vec(), robot.joints.len());
     let mut recorder = knots.map(|knots| {
         let spacing_s = steps as f64 * STEP_S / (knots - 1) as f64;
@@ -72,23 +78,34 @@ fn measure<T>(name: &str, mut what: impl FnMut() -> T) -> T {
     result.expect("it ran")
 }
 
+/// Times of a robot's rollouts, by eight knots of every joint.
+fn compare(robot: &Robot, parameters: &Parameters, name: &str, steps: usize) {
+    println!("{name}, {steps} steps, {} targets", 8 * robot.joints.len());
+    measure("simulation, with its setup", || run(robot, parameters, steps, None));
+    let rollout = measure("recorded", || run(robot, parameters, steps, Some(8)));
+    let rollout = rollout.expect("a record");
+    let residuals: Vec<Residual> = (1..=rollout.steps())
+        .flat_map(|step| [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| (step, axis)))
+        .map(|(step, axis)| Residual::com(&rollout, step, &Vector3::zeros(), axis))
+        .collect();
+    measure("direct, all motions", || rollout.direct(|_, _| {}));
+    let jacobian = measure("direct, centre of mass of each step", || rollout.jacobian(&residuals));
+    let gradient = measure("adjoint, its squares", || rollout.gradient(&residuals));
+    let values = residuals.iter().map(|residual| residual.value);
+    let expected = jacobian.tr_mul(&DVector::from_iterator(residuals.len(), values));
+    let error = (&expected - DVector::from_vec(gradient)).norm() / expected.norm();
+    println!("{:44} {error:8.1e}", "difference of the gradients");
+}
+
 fn main() {
-    let robot = agilebot();
-    for steps in [96, 960] {
-        println!("AgileBot, {steps} steps, 128 targets");
-        measure("simulation, with its setup", || run(&robot, steps, None));
-        let rollout = measure("recorded", || run(&robot, steps, Some(8))).expect("a record");
-        let residuals: Vec<Residual> = (1..=rollout.steps())
-            .flat_map(|step| [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| (step, axis)))
-            .map(|(step, axis)| Residual::com(&rollout, step, &Vector3::zeros(), axis))
-            .collect();
-        measure("direct, all motions", || rollout.direct(|_, _| {}));
-        let jacobian =
-            measure("direct, centre of mass of each step", || rollout.jacobian(&residuals));
-        let gradient = measure("adjoint, its squares", || rollout.gradient(&residuals));
-        let values: Vec<f64> = residuals.iter().map(|residual| residual.value).collect();
-        let expected = jacobian.tr_mul(&nalgebra::DVector::from_vec(values));
-        let error = (&expected - nalgebra::DVector::from_vec(gradient)).norm() / expected.norm();
-        println!("{:44} {error:8.1e}", "difference of the gradients");
-    }
+    let agilebot = robot("agilebot");
+    let parameters = Parameters::new(&agilebot);
+    compare(&agilebot, &parameters, "AgileBot", 96);
+    compare(&agilebot, &parameters, "AgileBot", 960);
+    let legbot = robot("legbot");
+    let rigid = Parameters::new(&legbot);
+    let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 2e5, 0.3) };
+    let soft_feet = Some(SoftFeet { material, cells: 2, attach_n_m: rigid.joint_n_m / 9.0 });
+    let soft = Parameters { soft_feet, ..rigid };
+    compare(&legbot, &soft, "LegBot on soft feet of 27 nodes", 144);
 }

@@ -139,9 +139,16 @@ pub trait Force: Any + Debug + Send + Sync {
     /// `derivatives[i * bodies + j]`.
     fn derivatives(&self, view: &View<'_>, wrenches: &mut [Wrench], derivatives: &mut [Derivative]);
 
-    /// Adds the derivatives of the wrenches by the motions at the beginning of the step and one step earlier, of a force that
-    /// looks at them.
-    fn history(&self, _view: &View<'_>, _last: &mut [Derivative], _before: &mut [Derivative]) {}
+    /// Adds the derivatives of the wrenches by the motions at the beginning of the step and one step earlier; false of a force
+    /// that does not look at them.
+    fn history(
+        &self,
+        _view: &View<'_>,
+        _last: &mut [Derivative],
+        _before: &mut [Derivative],
+    ) -> bool {
+        false
+    }
 
     /// Hears that a step has ended with these motions of all bodies: for what the motions do not tell. To hear of motions at the
     /// beginning of a step again must undo it.

@@ -188,6 +188,11 @@ impl Motor {
         view.weights.rate(speed(view.now), speed(view.last), speed(view.before))
     }
 
+    /// Derivative of the angle by a turn of the second body; minus that of the first.
+    pub(crate) fn angle_by_turn(&self, now: &[Motion]) -> Vector3<f64> {
+        self.sine_cosine(now).2
+    }
+
     /// Sine and cosine of the angle, up to a common factor; and its gradient by the turn of the second body.
     fn sine_cosine(&self, now: &[Motion]) -> (f64, f64, Vector3<f64>) {
         let along = now[0].rotation * self.across[0];
@@ -264,7 +269,7 @@ impl Force for Motor {
     ) {
         let torque = self.moment(view);
         let axis = self.axis_in_world(&view.now[0]);
-        let (_, _, gradient) = self.sine_cosine(view.now);
+        let gradient = self.angle_by_turn(view.now);
         wrenches[0].moment -= axis * torque.value_nm;
         wrenches[1].moment += axis * torque.value_nm;
         // Both angle and axis turn with the first body: δ(u·Δω) = Δω·(δθ × u) = δθ·(u × Δω).
@@ -283,7 +288,7 @@ impl Force for Motor {
     }
 
     /// The rotor's inertia feels the change of its speed.
-    fn history(&self, view: &View<'_>, last: &mut [Derivative], before: &mut [Derivative]) {
+    fn history(&self, view: &View<'_>, last: &mut [Derivative], before: &mut [Derivative]) -> bool {
         let axis_now = self.axis_in_world(&view.now[0]);
         let times = [(view.last, last), (view.before, before)];
         for ((then, derivatives), gain) in times.into_iter().zip(view.weights.earlier_gains()) {
@@ -298,6 +303,7 @@ impl Force for Motor {
                 derivatives[2 * i + 1].add_moment(By::Spin, &(by_spin * on_i));
             }
         }
+        true
     }
 }
 

@@ -141,6 +141,16 @@ impl System {
         self.state.time_s
     }
 
+    /// Parameters of the stepper.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The same, to change them.
+    pub fn settings_mut(&mut self) -> &mut Settings {
+        &mut self.settings
+    }
+
     /// Motions of the bodies.
     pub fn motions(&self) -> &[Motion] {
         &self.state.now
@@ -328,7 +338,7 @@ impl System {
         };
         let moved = self.newton.solve(&step, tolerance, iterations, report)?;
         if let Some(recorder) = recorder {
-            recorder.part(&step, &moved, self.newton.sticking());
+            recorder.part(&step, &moved, &self.newton);
         }
         let ends = self.newton.equations().motions.clone();
         let state = &mut self.state;

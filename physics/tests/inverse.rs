@@ -259,3 +259,70 @@ fn targets_make_up_for_weak_servos() {
     let [before, after] = [vec![0.0; parameters], fit.parameters].map(|offsets| sags(&offsets));
     assert!(after < 0.05 * before, "{before}, {after}");
 }
+
+/// Every term of objectives against central differences of rollouts.
+#[test]
+fn residuals_have_their_derivatives() {
+    let robot = robot("agilebot");
+    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    let mut parameters = Parameters::new(&robot);
+    parameters.settings.tolerance = 1e-9;
+    let start = [
+        (Freedom::Rotation, Vector3::new(0.6, 0.0, 0.8)),
+        (Freedom::Velocity, Vector3::y()),
+        (Freedom::Spin, Vector3::new(0.0, 0.6, 0.8)),
+    ]
+    .map(|(freedom, axis)| Initial { bodies: (0..21).collect(), freedom, axis });
+    let standing = || World::standing(&robot, &ground, &parameters);
+    // Of a joint and of a wheel.
+    let motors = {
+        let world = standing();
+        [2, 17].map(|n| world.system().force::<Motor>(world.motors()[n]).unwrap().clone())
+    };
+    let run = |by: Option<(usize, f64)>| {
+        let mut world = standing();
+        let system = world.system_mut();
+        // Anything that turns and moves.
+        start[1].vary(system, 0.3);
+        start[2].vary(system, 1.5);
+        if let Some((number, by)) = by {
+            start[number].vary(system, by);
+        }
+        let all = start.iter().map(|start| -> Box<dyn Parameter> { Box::new(start.clone()) });
+        let mut recorder = Recorder::new(system, all.collect());
+        for _ in 0..6 {
+            system.step_recorded(STEP_S, &mut recorder).unwrap();
+        }
+        let rollout = recorder.finish();
+        let (at, axis) = (Vector3::new(0.1, -0.2, 0.3), Vector3::new(0.5, -0.4, 2.0));
+        let target = nalgebra::Rotation3::new(Vector3::new(0.4, -0.3, 0.2)).into_inner();
+        let mut residuals = vec![
+            Residual::position(&rollout, 4, 3, &at, axis),
+            Residual::velocity(&rollout, 6, 3, &at, axis),
+            Residual::gyroscope(&rollout, 5, 0, &axis, 0.3, 2.0),
+            Residual::com(&rollout, 5, &at, axis),
+            Residual::mean_velocity(&rollout, [2, 6], &at, axis),
+        ];
+        residuals.extend(Residual::orientation(&rollout, 6, 3, &target, 3.0));
+        for motor in &motors {
+            residuals.push(Residual::angle(&rollout, 6, motor, 0.2, 2.0));
+            residuals.push(Residual::speed(&rollout, 6, motor, 0.1, 2.0));
+        }
+        (rollout, residuals)
+    };
+    let (rollout, residuals) = run(None);
+    let jacobian = rollout.jacobian(&residuals);
+    for number in 0..start.len() {
+        let step = 1e-6;
+        let values = |by: f64| {
+            let (_, residuals) = run(Some((number, by)));
+            residuals.into_iter().map(|residual| residual.value).collect::<Vec<_>>()
+        };
+        let (ahead, behind) = (values(step), values(-step));
+        for row in 0..residuals.len() {
+            let rate = (ahead[row] - behind[row]) / (2.0 * step);
+            let found = jacobian[(row, number)];
+            assert!((rate - found).abs() < 1e-6 * (1.0 + found.abs()), "{row}: {found}, {rate}");
+        }
+    }
+}

@@ -7,12 +7,12 @@ use rollwalk_physics::friction::{Friction, Model};
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Motor;
 use rollwalk_physics::sensitivity::parameter::{
-    BodyMass, Control, Drive, Freedom, Initial, OfContact, OfMass, OfMaterial, OfMotor, Softness,
-    Touching,
+    BodyMass, Control, Drive, Freedom, Gravity, Initial, OfContact, OfMass, OfMaterial, OfMotor,
+    Softness, Targets, Touching,
 };
 use rollwalk_physics::sensitivity::{Constant, Parameter, Recorder, Rollout, Variation};
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
-use rollwalk_physics::world::Parameters;
+use rollwalk_physics::world::{Parameters, SoftFeet};
 use rollwalk_physics::{
     Assembly, Body, ContactChange, Inertia, Motion, Scheme, Settings, System, World,
 };
@@ -190,7 +190,7 @@ fn settings(scheme: Scheme) -> Settings {
 fn no_steer(_: &mut System, _: &[f64]) {}
 
 /// A box that is thrown onto an incline, where it bounces, tumbles and slides.
-fn thrown_box(scheme: Scheme, model: Model) -> System {
+fn thrown_box(settings: Settings, model: Model) -> System {
     let about_com_kg_m2 = Matrix3::from_diagonal(&Vector3::new(1e-3, 2e-3, 2.5e-3));
     let mut assembly = Assembly::default();
     let motion = Motion {
@@ -214,7 +214,7 @@ fn thrown_box(scheme: Scheme, model: Model) -> System {
             ground: Arc::clone(&ground),
         });
     }
-    System::new(settings(scheme), assembly)
+    System::new(settings, assembly)
 }
 
 #[test]
@@ -225,7 +225,7 @@ fn a_thrown_box_has_the_derivatives_of_its_bounces() {
         (Scheme::Bdf2, Model::Linear),
         (Scheme::Bdf2, Model::Tanh),
     ] {
-        let build = || thrown_box(scheme, model);
+        let build = || thrown_box(settings(scheme), model);
         let scene = Scene {
             build: &build,
             steer: &no_steer,
@@ -255,6 +255,30 @@ fn a_thrown_box_has_the_derivatives_of_its_bounces() {
             events.filter(|event| matches!(event.change, ContactChange::TouchDown { .. }));
         println!("{} touch-downs, {} slips", touches.count(), slips.count());
     }
+}
+
+/// Steps of few iterations are taken in parts, of which the first of BDF2 is one of backward Euler.
+#[test]
+fn steps_that_were_halved_have_their_derivatives() {
+    let few = Settings { iterations: 2, ..settings(Scheme::Bdf2) };
+    let build = || thrown_box(few, Model::Tanh);
+    let scene = Scene {
+        build: &build,
+        steer: &no_steer,
+        controls: 0,
+        step_s: 1.0 / 60.0,
+        steps: 30,
+        bound: 1e-5,
+    };
+    let system = build();
+    let rollout = scene.check(vec![
+        initial(Freedom::Rotation, &[0], Vector3::new(0.6, 0.0, 0.8)).wider(0.1),
+        initial(Freedom::Velocity, &[0], Vector3::x()),
+        constant("mu", Touching::new(&system, 0..8, OfContact::Friction), &system),
+    ]);
+    let halved = rollout.reports().iter().filter(|report| report.subdivisions > 0).count();
+    println!("{halved} of 30 steps halved");
+    assert!(halved >= 3, "{halved}");
 }
 
 /// A soft cube that falls and slides, of which one node is pushed apart by nothing but its material.
@@ -312,19 +336,32 @@ fn robot(name: &str) -> Robot {
 #[test]
 fn agilebot_has_derivatives_by_its_targets_gains_and_ground() {
     for scheme in [Scheme::Bdf1, Scheme::Bdf2] {
-        moving_robot("agilebot", scheme);
+        moving_robot("agilebot", scheme, None);
     }
 }
 
 #[test]
 fn swizzlebot_has_derivatives_by_its_targets_gains_and_ground() {
-    moving_robot("swizzlebot", Scheme::Bdf1);
+    moving_robot("swizzlebot", Scheme::Bdf1, None);
 }
 
-fn moving_robot(name: &str, scheme: Scheme) {
+#[test]
+fn legbot_on_soft_feet_has_derivatives() {
+    let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 2e5, 0.3) };
+    moving_robot("legbot", Scheme::Bdf1, Some(material));
+}
+
+/// How far a joint swings: legs lift one after the other.
+fn swing_rad(joint: usize) -> f64 {
+    0.04 + 0.02 * (joint % 4) as f64
+}
+
+fn moving_robot(name: &str, scheme: Scheme, soft: Option<Material>) {
     let robot = robot(name);
     let world = || {
         let mut parameters = Parameters::new(&robot);
+        let attach_n_m = parameters.joint_n_m / 9.0;
+        parameters.soft_feet = soft.map(|material| SoftFeet { material, cells: 2, attach_n_m });
         parameters.settings = settings(scheme);
         parameters.settings.tolerance = 1e-9;
         let ground: Arc<dyn Ground> = Arc::new(Plane::level());
@@ -354,19 +391,20 @@ fn moving_robot(name: &str, scheme: Scheme) {
         .collect();
     let steer = |system: &mut System, controls: &[f64]| {
         let time_s = system.time_s() + step_s;
-        let (sine, cosine) = (TAU * time_s).sin_cos();
+        let (&delay_s, controls) = controls.split_first().unwrap();
+        let (sine, cosine) = (TAU * (time_s - delay_s)).sin_cos();
+        let (_, steady) = (TAU * time_s).sin_cos();
         for (number, (&motor, nominal)) in motors.iter().zip(&nominal).enumerate() {
             let law = &mut system.force_mut::<Motor>(motor).unwrap().law;
             match nominal {
                 Some(nominal) => {
                     let of_motor = controls.chunks(joints).map(|knot| knot[number]);
                     let [angle, speed] = curve.at(&of_motor.collect::<Vec<_>>(), time_s);
-                    // Legs lift one after the other.
-                    let size = 0.04 + 0.02 * (number % 4) as f64;
+                    let size = swing_rad(number);
                     law.position_rad = nominal + size * (1.0 - cosine) + angle;
                     law.speed_rad_s = size * TAU * sine + speed;
                 }
-                None => law.speed_rad_s = 4.0 * (1.0 - cosine),
+                None => law.speed_rad_s = 4.0 * (1.0 - steady),
             }
         }
     };
@@ -377,7 +415,7 @@ fn moving_robot(name: &str, scheme: Scheme) {
     let scene = Scene {
         build: &build,
         steer: &steer,
-        controls: joints * curve.knots,
+        controls: 1 + joints * curve.knots,
         step_s,
         steps,
         bound: 1e-5,
@@ -400,14 +438,32 @@ fn moving_robot(name: &str, scheme: Scheme) {
     }
     let contacts: Vec<usize> =
         (0..robot.end_effectors.len()).flat_map(|number| world.contacts(number)).collect();
-    for of in [OfContact::Stiffness, OfContact::Damping, OfContact::Stick, OfContact::Resistance] {
+    let mut numbers = vec![OfContact::Stiffness, OfContact::Damping, OfContact::Stick];
+    numbers.extend((motors.len() > joints).then_some(OfContact::Resistance));
+    for of in numbers {
         let touching = Touching::new(&system, contacts.clone(), of);
         cases.push(constant(&format!("{of:?}"), touching, &system));
     }
+    cases.push(constant("tilt", Gravity { axis: Vector3::x() }, &system).wider(10.0));
+    // All joints come a little later; controls are at their end.
+    let late = {
+        let motors = motors[..joints].to_vec();
+        let by = move |number: usize, time_s: f64| {
+            let (sine, cosine) = (TAU * time_s).sin_cos();
+            [sine, TAU * cosine].map(|rate| -swing_rad(number) * TAU * rate)
+        };
+        Targets { motors, by: Arc::new(by) }
+    };
+    cases.push(Case {
+        name: "delay".into(),
+        parameter: Box::new(late),
+        change: Box::new(|_, controls, by| controls[0] += by),
+        difference: 1e-6,
+    });
     for (number, parameter) in
         Control::of_all(&motors[..joints], &curve).into_iter().enumerate().step_by(7)
     {
-        let change: Change = Box::new(move |_, controls, by| controls[number] += by);
+        let change: Change = Box::new(move |_, controls, by| controls[1 + number] += by);
         cases.push(Case { name: format!("target {number}"), parameter, change, difference: 1e-6 });
     }
     println!("{name} {scheme:?}");

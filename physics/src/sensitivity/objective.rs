@@ -4,9 +4,11 @@
 //! Jacobian J ([`Rollout::jacobian`]); then ∇O = Jᵀe, and JᵀJ is the SᵀO_qqS of the thesis's Gauss–Newton method (4.7.1). The
 //! gradient alone comes cheaper from the adjoint method ([`Rollout::gradient`]).
 
+use crate::motor::Motor;
 use crate::sensitivity::{Rollout, Variation};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::{log, right_jacobian_inverse};
+use std::f64::consts::TAU;
 
 /// A number that is to be 0.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,6 +61,59 @@ impl Residual {
             let by = Variation { turn: by_turn.column(k).into(), ..Variation::default() };
             Self { value: weight * turned[k], by: vec![(step, body, by)] }
         })
+    }
+
+    /// What a gyroscope along an axis of a body measures after a step, rad/s, less a target.
+    pub fn gyroscope(
+        rollout: &Rollout,
+        step: usize,
+        body: usize,
+        axis_in_body: &Vector3<f64>,
+        target_rad_s: f64,
+        weight: f64,
+    ) -> Self {
+        let motion = &rollout.motions(step)[body];
+        let axis = motion.rotation * axis_in_body * weight;
+        let value = axis.dot(&motion.spin) - weight * target_rad_s;
+        let by = Variation { turn: axis.cross(&motion.spin), spin: axis, ..Variation::default() };
+        Self { value, by: vec![(step, body, by)] }
+    }
+
+    /// Angle of a motor after a step less a target, rad, whole turns aside: what its encoder measures.
+    pub fn angle(
+        rollout: &Rollout,
+        step: usize,
+        motor: &Motor,
+        target_rad: f64,
+        weight: f64,
+    ) -> Self {
+        let now = motor.bodies.map(|body| rollout.motions(step)[body]);
+        let off = motor.angle(&now) - target_rad;
+        let value = weight * (off - TAU * (off / TAU).round());
+        let turn = motor.angle_by_turn(&now) * weight;
+        let of = |turn| Variation { turn, ..Variation::default() };
+        let [first, second] = motor.bodies;
+        Self { value, by: vec![(step, first, of(-turn)), (step, second, of(turn))] }
+    }
+
+    /// Speed of a motor after a step less a target, rad/s.
+    pub fn speed(
+        rollout: &Rollout,
+        step: usize,
+        motor: &Motor,
+        target_rad_s: f64,
+        weight: f64,
+    ) -> Self {
+        let now = motor.bodies.map(|body| rollout.motions(step)[body]);
+        let axis = motor.axis_in_world(&now[0]) * weight;
+        let relative = now[1].spin - now[0].spin;
+        let none = Variation::default();
+        let [first, second] = motor.bodies;
+        let of_first = Variation { turn: axis.cross(&relative), spin: -axis, ..none };
+        Self {
+            value: axis.dot(&relative) - weight * target_rad_s,
+            by: vec![(step, first, of_first), (step, second, Variation { spin: axis, ..none })],
+        }
     }
 
     /// Centre of mass of all bodies after a step, from a target along a direction of length `weight`.

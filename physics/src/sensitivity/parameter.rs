@@ -8,16 +8,24 @@
 //! | [`Softness`] | shear modulus, λ, viscosity or density of a soft body |
 //! | [`Touching`] | stiffness and damping of contacts, friction, rolling resistance |
 //! | [`Drive`] | gains of motors, and their rotors' inertia |
+//! | [`Targets`] | anything that changes motors' targets: a delay, an offset |
+//! | [`Elastic`] | stiffness and damping of springs and joints |
+//! | [`Handle`] | a knot of a curve that an anchor's place follows |
+//! | [`Gravity`] | gravity along an axis: the tilt of the ground |
 //!
 //! A kind is an implementation of [`Parameter`], and of [`Constant`] where it is a number that a system keeps. It gives the
 //! derivative of the residual of a step, and of where the bodies begin. Nothing else is needed for both methods.
 
 mod contact;
 mod control;
+mod gravity;
+mod handle;
 mod initial;
 mod mass;
 mod material;
 mod motor;
+mod spring;
+mod targets;
 #[cfg(test)]
 mod tests;
 
@@ -33,10 +41,14 @@ use std::fmt::Debug;
 
 pub use contact::{OfContact, Touching};
 pub use control::Control;
+pub use gravity::Gravity;
+pub use handle::Handle;
 pub use initial::{Freedom, Initial};
 pub use mass::{BodyMass, OfMass};
 pub use material::{OfMaterial, Softness};
 pub use motor::{Drive, OfMotor};
+pub use spring::{Elastic, OfSpring, Springy};
+pub use targets::Targets;
 
 /// A number that a rollout depends on.
 pub trait Parameter: Debug + Send + Sync {
@@ -106,18 +118,37 @@ impl Solved<'_> {
 /// Derivative of all residuals by one parameter.
 #[derive(Clone, Debug)]
 pub struct Column {
-    pub(super) firsts: Vec<usize>,
-    pub(super) parts: Vec<f64>,
+    firsts: Vec<usize>,
+    parts: Vec<f64>,
+    /// Bodies to which something was added.
+    touched: Vec<usize>,
 }
 
 impl Column {
     pub(super) fn new(firsts: Vec<usize>) -> Self {
         let parts = vec![0.0; firsts[firsts.len() - 1]];
-        Self { firsts, parts }
+        Self { firsts, parts, touched: Vec::new() }
+    }
+
+    /// Rows and values other than 0; they are 0 from now on.
+    pub(super) fn take(&mut self) -> Vec<(usize, f64)> {
+        let mut taken = Vec::new();
+        self.touched.sort_unstable();
+        self.touched.dedup();
+        for body in self.touched.drain(..) {
+            for row in self.firsts[body]..self.firsts[body + 1] {
+                let value = std::mem::take(&mut self.parts[row]);
+                if value != 0.0 {
+                    taken.push((row, value));
+                }
+            }
+        }
+        taken
     }
 
     /// Adds to the residual of a body, force and moment; moments on particles are none.
     pub fn add(&mut self, body: usize, residual: &Wrench) {
+        self.touched.push(body);
         let rows = &mut self.parts[self.firsts[body]..self.firsts[body + 1]];
         rows.iter_mut().zip(&residual.stacked()).for_each(|(row, part)| *row += part);
     }

@@ -4,7 +4,8 @@ use crate::body::Body;
 use crate::force::{Derivative, Held, View, Wrench};
 use crate::matrix::BlockMatrix;
 use crate::motion::{Displacement, Motion, Trial};
-use crate::residual::Step;
+use crate::newton::Newton;
+use crate::residual::{Equations, Step};
 use crate::rotation::Increment;
 use crate::sensitivity::parameter::{Column, Parameter, Solved, Start};
 use crate::sensitivity::rows::Rows;
@@ -218,13 +219,14 @@ impl Recorder {
     }
 
     /// Takes down a step, or a part of one, at its solution.
-    pub(crate) fn part(&mut self, step: &Step<'_>, moved: &[Displacement], sticking: &Sticking) {
+    pub(crate) fn part(&mut self, step: &Step<'_>, moved: &[Displacement], newton: &Newton) {
+        let sticking = newton.sticking();
         let trials: Vec<Trial> = (moved.iter().zip(step.now).zip(step.moved))
             .map(|((moved, now), before)| Trial::new(step.weights, now, before, moved))
             .collect();
         let motions: Vec<Motion> = trials.iter().map(|trial| trial.motion).collect();
         let held = harder(step, &motions, sticking.held());
-        self.derive(step, &motions, &held);
+        self.derive(step, &motions, &held, newton.equations());
         let solved = Solved { step, motions: &motions, held: &held, time_s: self.time_s };
         let mut columns = self.columns(&solved);
         self.hold(sticking, &mut columns);
@@ -268,7 +270,13 @@ impl Recorder {
     }
 
     /// The derivatives of the residual by motions.
-    fn derive(&mut self, step: &Step<'_>, motions: &[Motion], held: &[Option<Held>]) {
+    fn derive(
+        &mut self,
+        step: &Step<'_>,
+        motions: &[Motion],
+        held: &[Option<Held>],
+        equations: &Equations,
+    ) {
         self.blocks.iter_mut().for_each(|blocks| blocks.fill(Derivative::default()));
         let [last_gain, before_gain] = step.weights.earlier_gains();
         let gains = [step.weights.gain(), last_gain, before_gain];
@@ -284,7 +292,8 @@ impl Recorder {
         let mut gathered: [Vec<Motion>; 3] = Default::default();
         let mut wrenches = Vec::new();
         let mut of_force: [Vec<Derivative>; 3] = Default::default();
-        for (k, force) in step.forces.iter().enumerate() {
+        let all = step.forces.iter().enumerate();
+        for (k, force) in all.filter(|(k, _)| !equations.is_asleep(*k)) {
             let bodies = force.bodies();
             for (gathered, all) in gathered.iter_mut().zip(times) {
                 gathered.clear();
@@ -301,8 +310,8 @@ impl Recorder {
             let view = View { now, last, before, weights: step.weights, tame: false, held };
             let [by_now, by_last, by_before] = &mut of_force;
             force.derivatives(&view, &mut wrenches, by_now);
-            force.history(&view, by_last, by_before);
-            for (blocks, derivatives) in self.blocks.iter_mut().zip(&of_force) {
+            let times = if force.history(&view, by_last, by_before) { 3 } else { 1 };
+            for (blocks, derivatives) in self.blocks.iter_mut().zip(&of_force).take(times) {
                 for (&pair, by) in self.of_force[k].iter().zip(derivatives) {
                     blocks[pair].by_pose -= by.by_pose;
                     blocks[pair].by_rate -= by.by_rate;
@@ -315,10 +324,8 @@ impl Recorder {
     fn columns(&mut self, solved: &Solved<'_>) -> Vec<Vec<(usize, f64)>> {
         let Self { rollout, column, .. } = self;
         let mut of = |parameter: &dyn Parameter| {
-            column.parts.fill(0.0);
             parameter.residual(solved, column);
-            let parts = column.parts.iter().copied().enumerate();
-            parts.filter(|(_, part)| *part != 0.0).collect()
+            column.take()
         };
         rollout.parameters.iter().map(|parameter| of(parameter.as_ref())).collect()
     }

@@ -1,8 +1,7 @@
 //! Controls: knots of curves that targets of motors follow.
 
 use crate::curve::Curve;
-use crate::force::Wrench;
-use crate::motor::Motor;
+use crate::sensitivity::parameter::targets::target_by;
 use crate::sensitivity::parameter::{Column, Parameter, Solved};
 use std::sync::Arc;
 
@@ -32,17 +31,7 @@ impl Control {
 
 impl Parameter for Control {
     fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
-        let [angle, speed] = self.curve.of_knot(self.knot, solved.time_s);
-        if angle == 0.0 && speed == 0.0 {
-            return;
-        }
-        let motor: &Motor = solved.force(self.motor);
-        let wrenches = solved.view(self.motor, |view| {
-            let by = motor.law_by(view);
-            let torque = by.position_nm_rad * angle + by.speed_nm_s_rad * speed;
-            let moment = motor.axis_in_world(&view.now[0]) * torque;
-            [-moment, moment].map(|moment| Wrench { moment, ..Wrench::default() })
-        });
-        column.add_force(&motor.bodies, &wrenches);
+        let by = self.curve.of_knot(self.knot, solved.time_s);
+        target_by(solved, self.motor, by, column);
     }
 }

@@ -50,9 +50,11 @@ impl Initial {
                 }
                 Freedom::Rotation => {
                     *position = pivot + turn * (*position - pivot);
-                    *rotation = turn * *rotation;
                     *velocity = turn * *velocity;
-                    *spin = turn * *spin;
+                    if turns {
+                        *rotation = turn * *rotation;
+                        *spin = turn * *spin;
+                    }
                 }
             }
         }

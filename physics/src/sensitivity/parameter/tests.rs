@@ -1,16 +1,20 @@
 //! Every kind of parameter against differences of the residual, at random states.
 
 use super::*;
+use crate::anchor::Anchor;
 use crate::assembly::Assembly;
 use crate::body::Inertia;
 use crate::contact::{Contact, Normal, Resistance, Tip};
 use crate::curve::{Curve, Degree};
 use crate::friction::{Friction, Model};
 use crate::ground::{Ground, Plane};
+use crate::joint::{Ball, ParallelAxes};
 use crate::motion::{Scheme, Weights};
 use crate::motor::{Law, Motor};
+use crate::points::Points;
 use crate::residual::{Derive, Equations};
 use crate::soft::{Material, Mesh, SoftBody, SurfaceContact};
+use crate::spring::Spring;
 use crate::system::Settings;
 use fastrand::Rng;
 use nalgebra::{Matrix3, Vector3};
@@ -18,11 +22,13 @@ use std::sync::Arc;
 
 const FRICTION: Friction = Friction { model: Model::Tanh, coefficient: 0.5, stick_n_s_m: 20.0 };
 
-/// A foot that carries a wheel with a motor, a skate, and a soft block, all near the ground.
+/// A foot that carries a wheel with a motor, springs between them and to a bolt, a skate, and a soft block, all near the ground.
 struct Scene {
     system: System,
     motor: usize,
     contacts: [usize; 3],
+    /// A spring, a ball, parallel axes, an anchor.
+    springs: [usize; 4],
     elements: std::ops::Range<usize>,
     nodes: std::ops::Range<usize>,
     surface: std::ops::Range<usize>,
@@ -58,6 +64,25 @@ fn scene(model: Model, law: Law) -> Scene {
         angle_rad: 0.0,
         law,
     });
+    let points = [Vector3::new(0.3, 0.0, 0.1), Vector3::new(-0.2, 0.05, 0.0)];
+    let ends = Points { bodies: [0, 1], points };
+    let (stiffness_n_m, damping_n_s_m) = (50.0, 3.0);
+    let spring =
+        Spring { ends: ends.clone(), rest_m: 0.2, stiffness_n_m, damping_n_s_m, string: false };
+    let axes = [axis, Vector3::new(0.1, 1.0, 0.2).normalize()];
+    let parallel = ParallelAxes {
+        bodies: [0, 1],
+        axes,
+        stiffness_nm_rad: stiffness_n_m,
+        damping_nm_s_rad: damping_n_s_m,
+    };
+    let [point, place] = points;
+    let springs = [
+        assembly.add(spring),
+        assembly.add(Ball { ends, stiffness_n_m, damping_n_s_m }),
+        assembly.add(parallel),
+        assembly.add(Anchor { body: [2], point, place, stiffness_n_m, damping_n_s_m }),
+    ];
     let mesh = Mesh::block(Vector3::new(3.0, 0.0, 0.3), Vector3::repeat(0.1), [1; 3]);
     let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 1e4, 0.3) };
     let first = assembly.forces.len();
@@ -72,7 +97,7 @@ fn scene(model: Model, law: Law) -> Scene {
     let surface = soft.touch(&mut assembly, &ground, &of_area);
     let settings = Settings { scheme: Scheme::Bdf2, ..Settings::default() };
     let system = System::new(settings, assembly);
-    Scene { system, motor, contacts, elements, nodes: soft.nodes, surface }
+    Scene { system, motor, contacts, springs, elements, nodes: soft.nodes, surface }
 }
 
 const LAW: Law = Law {
@@ -123,7 +148,9 @@ fn column(system: &System, trial: &[Displacement], parameter: &dyn Parameter) ->
     let solved = Solved { step: &step, motions: &equations.motions, held: &[], time_s: 0.3 };
     let mut column = Column::new(equations.firsts.clone());
     parameter.residual(&solved, &mut column);
-    column.parts
+    let mut all = vec![0.0; equations.residual.len()];
+    column.take().into_iter().for_each(|(row, value)| all[row] = value);
+    all
 }
 
 /// Compares at random states; whether the derivative was ever other than 0.
@@ -165,7 +192,8 @@ fn agrees(
 #[test]
 fn every_constant_is_the_derivative_of_the_residual() {
     for model in [Model::Linear, Model::Tanh] {
-        let Scene { mut system, motor, contacts, elements, nodes, surface } = scene(model, LAW);
+        let Scene { mut system, motor, contacts, springs, elements, nodes, surface } =
+            scene(model, LAW);
         let mut all: Vec<Box<dyn Constant>> = Vec::new();
         for of in [OfMass::Mass, OfMass::Inertia(0, 0), OfMass::Inertia(0, 2)] {
             all.push(Box::new(BodyMass { body: 1, of }));
@@ -179,6 +207,14 @@ fn every_constant_is_the_derivative_of_the_residual() {
         for of in [Mu, Lambda, Viscosity, Density] {
             all.push(Box::new(Softness { elements: elements.clone(), of }));
         }
+        for of in [OfSpring::Stiffness, OfSpring::Damping] {
+            let [spring, ball, axes, anchor] = springs.map(|force| [force]);
+            all.push(Box::new(Elastic::<Spring>::new(spring, of)));
+            all.push(Box::new(Elastic::<Ball>::new(ball, of)));
+            all.push(Box::new(Elastic::<ParallelAxes>::new(axes, of)));
+            all.push(Box::new(Elastic::<Anchor>::new(anchor, of)));
+        }
+        all.push(Box::new(Gravity { axis: Vector3::new(0.6, 0.0, 0.8) }));
         use OfContact::{
             Damping, Friction, Ramp, Resistance, ResistancePerSpeed, Stick, Stiffness,
         };
@@ -204,6 +240,30 @@ fn every_constant_is_the_derivative_of_the_residual() {
             assert!((constant.value(&system) - value).abs() < 1e-9 * size);
         }
     }
+}
+
+#[test]
+fn places_of_handles_and_moved_targets_are_derivatives_of_the_residual() {
+    let Scene { mut system, motor, springs: [.., anchor], .. } = scene(Model::Tanh, LAW);
+    let curve =
+        Curve { begin_s: 0.0, spacing_s: 0.1, knots: 6, degree: Degree::Linear, periodic: false };
+    let axis = Vector3::new(0.6, 0.0, 0.8);
+    for (knot, near) in [(3, true), (1, false)] {
+        let handle = Handle { anchor, axis, curve: Arc::new(curve), knot };
+        let [shift, _] = curve.of_knot(knot, 0.3);
+        let change = |system: &mut System, by: f64| {
+            system.force_mut::<Anchor>(anchor).unwrap().place += axis * (shift * by);
+        };
+        assert_eq!(agrees(&mut system, &handle, 1.0, change), near);
+    }
+    let by = Arc::new(|_: usize, time_s: f64| [-2.0 * time_s, 5.0]);
+    let targets = Targets { motors: vec![motor], by };
+    let change = |system: &mut System, by: f64| {
+        let law = &mut system.force_mut::<Motor>(motor).unwrap().law;
+        law.position_rad -= 2.0 * 0.3 * by;
+        law.speed_rad_s += 5.0 * by;
+    };
+    assert!(agrees(&mut system, &targets, 1.0, change));
 }
 
 #[test]

@@ -1,0 +1,33 @@
+//! Gravity: the tilt of the ground, or of the room.
+
+use crate::force::Wrench;
+use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
+use crate::system::System;
+use nalgebra::Vector3;
+
+/// Gravity along an axis, m/s².
+#[derive(Clone, Copy, Debug)]
+pub struct Gravity {
+    /// Unit vector.
+    pub axis: Vector3<f64>,
+}
+
+impl Parameter for Gravity {
+    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+        for (number, body) in solved.step.bodies.iter().enumerate() {
+            let force = self.axis * -body.mass_kg();
+            column.add(number, &Wrench { force, ..Wrench::default() });
+        }
+    }
+}
+
+impl Constant for Gravity {
+    fn value(&self, system: &System) -> f64 {
+        self.axis.dot(&system.settings().gravity_m_s2)
+    }
+
+    fn set(&self, system: &mut System, value: f64) {
+        let more = self.axis * (value - self.value(system));
+        system.settings_mut().gravity_m_s2 += more;
+    }
+}

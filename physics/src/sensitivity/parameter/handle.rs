@@ -1,0 +1,35 @@
+//! Handles: knots of curves that the places of anchors follow.
+
+use crate::anchor::Anchor;
+use crate::curve::Curve;
+use crate::force::Wrench;
+use crate::sensitivity::parameter::{Column, Parameter, Solved};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// One knot of a curve that is added to the place of an anchor, at the end of each step.
+#[derive(Clone, Debug)]
+pub struct Handle {
+    /// Force that is the anchor.
+    pub anchor: usize,
+    /// Direction in which it moves.
+    pub axis: Vector3<f64>,
+    /// The curve.
+    pub curve: Arc<Curve>,
+    /// Which of its knots.
+    pub knot: usize,
+}
+
+impl Parameter for Handle {
+    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+        let [shift, _] = self.curve.of_knot(self.knot, solved.time_s);
+        if shift == 0.0 {
+            return;
+        }
+        let anchor: &Anchor = solved.force(self.anchor);
+        let force = self.axis * (shift * anchor.stiffness_n_m);
+        let moment =
+            solved.view(self.anchor, |view| (view.now[0].rotation * anchor.point).cross(&force));
+        column.add_force(&anchor.body, &[Wrench { force, moment }]);
+    }
+}

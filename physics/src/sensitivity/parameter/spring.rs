@@ -1,0 +1,105 @@
+//! Springs: of joints, cloth, cables, bolts and handles.
+
+use crate::anchor::Anchor;
+use crate::force::{Force, Wrench};
+use crate::joint::{Ball, ParallelAxes};
+use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
+use crate::spring::Spring;
+use crate::system::System;
+use std::fmt::Debug;
+use std::marker::PhantomData;
+
+/// A number of springs of one kind, the same for all.
+#[derive(Clone, Debug)]
+pub struct Elastic<F> {
+    forces: Vec<usize>,
+    of: OfSpring,
+    kind: PhantomData<F>,
+}
+
+/// A number of a spring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OfSpring {
+    /// Stiffness, N/m; of axes N·m/rad.
+    Stiffness,
+    /// Damping, N·s/m; of axes N·m·s/rad.
+    Damping,
+}
+
+/// A kind of spring: [`Spring`], [`Ball`], [`ParallelAxes`] or [`Anchor`].
+pub trait Springy: Force + Clone {
+    /// One of its numbers, in all of which its wrenches are linear.
+    fn number(&mut self, of: OfSpring) -> &mut f64;
+}
+
+impl Springy for Spring {
+    fn number(&mut self, of: OfSpring) -> &mut f64 {
+        match of {
+            OfSpring::Stiffness => &mut self.stiffness_n_m,
+            OfSpring::Damping => &mut self.damping_n_s_m,
+        }
+    }
+}
+
+impl Springy for Ball {
+    fn number(&mut self, of: OfSpring) -> &mut f64 {
+        match of {
+            OfSpring::Stiffness => &mut self.stiffness_n_m,
+            OfSpring::Damping => &mut self.damping_n_s_m,
+        }
+    }
+}
+
+impl Springy for Anchor {
+    fn number(&mut self, of: OfSpring) -> &mut f64 {
+        match of {
+            OfSpring::Stiffness => &mut self.stiffness_n_m,
+            OfSpring::Damping => &mut self.damping_n_s_m,
+        }
+    }
+}
+
+impl Springy for ParallelAxes {
+    fn number(&mut self, of: OfSpring) -> &mut f64 {
+        match of {
+            OfSpring::Stiffness => &mut self.stiffness_nm_rad,
+            OfSpring::Damping => &mut self.damping_nm_s_rad,
+        }
+    }
+}
+
+impl<F: Springy> Elastic<F> {
+    /// Of forces of this kind.
+    pub fn new(forces: impl IntoIterator<Item = usize>, of: OfSpring) -> Self {
+        Self { forces: forces.into_iter().collect(), of, kind: PhantomData }
+    }
+}
+
+impl<F: Springy> Parameter for Elastic<F> {
+    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+        for &number in &self.forces {
+            let spring: &F = solved.force(number);
+            let mut unit = spring.clone();
+            for of in [OfSpring::Stiffness, OfSpring::Damping] {
+                *unit.number(of) = f64::from(u8::from(of == self.of));
+            }
+            let mut wrenches = vec![Wrench::default(); spring.bodies().len()];
+            solved.view(number, |view| unit.wrenches(view, &mut wrenches));
+            column.add_force(spring.bodies(), &wrenches);
+        }
+    }
+}
+
+impl<F: Springy> Constant for Elastic<F> {
+    fn value(&self, system: &System) -> f64 {
+        let spring = self.forces.first().and_then(|&force| system.force::<F>(force));
+        *spring.expect("the force is of its kind").clone().number(self.of)
+    }
+
+    fn set(&self, system: &mut System, value: f64) {
+        for &force in &self.forces {
+            *system.force_mut::<F>(force).expect("the force is of its kind").number(self.of) =
+                value;
+        }
+    }
+}
