@@ -1,6 +1,7 @@
 //! `rollwalk-sim`: a robot without hardware on a bus of this computer, in real time.
 
 mod ground;
+mod lag;
 mod memory;
 
 use crate::cmd::buses::BusLoads;
@@ -11,6 +12,7 @@ use crate::terrain::{GroundArgs, Support};
 use crate::world_log::{RigLog, WorldLog, WorldLogArgs};
 use crate::{Exit, end, exit, interrupt, keys, output, signing};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
+use lag::LagWatch;
 use memory::Memory;
 use miette::{IntoDiagnostic, miette};
 use rollwalk_bus::link::LinkError;
@@ -274,6 +276,7 @@ fn run_whole(
     let port = port(bus)?;
     ready(robot, bus);
     let (mut printer, mut world) = (StatusPrinter::default(), ground::Printer::default());
+    let mut lag = LagWatch::new(Instant::now(), rig.now().as_s());
     let mut failed = None;
     let outcome = whole::run(
         &mut rig,
@@ -284,6 +287,12 @@ fn run_whole(
             let controller = rig.core().controller();
             printer.print(rig.now().as_s(), controller.state(), controller.faults());
             world.print(rig);
+            if let Some(share) = lag.look(Instant::now(), rig.now().as_s()) {
+                output::say(format_args!(
+                    "this computer is too slow for the simulated robot: its time runs at {:.0} % of real time",
+                    100.0 * share
+                ));
+            }
             if let Some(Err(error)) = world_log.as_ref().map(|log| log.on_time(rig)) {
                 failed = Some(error);
             }

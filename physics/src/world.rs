@@ -24,7 +24,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 pub use foot::SoftFeet;
-pub use odometer::{Fall, FallWatch, Odometer, Totals, Way, heading_rad};
+pub use odometer::{
+    Fall, FallWatch, Odometer, Totals, Way, ground_from_world, heading_rad, normal_at_start,
+};
 pub use parameters::Parameters;
 pub use state::RobotState;
 

@@ -11,12 +11,12 @@ use crate::clock::{Periodic, SimTime};
 use crate::plant::Plant;
 use crate::servo::Servo;
 use hoist::{Hoist, LetsGo, StillWatch};
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use rollwalk_drives as drives;
 use rollwalk_physics::ground::Ground;
 use rollwalk_physics::motor::{Law, torque_speed_line};
 use rollwalk_physics::push::{Shove, mean_force};
-use rollwalk_physics::world::{self, FallWatch, Parameters, heading_rad};
+use rollwalk_physics::world::{self, FallWatch, Parameters, ground_from_world, heading_rad};
 use rollwalk_physics::{StepError, World};
 use rollwalk_protocol::library::ClipId;
 use rollwalk_robot::Robot;
@@ -48,6 +48,8 @@ pub struct Grounded {
     hoist: Option<Hoist>,
     lets_go: LetsGo,
     fall_watch: FallWatch,
+    /// Axes in which ways are measured.
+    ground_from_world: Rotation3<f64>,
     /// Torque-speed lines in channel order: stall torque, N·m, and no-load speed, rad/s.
     lines: Vec<(f64, f64)>,
     falls: Vec<Fall>,
@@ -86,6 +88,7 @@ impl Grounded {
             hoist: Some(Hoist::at(origin, 0.0)),
             lets_go,
             fall_watch,
+            ground_from_world: ground_from_world(ground.as_ref()),
             lines,
             falls: Vec::new(),
             has_fallen: false,
@@ -138,7 +141,8 @@ impl Grounded {
         }
         if self.travel.map(|travel| travel.clip) != clip {
             self.travels.extend(self.travel.take());
-            self.travel = clip.map(|clip| Travel::begin(clip, now, &self.world));
+            self.travel =
+                clip.map(|clip| Travel::begin(clip, now, &self.world, self.ground_from_world));
         }
     }
 

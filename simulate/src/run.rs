@@ -5,7 +5,7 @@ use crate::script::Script;
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::push::{Shove, mean_force};
-use rollwalk_physics::world::{Parameters, heading_rad};
+use rollwalk_physics::world::{Parameters, ground_from_world, heading_rad, normal_at_start};
 use rollwalk_physics::{StepError, World};
 use rollwalk_planner::plan::Plan;
 use std::sync::Arc;
@@ -25,8 +25,6 @@ pub struct Options {
     pub shoves: Vec<Shove>,
 }
 
-/// Steepest ground that a plan lies on: the vertical part of its normal.
-const STEEPEST: f64 = 0.5;
 /// Time for which a motion that ends stands still before and after, s.
 const REST_S: f64 = 1.0;
 
@@ -98,13 +96,12 @@ fn begin(
 ) -> (World, Rotation3<f64>) {
     let robot = script.robot();
     let surface = ground.at(&Vector3::zeros());
-    // Beside a wall the ground is level.
-    let plane = match surface.normal.z > STEEPEST {
-        true => Plane { point: -surface.normal * surface.gap_m, normal: surface.normal },
+    let normal = normal_at_start(ground.as_ref());
+    let plane = match normal == surface.normal {
+        true => Plane { point: -normal * surface.gap_m, normal },
         false => Plane::level(),
     };
-    let world_from_plan = Rotation3::rotation_between(&Vector3::z(), &plane.normal);
-    let world_from_plan = world_from_plan.expect("ground faces up");
+    let world_from_plan = ground_from_world(ground.as_ref()).inverse();
     let mut start = script.start(&world_from_plan);
     start.base_position_m += plane.point;
     // On ground that is no plane, as near to it as the plan is to its plane.

@@ -69,7 +69,7 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     for words in ["force along the normal", "rear_right", " drive_1m"] {
         assert!(figure.contains(words), "{words}");
     }
-    desk.write("cut.csv", &desk.read_text("run.csv").replacen(",0.0", ",x", 1));
+    desk.write("cut.csv", desk.read_text("run.csv").replacen(",0.0", ",x", 1));
     desk.run(&["plot", "cut.csv", "-o", "run.svg"]).fails(1, &["cut.csv: line 2, column `"]);
     desk.run(&["plot", "drive.toml", "-o", "run.svg"]).fails(1, &["drive.toml is a library file"]);
     desk.run(&["simulate", "drive.rwl", "--world-log", "run.png"])

@@ -15,6 +15,21 @@ const FALLEN_RAD: f64 = 1.0;
 /// Distance of the body from the ground beneath which a robot has fallen, as a share of that at the start.
 const FALLEN_HEIGHT: f64 = 0.4;
 
+/// Steepest ground that a robot begins on: the vertical part of its normal.
+const STEEPEST: f64 = 0.5;
+
+/// Normal of the ground at the origin, where robots begin. Beside a wall the ground is level.
+pub fn normal_at_start(ground: &dyn Ground) -> Vector3<f64> {
+    let normal = ground.at(&Vector3::zeros()).normal;
+    if normal.z > STEEPEST { normal } else { Vector3::z() }
+}
+
+/// From world axes to those in which ways along the ground are measured, whose z axis is its [`normal_at_start`].
+pub fn ground_from_world(ground: &dyn Ground) -> Rotation3<f64> {
+    let rotation = Rotation3::rotation_between(&normal_at_start(ground), &Vector3::z());
+    rotation.expect("ground faces up")
+}
+
 /// Way of the centre of mass ahead and to the left, as the robot faced at the beginning, m, and turn about the vertical, rad;
 /// whole turns count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -157,9 +172,7 @@ impl FallWatch {
     /// For a robot that stands at present.
     pub fn new(world: &World, ground: &Arc<dyn Ground>) -> Self {
         let (origin, rotation) = world.base();
-        let normal = ground.at(&Vector3::zeros()).normal;
-        // Beside a wall the ground is level.
-        let up = if normal.z > 0.5 { normal } else { Vector3::z() };
+        let up = normal_at_start(ground.as_ref());
         Self {
             ground: Arc::clone(ground),
             up,

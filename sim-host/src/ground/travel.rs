@@ -6,7 +6,7 @@ use rollwalk_physics::World;
 use rollwalk_physics::world::{Odometer, Totals, Way};
 use rollwalk_protocol::library::ClipId;
 
-/// Way of the robot while a clip was played on the ground, in level axes.
+/// Way of the robot while a clip was played, along the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Travel {
     /// The clip.
@@ -20,8 +20,13 @@ pub struct Travel {
 
 impl Travel {
     /// Begins where the world is.
-    pub(super) fn begin(clip: ClipId, now: SimTime, world: &World) -> Self {
-        let odometer = Odometer::new(world, Rotation3::identity());
+    pub(super) fn begin(
+        clip: ClipId,
+        now: SimTime,
+        world: &World,
+        ground_from_world: Rotation3<f64>,
+    ) -> Self {
+        let odometer = Odometer::new(world, ground_from_world);
         Self { clip, from: now, to: now, odometer }
     }
 
