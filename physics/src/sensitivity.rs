@@ -25,6 +25,34 @@
 //! A step that was halved is several such steps, and the first of BDF2 is one of backward Euler: both are in the record as they
 //! were taken.
 //!
+//! # Example
+//!
+//! How far a mass comes in a second by how fast it is thrown, forward and backward:
+//!
+//! ```
+//! use nalgebra::Vector3;
+//! use rollwalk_physics::sensitivity::parameter::{Freedom, Initial};
+//! use rollwalk_physics::sensitivity::{Recorder, Residual};
+//! use rollwalk_physics::{Assembly, Body, Motion, Settings, System};
+//!
+//! let mut assembly = Assembly::default();
+//! let ball = assembly.add_body(Body::Particle { mass_kg: 0.1 }, Motion::at(Vector3::z()));
+//! let mut system = System::new(Settings::default(), assembly);
+//! let faster = Initial { bodies: vec![ball], freedom: Freedom::Velocity, axis: Vector3::x() };
+//!
+//! let mut recorder = Recorder::new(&system, vec![Box::new(faster)]);
+//! for _ in 0..100 {
+//!     system.step_recorded(0.01, &mut recorder)?;
+//! }
+//! let rollout = recorder.finish();
+//!
+//! let target = Vector3::x() * 2.0;
+//! let miss = [Residual::position(&rollout, 100, ball, &target, Vector3::x())];
+//! assert!((rollout.jacobian(&miss)[(0, 0)] - 1.0).abs() < 1e-12);
+//! assert!((rollout.gradient(&miss)[0] + 2.0).abs() < 1e-12);
+//! # Ok::<(), rollwalk_physics::StepError>(())
+//! ```
+//!
 //! # Where the motion has kinks
 //!
 //! Contacts open and close, friction begins to slide and motors come to their limits at single instants. Between them the

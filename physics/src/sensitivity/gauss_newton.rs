@@ -111,6 +111,39 @@ pub struct Fit {
     pub hessian: DMatrix<f64>,
 }
 
+/// Share of the largest below which an eigenvalue of a Hessian, its diagonal scaled to 1, is rounding.
+const ROUNDING: f64 = 1e-12;
+
+impl Fit {
+    /// Standard deviations of the parameters, if residuals are in units of their own deviations: infinite where residuals do not
+    /// tell, because they do not depend on a parameter, or on a combination that it has a part in.
+    pub fn deviations(&self) -> Vec<f64> {
+        let scale = self.hessian.diagonal().map(f64::sqrt);
+        let inverse = scale.map(|scale| if scale > 0.0 { 1.0 / scale } else { 0.0 });
+        let scaled =
+            DMatrix::from_diagonal(&inverse) * &self.hessian * DMatrix::from_diagonal(&inverse);
+        let eigen = scaled.symmetric_eigen();
+        let least = ROUNDING * eigen.eigenvalues.amax();
+        let of = |k: usize| {
+            if scale[k] == 0.0 {
+                return f64::INFINITY;
+            }
+            let parts = eigen.eigenvectors.row(k);
+            let variance = parts.iter().zip(&eigen.eigenvalues).map(|(part, value)| {
+                let known = *value > least;
+                let takes_part = part * part > ROUNDING;
+                match (known, takes_part) {
+                    (true, _) => part * part / value,
+                    (false, true) => f64::INFINITY,
+                    (false, false) => 0.0,
+                }
+            });
+            variance.sum::<f64>().sqrt() / scale[k]
+        };
+        (0..scale.len()).map(of).collect()
+    }
+}
+
 /// Minimises half the sum of squares of residuals and penalties. `run` gives a rollout's with some parameters, or none where
 /// that fails.
 ///
@@ -219,6 +252,31 @@ mod tests {
         assert_eq!(fit.parameters[2], 5.0);
         assert!(fit.converged && fit.costs.windows(2).all(|pair| pair[1] < pair[0]), "{fit:?}");
         assert!(minimise(&[0.0, 3.0, 0.0], &[], &options, run).is_none());
+    }
+
+    /// Of the first two only the sum is measured, of the last nothing.
+    #[test]
+    fn deviations_say_what_residuals_do_not_tell() {
+        let jacobian = DMatrix::from_row_slice(
+            3,
+            4,
+            &[
+                2.0, 2.0, 0.0, 0.0, //
+                0.0, 0.0, 4.0, 0.0, //
+                1.0, 1.0, 3.0, 0.0,
+            ],
+        );
+        let fit = Fit {
+            parameters: vec![0.0; 4],
+            costs: Vec::new(),
+            rollouts: 0,
+            converged: true,
+            hessian: jacobian.tr_mul(&jacobian),
+        };
+        let found = fit.deviations();
+        assert_eq!([found[0], found[1], found[3]], [f64::INFINITY; 3]);
+        // Of the sum and the third: the inverse of [5 3; 3 25].
+        assert!((found[2] - (5.0_f64 / 116.0).sqrt()).abs() < 1e-12, "{found:?}");
     }
 
     #[test]
