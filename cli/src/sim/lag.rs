@@ -23,7 +23,7 @@ impl LagWatch {
         Self { since: (now, robot_s), said: None }
     }
 
-    /// Share of real time at which the robot's time has run lately, if that is to be said now.
+    /// Share of real time at which the robot's time has run lately, if it is to be reported now.
     pub fn look(&mut self, now: Instant, robot_s: f64) -> Option<f64> {
         let (since, robot_since_s) = self.since;
         let real = now - since;
