@@ -109,6 +109,10 @@ pub struct Sample {
     pub base_orientation_wxyz: [f64; 4],
     /// Joint angles in joint order, rad.
     pub joint_rad: Vec<f64>,
+    /// What the setpoints of the joints are beyond these angles, rad, so that a robot with soft servos follows them: of plans that were
+    /// retargeted. Empty in others, and before and after the motion.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joint_correction_rad: Vec<f64>,
     /// Torques of the joints' motors in joint order, N·m, as the motion is played ([`crate::torque`]). Before and after
     /// the motion those of the sample that periodic motions repeat there, of others those of the sample beside it.
     pub joint_torque_nm: Vec<f64>,

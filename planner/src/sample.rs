@@ -42,6 +42,8 @@ pub struct PlanSpline {
     base_xy: Spline,
     /// Splines of base height, yaw, pitch and roll, then of the joint angles.
     pose: Vec<Spline>,
+    /// Splines of the corrections of the joints' setpoints; none of a plan that was not retargeted.
+    correction: Vec<Spline>,
     /// Angle of each end effector's wheel motor since the start, rad.
     motor_angle: Vec<Spline>,
     /// Spin angle of each end effector's wheel about its axis since the start, rad.
@@ -83,6 +85,10 @@ impl PlanSpline {
             curves.scalar(|s| s.base_yaw_pitch_roll_rad[2], 0.0),
         ];
         pose.extend((0..plan.robot.joints.len()).map(|k| curves.scalar(|s| s.joint_rad[k], 0.0)));
+        let is_corrected = plan.samples.iter().any(|s| !s.joint_correction_rad.is_empty());
+        let of_joint = |s: &Sample, k: usize| s.joint_correction_rad.get(k).copied().unwrap_or(0.0);
+        let corrected = if is_corrected { 0..plan.robot.joints.len() } else { 0..0 };
+        let correction = corrected.map(|k| curves.scalar(|s| of_joint(s, k), 0.0)).collect();
         let end_effectors = 0..plan.robot.end_effectors.len();
         let angle = |speed: &dyn Fn(&EndEffectorSample) -> f64| {
             end_effectors.clone().map(|j| curves.angle(|s| speed(&s.end_effectors[j]))).collect()
@@ -110,6 +116,7 @@ impl PlanSpline {
             placement: plan.end_placement,
             base_xy: curves.spline(base_xy, turn, Complex::new(dx, dy)),
             pose,
+            correction,
             motor_angle: angle(&|e| e.motor_speed_rad_s),
             wheel_angle: angle(&|e| e.wheel_speed_rad_s),
             still: plan.motion.still_wheels(&plan.robot),
@@ -138,10 +145,17 @@ impl PlanSpline {
     pub fn setpoints(&self, plan_time_s: f64) -> Setpoints {
         let (time_s, _) = self.within(plan_time_s);
         let joints: Vec<_> = self.pose[4..].iter().map(|spline| spline.at(time_s)).collect();
+        let mut joint_rad: Vec<_> = joints.iter().map(|jet| jet.value.re).collect();
+        let mut joint_speed_rad_s: Vec<_> = joints.iter().map(|jet| jet.rate.re).collect();
+        for (k, spline) in self.correction.iter().enumerate() {
+            let correction = spline.at(time_s);
+            joint_rad[k] += correction.value.re;
+            joint_speed_rad_s[k] += correction.rate.re;
+        }
         let driven = driven_wheels(self.model.robot());
         Setpoints {
-            joint_rad: joints.iter().map(|jet| jet.value.re).collect(),
-            joint_speed_rad_s: joints.iter().map(|jet| jet.rate.re).collect(),
+            joint_rad,
+            joint_speed_rad_s,
             motor_speed_rad_s: driven.map(|j| self.motor_angle[j].at(time_s).rate.re).collect(),
         }
     }
@@ -213,6 +227,7 @@ impl PlanSpline {
             base_yaw_pitch_roll_rad: ypr,
             base_orientation_wxyz: quaternion_wxyz(ypr),
             joint_rad,
+            joint_correction_rad: self.correction.iter().map(|c| c.at(time_s).value.re).collect(),
             joint_torque_nm: joints_here
                 .iter()
                 .zip(joints_next)

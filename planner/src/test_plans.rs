@@ -236,6 +236,7 @@ impl Drive {
                 base_yaw_pitch_roll_rad: [0.0; 3],
                 base_orientation_wxyz: [1.0, 0.0, 0.0, 0.0],
                 joint_rad: vec![leg; 4],
+                joint_correction_rad: Vec::new(),
                 joint_torque_nm: Vec::new(),
                 com_m: pose.com.into(),
                 end_effectors,

@@ -7,6 +7,7 @@
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
 //! | [`outcome`] | ways, turns, falls, slip and forces |
 //! | [`log`] | a run as a table, a line for each step |
+//! | [`retarget`] | corrections of setpoints with which a robot with soft servos follows its plan |
 //! | [`judgement`] | whether a way is what the plan says |
 //!
 //! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
@@ -14,6 +15,7 @@
 pub mod judgement;
 pub mod log;
 pub mod outcome;
+pub mod retarget;
 pub mod run;
 pub mod script;
 

@@ -26,7 +26,7 @@ pub struct Options {
 }
 
 /// Time for which a motion that ends stands still before and after, s.
-const REST_S: f64 = 1.0;
+pub(crate) const REST_S: f64 = 1.0;
 
 /// The end of a step.
 pub struct Moment<'a> {
@@ -55,9 +55,7 @@ pub fn play(
     let parameters = Parameters::new(&plan.robot);
     let (mut world, world_from_plan) = begin(&script, &options.ground, &parameters);
     let mut tracker = Tracker::new(&script, &world, &options.ground, world_from_plan.inverse());
-    // So that a motion is a whole number of steps.
-    let count = (script.duration_s() * f64::from(options.rate_hz)).round().max(1.0);
-    let step_s = script.duration_s() / count;
+    let step_s = step_s(&script, options.rate_hz);
     let (beats, total) = beats(&script, options.cycles, step_s);
     let total_s = total as f64 * step_s;
     for (done, beat) in (1..).zip(beats) {
@@ -88,8 +86,14 @@ pub fn play(
     Ok(tracker.finish(&world))
 }
 
+/// Length of a step, s, at about so many a second: a motion is a whole number of them.
+pub(crate) fn step_s(script: &Script<'_>, rate_hz: u32) -> f64 {
+    let count = (script.duration_s() * f64::from(rate_hz)).round().max(1.0);
+    script.duration_s() / count
+}
+
 /// The robot as its plan begins, on the ground at the origin, and how its plan lies there.
-fn begin(
+pub(crate) fn begin(
     script: &Script<'_>,
     ground: &Arc<dyn Ground>,
     parameters: &Parameters,
@@ -116,9 +120,9 @@ fn begin(
 }
 
 /// A step.
-struct Beat {
+pub(crate) struct Beat {
     /// Time of the motion at its end, s.
-    time_s: f64,
+    pub time_s: f64,
     /// What is at its end.
     mark: Option<Mark>,
 }
@@ -132,7 +136,7 @@ enum Mark {
 }
 
 /// All steps, and how many they are: of a motion that repeats its periods, of another one rest, motion and rest.
-fn beats(
+pub(crate) fn beats(
     script: &Script<'_>,
     cycles: usize,
     step_s: f64,

@@ -49,6 +49,11 @@ impl<'a> Script<'a> {
         base(&self.spline.sample(time_s))
     }
 
+    /// Planned centre of mass at a time of the motion, m; a periodic motion goes on in later periods.
+    pub fn com(&self, time_s: f64) -> Vector3<f64> {
+        self.spline.sample(time_s).com_m.into()
+    }
+
     /// Planned state at the start, on a ground that is turned. A motion that repeats begins at its speed, another one at
     /// rest.
     pub fn start(&self, world_from_plan: &Rotation3<f64>) -> RobotState {
@@ -66,7 +71,8 @@ impl<'a> Script<'a> {
             state.base_velocity_m_s = (after.0 - before.0) * per_s;
             let turned = Rotation3::from_matrix_unchecked(after.1 * before.1.transpose());
             state.base_spin_rad_s = turned.scaled_axis() * per_s;
-            state.joint_rad_s = self.spline.setpoints(0.0).joint_speed_rad_s;
+            let [before, after] = [-INSTANT_S, INSTANT_S].map(|t| self.spline.sample(t).joint_rad);
+            state.joint_rad_s = after.iter().zip(before).map(|(a, b)| (a - b) * per_s).collect();
             let planned = first.end_effectors.iter().zip(&robot.end_effectors);
             let speeds = planned.map(|(sample, end_effector)| {
                 match end_effector.contact.actuator() {

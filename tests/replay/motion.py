@@ -42,6 +42,9 @@ class Motion:
         self._pose = real(
             lambda s: [s["base_position_m"][2], *s["base_yaw_pitch_roll_rad"], *s["joint_rad"]], growth
         )
+        # What setpoints are beyond the angles of the joints, in plans that were retargeted.
+        count = len(self.robot["joints"])
+        self._correction = real(lambda s: s.get("joint_correction_rad") or [0.0] * count, np.zeros(count))
         turn = complex(math.cos(self.yaw_rad), math.sin(self.yaw_rad))
         self._xy = self._curve(
             lambda s: [complex(*s["base_position_m"][:2])], turn, np.array([complex(*self.offset_m)])
@@ -92,6 +95,10 @@ class Motion:
         """Joint angles and speeds."""
         value, slope = self._pose.at(self._within(time_s)[0])
         return value.real[4:], slope.real[4:]
+
+    def setpoints_rad(self, time_s):
+        """What the drives of the joints are told."""
+        return self.joints(time_s)[0] + self._correction.at(self._within(time_s)[0])[0].real
 
     def motors(self, time_s):
         """Angle and speed of every end effector's wheel against its link."""
@@ -168,7 +175,7 @@ class Motion:
         driven = [j for j, foot in enumerate(self.robot["end_effectors"]) if "actuator" in foot["contact"]]
         rows = []
         for k in range(count):
-            joints, motors = self.joints(k / rate)[0], self.motors(k / rate)[1]
+            joints, motors = self.setpoints_rad(k / rate), self.motors(k / rate)[1]
             rows.append(np.concatenate([joints, motors[driven]]))
         return quantised(np.array(rows), self.robot)
 

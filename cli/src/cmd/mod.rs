@@ -19,6 +19,7 @@ mod orders;
 mod plan;
 mod plot;
 mod report;
+mod retarget;
 mod robot;
 mod send;
 mod simulate;
@@ -38,6 +39,7 @@ pub enum Command {
     Plot(plot::Args),
     Export(export::Args),
     Simulate(simulate::Args),
+    Retarget(retarget::Args),
     #[command(subcommand)]
     Library(library::Action),
     Discover(discover::Args),
@@ -86,6 +88,7 @@ impl Command {
             Command::Plot(args) => plot::run(args),
             Command::Export(args) => export::run(args),
             Command::Simulate(args) => simulate::run(args),
+            Command::Retarget(args) => retarget::run(args),
             Command::Library(action) => library::run(action),
             Command::Discover(args) => discover::run(args),
             Command::Flash(args) => flash::run(args),

@@ -202,6 +202,11 @@ impl Plan {
         at.of("base_orientation_wxyz").finite(&sample.base_orientation_wxyz)?;
         at.of("joint_rad").length(sample.joint_rad.len(), self.robot.joints.len(), "joint")?;
         at.of("joint_rad").finite(&sample.joint_rad)?;
+        if !sample.joint_correction_rad.is_empty() {
+            let (at, corrections) = (at.of("joint_correction_rad"), &sample.joint_correction_rad);
+            at.length(corrections.len(), self.robot.joints.len(), "joint")?;
+            at.finite(corrections)?;
+        }
         let torques = &sample.joint_torque_nm;
         at.of("joint_torque_nm").length(torques.len(), self.robot.joints.len(), "joint")?;
         at.of("joint_torque_nm").finite(torques)?;

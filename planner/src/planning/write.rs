@@ -87,6 +87,7 @@ fn sample(problem: &Problem, t: usize, state: &State, after: Option<&State>) -> 
             .iter()
             .copied()
             .collect(),
+        joint_correction_rad: Vec::new(),
         joint_torque_nm: Vec::new(),
         com_m: state.pose.com.into(),
         end_effectors,

@@ -1,0 +1,73 @@
+//! Robots with soft servos, back on their plans.
+
+use rollwalk_physics::ground::Plane;
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::{Options as SolverOptions, optimise};
+use rollwalk_robot::Robot;
+use rollwalk_simulate::retarget::{Options, retarget};
+use rollwalk_simulate::{Options as RunOptions, play};
+use std::fs;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+/// Gains of the servos, as a share of those that the motion was planned for.
+const SOFT: f64 = 0.2;
+
+/// A shipped motion on a robot whose servos are soft.
+fn soft(robot: &str, motion: &str) -> Plan {
+    let read = |name: String| fs::read_to_string(format!("{ROOT}/{name}.toml")).unwrap();
+    let robot = Robot::from_toml(robot, &read(format!("robots/{robot}"))).unwrap();
+    let motion = Motion::from_toml(motion, &read(format!("motions/{motion}")), &robot).unwrap();
+    let mut go_on = |_: &_| ControlFlow::Continue(());
+    let mut plan = optimise(&robot, &motion, &SolverOptions::default(), &mut go_on);
+    assert_eq!(plan.solve.status, Status::Converged);
+    plan.robot.joints.iter_mut().for_each(|joint| joint.actuator.kp_nm_rad *= SOFT);
+    plan
+}
+
+/// Share of its way that a robot makes without feed-forward.
+fn share(plan: &Plan) -> f64 {
+    let (feed_forward, cycles, rate_hz) = (false, 4, 60);
+    let ground = Arc::new(Plane::level());
+    let options = RunOptions { feed_forward, cycles, rate_hz, ground, shoves: Vec::new() };
+    play(plan, &options, |_| true).unwrap().ratio(0).expect("the motion goes somewhere")
+}
+
+/// A prototype came from 0.79 to 1.00.
+#[test]
+fn a_swizzle_on_soft_servos_makes_its_way_again() {
+    let plan = soft("swizzlebot", "swizzlebot_forward");
+    let options = Options {
+        feed_forward: false,
+        cycles: 2,
+        rate_hz: 60,
+        iterations: 6,
+        ..Options::default()
+    };
+    let found = retarget(&plan, &options, |_| true).expect("it stays on its feet");
+    let (before, after) = (share(&plan), share(&found.plan));
+    assert!(before < 0.9 && (after - 1.0).abs() < 0.01, "{before} {after} {:?}", found.costs);
+    assert!(found.largest_rad < 0.1, "{}", found.largest_rad);
+    let largest = found.plan.samples.iter().flat_map(|sample| &sample.joint_correction_rad);
+    assert_eq!(largest.fold(0.0, |most: f64, c| most.max(c.abs())), found.largest_rad);
+    found.plan.validate("retargeted").unwrap();
+    // An interrupted search gives what it has: here nothing, which is the plan as it is.
+    assert!(retarget(&plan, &options, |_| false).is_none());
+    let first = retarget(&plan, &options, |rollout| rollout == 1).unwrap();
+    assert_eq!((first.costs.len(), first.largest_rad), (1, 0.0));
+}
+
+/// Its ends stay where other motions join them.
+#[test]
+fn a_motion_that_ends_keeps_its_ends() {
+    let plan = soft("agilebot", "duck");
+    let options = Options { feed_forward: false, rate_hz: 60, iterations: 2, ..Options::default() };
+    let found = retarget(&plan, &options, |_| true).expect("it stays on its feet");
+    assert!(found.costs[found.costs.len() - 1] < 0.5 * found.costs[0], "{:?}", found.costs);
+    let samples = &found.plan.samples;
+    for end in [&samples[0], &samples[samples.len() - 1]] {
+        assert!(end.joint_correction_rad.iter().all(|c| c.abs() < 2e-3), "{end:?}");
+    }
+}
