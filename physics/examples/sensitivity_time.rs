@@ -101,7 +101,7 @@ fn main() {
     let agilebot = robot("agilebot");
     let parameters = Parameters::new(&agilebot);
     compare(&agilebot, &parameters, "AgileBot", 96);
-    compare(&agilebot, &parameters, "AgileBot", 960);
+    compare(&agilebot, &parameters, "AgileBot", 3600);
     let legbot = robot("legbot");
     let rigid = Parameters::new(&legbot);
     let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 2e5, 0.3) };

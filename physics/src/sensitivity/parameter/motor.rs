@@ -5,7 +5,7 @@ use crate::motor::Motor;
 use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
 use crate::system::System;
 
-/// A number of motors, the same for all.
+/// A number of motors, the same for all. What steers them from step to step must leave it as it is in their laws.
 #[derive(Clone, Debug)]
 pub struct Drive {
     /// Forces that are the motors.
