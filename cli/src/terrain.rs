@@ -93,7 +93,7 @@ impl GroundArgs {
     ) -> miette::Result<Option<Arc<dyn Ground>>> {
         match support {
             Support::Stand if self.is_given() => Err(miette!(
-                help = "leave these options out, or --on stand; motors of --actuators are always on a stand",
+                help = "leave these options out, or --on stand; motors of --actuators are on the ground with --on ground",
                 "--slope, --terrain and --push are for a robot on the ground, and this one is on a stand"
             )),
             Support::Stand => Ok(None),

@@ -246,14 +246,22 @@ impl Findings<'_> {
     /// Servos on serial lines that now and then do not answer: what a disturbed line shows first.
     fn unanswered(&self) -> Option<Finding> {
         let missed = self.heard.unanswered.iter().filter(|(_, (missed, _))| *missed > 0);
-        let who = missed.map(|(&channel, (missed, all))| {
+        let who = missed.clone().map(|(&channel, (missed, all))| {
             format!("{} in {missed} of {all} reports", self.channel(channel))
         });
         let who: Vec<_> = who.collect();
-        if who.is_empty() {
-            return None;
-        }
-        let what = format!("servos did not answer: {}", who.join(", "));
+        let what = match who.len() {
+            0 => return None,
+            1..=3 => format!("servos did not answer: {}", who.join(", ")),
+            count => {
+                let worst = missed.max_by_key(|(_, (missed, _))| *missed);
+                let worst = worst.map_or(0, |(&channel, _)| channel);
+                format!(
+                    "{count} servos did not always answer, {} least of all",
+                    self.channel(worst)
+                )
+            }
+        };
         let help = "look at the data wire, its pull-up, the servos' supply and their return delay; after a tenth of a second \
                     without any answer the robot is let down";
         // A robot that gets by is not one that does not work.

@@ -8,6 +8,8 @@ use rollwalk_protocol::wire::{FromController, State, Status, ToController};
 use rollwalk_tests::{Desk, Outcome, signal};
 use std::os::unix::net::UnixListener;
 use std::process::{Child, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
 
 /// A robot with a library, on this computer's socket.
 fn robot(desk: &Desk) -> (Robot, String) {
@@ -185,6 +187,24 @@ fn a_robot_that_another_program_disarms_is_held_until_it_is_down() {
     on(&desk, &bus, &["disarm"]).succeeds();
     let outcome = Outcome::from(send.wait_with_output().expect("it ends"));
     assert!(outcome.stderr.contains("another program has disarmed it"), "{}", outcome.stderr);
+    assert_eq!(outcome.code, 5, "{}", outcome.stderr);
+    on(&desk, &bus, &["doctor"]).succeeds_with(0, &["it can be armed"]);
+}
+
+#[test]
+fn a_robot_that_another_program_sends_home_stays_there() {
+    let desk = desk_with_library_file();
+    // A motion that repeats, which would go on.
+    desk.edit("rest.toml", "at_rest", "periodic");
+    let (_robot, bus) = robot(&desk);
+    let send = start(&desk, &bus, &["send", "--arm", "rest:60", "rest:60"]);
+    wait_for(&mut listener(&desk), State::Playing);
+    sleep(Duration::from_millis(1500));
+    // It may be disarmed before the answer is there.
+    let _ = on(&desk, &bus, &["return"]);
+    let outcome = Outcome::from(send.wait_with_output().expect("it ends"));
+    assert!(outcome.stderr.contains("nothing more is played"), "{}", outcome.stderr);
+    assert_eq!(outcome.stderr.matches("playing rest").count(), 1, "{}", outcome.stderr);
     assert_eq!(outcome.code, 5, "{}", outcome.stderr);
     on(&desk, &bus, &["doctor"]).succeeds_with(0, &["it can be armed"]);
 }

@@ -316,10 +316,13 @@ fn has_none(error: &SessionError) -> bool {
 /// Why a value is not allowed; `None` if that is not the reason. `what` names channel and value.
 fn refusal(error: &SessionError, what: &str, value: f32, unit: &str) -> Option<String> {
     let SessionError::ParameterRefused { result, value: limit, .. } = error else { return None };
-    if has_none(error) {
-        return Some(format!("{what}: it has no such value, as wheels have no stiffness"));
-    }
     match result {
+        ParameterResult::NotSupported => Some(format!(
+            "{what}: its drive does not take it from the controller, but keeps its own (docs/actuators.md)"
+        )),
+        _ if has_none(error) => {
+            Some(format!("{what}: it has no such value, as wheels have no stiffness"))
+        }
         ParameterResult::OutOfRange if value > *limit => Some(format!(
             "{what} is too much: its robot file allows up to {}{unit}",
             Limit::AtMost(*limit)

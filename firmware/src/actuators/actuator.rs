@@ -24,7 +24,9 @@ pub struct Actuator {
     faults_are_new: bool,
     /// Ticks since the last new pose.
     pub silent_ticks: u16,
-    /// It was asked and has not answered, since [`Self::take_unanswered`].
+    /// It was asked and has not answered yet.
+    asked: bool,
+    /// It was asked again before it had answered, since [`Self::take_unanswered`].
     unanswered: bool,
     /// Torque off was sent, and the last feedback since then confirms it.
     pub known_off: bool,
@@ -80,6 +82,7 @@ impl Actuator {
             reported.counter = reported.counter.wrapping_add(1);
             self.has_reported_pose = true;
             self.silent_ticks = 0;
+            self.asked = false;
         }
         reported.velocity_rad_s = news.speed_rad_s.unwrap_or(reported.velocity_rad_s);
         reported.torque_nm = news.torque_nm.unwrap_or(reported.torque_nm);
@@ -105,6 +108,7 @@ impl Actuator {
     /// Takes an answer of the adapter between it and the bus, which knows no pose.
     pub fn on_adapter_answer(&mut self, news: &actuators::Feedback) {
         self.silent_ticks = 0;
+        self.asked = false;
         self.on_feedback(news, false);
     }
 
@@ -129,9 +133,10 @@ impl Actuator {
         self.switched == Switched::On && self.switched_ticks < patience_ticks
     }
 
-    /// Call before each request, once per control period: records a missed answer if the request before was not answered.
-    pub fn note_unanswered(&mut self) {
-        self.unanswered |= self.silent_ticks > 1 && self.is_known();
+    /// Call at each request: records a missed answer if the request before was not answered.
+    pub fn note_request(&mut self) {
+        self.unanswered |= self.asked && self.is_known();
+        self.asked = true;
     }
 
     /// Whether an answer has been missed since the last call.

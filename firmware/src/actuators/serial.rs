@@ -82,7 +82,7 @@ impl Actuators {
                     if packet.is_some() {
                         driver.listening = question;
                         if question {
-                            members(&mut self.list, driver).for_each(Actuator::note_unanswered);
+                            members(&mut self.list, driver).for_each(Actuator::note_request);
                         }
                         return packet;
                     }

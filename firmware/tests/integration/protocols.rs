@@ -17,7 +17,7 @@ use rollwalk_protocol::actuators::{Codec, UpdatePolicy};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::{
-    CommandResult, FromController, Parameter, ParameterAction, ParameterResult, State,
+    Action, CommandResult, FromController, Parameter, ParameterAction, ParameterResult, State,
 };
 
 pub fn mit(model: usize, answers_from: AnswerId) -> Protocol {
@@ -423,6 +423,10 @@ fn a_servo_that_does_not_answer_once_is_told_of_once() {
         assert_eq!(unanswered(&mut rig, 60), [1], "{protocol:?}");
         assert_eq!(unanswered(&mut rig, 60), [0; 0], "{protocol:?}");
         assert_eq!(rig.brain.state(), State::Playing);
+        // With torque off switches go out before each question.
+        rig.command(Action::Disarm);
+        rig.run_until(State::Disarmed, 2000);
+        assert_eq!(unanswered(&mut rig, 60), [0; 0], "{protocol:?}");
     }
     // Drives on CAN are not asked, or on timers of their own.
     let mut rig = playing(odrive(Version::V06));
@@ -450,7 +454,7 @@ fn a_pose_that_nobody_measures_has_to_be_assumed() {
     let config = robot::config();
     let mixed = [maestro(), Protocol::Rollwalk];
     let mut rig = bench_of(config.clone(), mixed, Bus::default());
-    let refused = rig.command(rollwalk_protocol::wire::Action::ArmRequest);
+    let refused = rig.command(Action::ArmRequest);
     assert_eq!(refused.result, CommandResult::PoseUnknown);
 
     let mut rig = bench_of(config, mixed, Bus { pose: Pose::AssumedSafe, ..Bus::default() });

@@ -44,7 +44,7 @@ pub fn play(
             // Its duration is unknown without a catalog.
             None => {
                 output::say(format_args!("playing {}", chosen.name()));
-                run_for(session, begins_us + micros(chosen.seconds.unwrap_or(5.0)))?;
+                run_for(session, begins_us + micros(chosen.seconds.unwrap_or(5.0)), None)?;
             }
         }
     }
@@ -73,11 +73,12 @@ fn wait_for(
 /// Waits until a motion that ends has ended; gives a loop its time.
 fn finish(session: &mut LiveSession, chosen: &Chosen, motion: &Motion) -> Result<(), SessionError> {
     let round = f64::from(motion.frames) / f64::from(RATE_HZ);
+    let node = chosen.motion.map(|(node, _)| node);
     if motion.looping || chosen.seconds.is_some() {
-        return run_for(session, micros(chosen.seconds.unwrap_or(round)));
+        let duration_us = micros(chosen.seconds.unwrap_or(round));
+        return run_for(session, duration_us, node.filter(|_| motion.looping));
     }
     let last = motion.frames.saturating_sub(1);
-    let node = chosen.motion.map(|(node, _)| node);
     wait_also_while_paused(
         session,
         &format!("the end of {}", motion.name),
@@ -136,14 +137,27 @@ fn wait_also_while_paused(
     }
 }
 
-/// Lets the robot play for a duration without pauses; ends early on Ctrl-C, and when the robot stops by itself.
-fn run_for(session: &mut LiveSession, duration_us: u64) -> Result<(), SessionError> {
+/// Lets the robot play for a duration without pauses; ends early on Ctrl-C, and when the robot stops by itself. A motion that
+/// `repeats`, by its node, does not end by itself: a robot that leaves it was sent home, or elsewhere, by another program.
+fn run_for(
+    session: &mut LiveSession,
+    duration_us: u64,
+    repeats: Option<usize>,
+) -> Result<(), SessionError> {
     let (mut left_us, mut pauses) = (duration_us, Pauses::default());
     while left_us > 0 && !interrupt::requested() {
         let portion_us = left_us.min(PORTION_US);
         session.run_for(portion_us)?;
         if !pauses.check(session.status().as_ref()) {
             left_us -= portion_us;
+        }
+        if let (Some(node), Some(status)) = (repeats, session.status())
+            && matches!(status.state, State::Playing | State::Ready | State::Returning)
+            && status.clip.map(usize::from) != Some(node)
+        {
+            output::say("another program has ended the motion: nothing more is played");
+            let waited_for = "the end of the motion".into();
+            return Err(SessionError::WentElsewhere { waited_for, status });
         }
         if let Some(status) = session.status()
             && matches!(status.state, State::Damped | State::TorqueOff | State::EStopped)
