@@ -91,6 +91,10 @@ fn linear(curves: &[Curve]) -> (Range<f64>, Range<f64>) {
     let range = |pick: fn(&(f64, f64)) -> f64| {
         let bounds = |(low, high): (f64, f64), value: f64| (low.min(value), high.max(value));
         let (low, high) = points(curves).map(pick).fold((f64::INFINITY, f64::NEG_INFINITY), bounds);
+        // No points, or some that no axis spans.
+        if !(high - low).is_finite() {
+            return 0.0..1.0;
+        }
         let margin = 0.05 * (high - low).max(1e-9);
         low - margin..high + margin
     };

@@ -16,6 +16,11 @@ pub fn listen() {
     LISTENING.call_once(install);
 }
 
+/// Requests the end, as a signal does: of what else runs in this program.
+pub fn request() {
+    REQUESTED.store(true, Ordering::Relaxed);
+}
+
 fn install() {
     for signal in [SIGINT, SIGTERM].into_iter().chain(hang_up()) {
         let requested = || Arc::clone(&REQUESTED);

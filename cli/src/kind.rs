@@ -98,7 +98,7 @@ impl Kind {
         match self {
             Self::Robot | Self::Motion | Self::Library | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names => 1 << 20,
-            // A quarter of an hour of a robot with twenty motors: a file of `--rotate`.
+            // A file of `--rotate`: some ten minutes.
             Self::WorldLog => 256 << 20,
             // 250,000 heights.
             Self::Terrain => 8 << 20,

@@ -9,7 +9,7 @@ use crate::files::{Lines, Output, RotationArgs};
 use crate::inputs::Source;
 use crate::link::cannot_open;
 use crate::terrain::{GroundArgs, Support};
-use crate::world_log::{RigLog, WorldLog, WorldLogArgs};
+use crate::world_log::{SharedLog, WorldLog, WorldLogArgs};
 use crate::{Exit, end, exit, interrupt, keys, output, signing};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use lag::LagWatch;
@@ -181,11 +181,28 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         None => Support::Stand,
     };
     let ground = cli.ground.under(support, &robot)?;
-    if ground.is_none() && cli.world_log.is_given() {
+    if ground.is_none() && cli.world_log.path().is_some() {
+        let help = match (cli.only, cli.actuators.is_empty()) {
+            (Some(Part::Controller), _) => "leave it out: --only controller simulates no world",
+            (_, true) => "leave out one of --world-log and --on stand",
+            (_, false) => "leave it out, or add --on ground",
+        };
         return Err(miette!(
-            help = "leave it out, or --on stand",
+            help = help,
             "--world-log is for a robot on the ground, and this one is on a stand"
         ));
+    }
+    if let Some(world_log) = cli.world_log.path() {
+        if let Some(log) = &cli.log {
+            Output::at(world_log)?.apart_from(&Output::at(log)?)?;
+        }
+        if cli.library.as_deref() == Some(world_log) {
+            return Err(miette!(
+                help = "give each a file of its own",
+                "--world-log and --library are both {}",
+                world_log.display()
+            ));
+        }
     }
     let actuators = at_rates(&robot, &cli.actuators);
     let keys = Keys {
@@ -224,15 +241,17 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             let ports = ports(&actuators)?;
             let names = actuators.clone();
             let mut body = motors_of(&robot, cli, ground.as_ref());
-            let mut world_log = cli.world_log.begin(&robot, cli.rotation.rotate)?;
-            std::thread::spawn(move || {
+            let world_log = cli.world_log.begin(&robot, cli.rotation.rotate)?;
+            let motors = std::thread::spawn(move || {
                 let mut lost = Lost { link: None, actuators: &names, says: false };
-                let ended = simulate_motors(&mut body, ports, &mut lost, world_log.as_mut());
-                if let Err(error) = ended {
-                    output::say(format_args!("the motors have ended: {error}"));
-                }
+                let ended = simulate_motors(&mut body, ports, &mut lost, world_log);
+                // A controller without motors has nothing to do.
+                interrupt::request();
+                ended
             });
             run_controller(&robot, keys, bus, &actuators, memory)?;
+            interrupt::request();
+            motors.join().map_err(|_| miette!("the motors have ended unexpectedly"))??;
         }
     }
     Ok(Exit::Ok)
@@ -272,7 +291,7 @@ fn run_whole(
         rig = rig.onto_ground(robot, ground, cli.ground.shoves());
     }
     let world_log = cli.world_log.begin(robot, cli.rotation.rotate)?;
-    let world_log = world_log.map(|log| RigLog::attach(log, &mut rig));
+    let world_log = world_log.map(|log| SharedLog::attach(log, &mut rig));
     let port = port(bus)?;
     ready(robot, bus);
     let (mut printer, mut world) = (StatusPrinter::default(), ground::Printer::default());
@@ -360,7 +379,7 @@ fn run_motors(
     robot: &Robot,
     actuators: &[BusName],
     mut body: Body,
-    mut world_log: Option<WorldLog>,
+    world_log: Option<WorldLog>,
 ) -> miette::Result<()> {
     let ports = ports(actuators)?;
     let names: Vec<_> = actuators.iter().map(ToString::to_string).collect();
@@ -370,7 +389,7 @@ fn run_motors(
         names.join(", ")
     ));
     let mut lost = Lost { link: None, actuators, says: true };
-    simulate_motors(&mut body, ports, &mut lost, world_log.as_mut())
+    simulate_motors(&mut body, ports, &mut lost, world_log)
 }
 
 /// Runs motors until Ctrl-C.
@@ -378,10 +397,10 @@ fn simulate_motors(
     body: &mut Body,
     ports: Vec<Port>,
     lost: &mut Lost<'_>,
-    world_log: Option<&mut WorldLog>,
+    world_log: Option<WorldLog>,
 ) -> miette::Result<()> {
     let mut printer = ground::Printer::default();
-    let goes_on = |body: &Body| {
+    let mut goes_on = |body: &Body| {
         if let Some(ground) = body.ground() {
             printer.print_ground(ground);
         }
@@ -390,7 +409,10 @@ fn simulate_motors(
     let Some(log) = world_log else {
         return motors::run(body, ports, lost, &mut (), goes_on).into_diagnostic();
     };
-    motors::run(body, ports, lost, log, goes_on).into_diagnostic()?;
+    let (log, watched) = (SharedLog::new(log), SharedLog::clone);
+    let mut observer = watched(&log);
+    motors::run(body, ports, lost, &mut observer, |body| log.is_sound() && goes_on(body))
+        .into_diagnostic()?;
     log.end()
 }
 

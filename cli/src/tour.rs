@@ -2,7 +2,7 @@
 //! transition of the motion graph by command codes, back to SAFE, disarm.
 
 use crate::packed::Packed;
-use crate::world_log::{RigLog, WorldLog};
+use crate::world_log::{SharedLog, WorldLog};
 use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
@@ -61,7 +61,7 @@ pub fn play(packed: &Packed, options: Options<'_>) -> miette::Result<Played> {
     if let Some(ground) = options.ground {
         rig = rig.onto_ground(robot, ground, options.shoves);
     }
-    let world_log = options.world_log.map(|log| RigLog::attach(log, &mut rig));
+    let world_log = options.world_log.map(|log| SharedLog::attach(log, &mut rig));
     let node = rig.node();
     let mut session = Session::connect(rig, node).into_diagnostic()?;
     session.expect_robot(robot.controller_config().into_diagnostic()?.hash());

@@ -1,6 +1,7 @@
 //! The log of the simulated world (`--world-log`): a table with a line for each of its steps (`docs/world-log.md`).
 
 use crate::files::{self, Lines, Output, Rotation};
+use miette::miette;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_physics::World;
 use rollwalk_protocol::library::{ClipId, Library};
@@ -11,7 +12,7 @@ use rollwalk_sim_host::core::Local;
 use rollwalk_sim_host::rig::{Observer, Rig};
 use rollwalk_simulate::log::{self, Moment};
 use std::cell::RefCell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 /// Option of commands that simulate a world.
@@ -23,9 +24,9 @@ pub struct WorldLogArgs {
 }
 
 impl WorldLogArgs {
-    /// Whether one is asked for.
-    pub fn is_given(&self) -> bool {
-        self.world_log.is_some()
+    /// Where it goes, if one is asked for.
+    pub fn path(&self) -> Option<&Path> {
+        self.world_log.as_deref()
     }
 
     /// Begins the log, if one is asked for.
@@ -35,6 +36,12 @@ impl WorldLogArgs {
     pub fn begin(&self, robot: &Robot, rotation: Rotation) -> miette::Result<Option<WorldLog>> {
         let Some(path) = &self.world_log else { return Ok(None) };
         files::ending(path, "a log of the world", &["csv"])?;
+        if path.as_os_str() == "-" {
+            return Err(miette!(
+                help = "name a file, or a pipe",
+                "a log of the world does not go to standard output, where the report is"
+            ));
+        }
         let lines = Lines::with_heading(&Output::at(path)?, rotation, log::heading(robot))?;
         Ok(Some(WorldLog { lines, library: None, written_s: 0.0, failed: None }))
     }
@@ -102,16 +109,26 @@ impl Observer for WorldLog {
     }
 }
 
-/// The log of a robot behind its firmware.
+/// A log that an observer writes while its owner looks after it.
 #[derive(Clone)]
-pub struct RigLog(Rc<RefCell<WorldLog>>);
+pub struct SharedLog(Rc<RefCell<WorldLog>>);
 
-impl RigLog {
-    /// Writes a line for each step of the world from now on.
+impl SharedLog {
+    /// Shares a log.
+    pub fn new(log: WorldLog) -> Self {
+        Self(Rc::new(RefCell::new(log)))
+    }
+
+    /// Writes a line for each step of a robot's world from now on.
     pub fn attach(log: WorldLog, rig: &mut Rig<Local>) -> Self {
-        let log = Self(Rc::new(RefCell::new(log)));
+        let log = Self::new(log);
         rig.set_observer(log.clone());
         log
+    }
+
+    /// Whether all lines could be written.
+    pub fn is_sound(&self) -> bool {
+        self.0.borrow().failed.is_none()
     }
 
     /// Looks up which library is played now.
@@ -133,7 +150,7 @@ impl RigLog {
     }
 }
 
-impl Observer for RigLog {
+impl Observer for SharedLog {
     fn on_motor_step(&mut self, at: SimTime, body: &Body) {
         self.0.borrow_mut().on_motor_step(at, body);
     }

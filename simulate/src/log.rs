@@ -140,11 +140,12 @@ pub enum LogError {
 }
 
 impl Table {
-    /// Reads a table.
+    /// Reads a table. A last line without its end, which a killed simulator leaves, does not count.
     ///
     /// # Errors
     /// It is none, or it has no rows.
     pub fn read(text: &str) -> Result<Self, LogError> {
+        let text = text.rfind('\n').map_or(text, |end| &text[..=end]);
         let mut reader = csv::Reader::from_reader(text.as_bytes());
         let names: Vec<String> = reader.headers()?.iter().map(str::to_owned).collect();
         if let Some(missing) = BASE.into_iter().find(|base| names.iter().all(|name| name != base)) {
@@ -157,7 +158,8 @@ impl Table {
                 if name == "motion" {
                     return Ok(0.0);
                 }
-                cell.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(|| {
+                let written = |value: &f64| value.abs() <= f64::from(f32::MAX);
+                cell.parse::<f64>().ok().filter(written).ok_or_else(|| {
                     let line = row.position().map_or(0, csv::Position::line);
                     LogError::Number { line, column: name.clone(), cell: cell.to_owned() }
                 })
@@ -232,6 +234,11 @@ mod tests {
             let zeros = vec!["0"; heading.split(',').count() - 1].join(",");
             format!("{heading}\n{time},{zeros}\n")
         };
+        let mut cut = row("1") + &row("2").lines().nth(1).unwrap_or_default()[..20];
+        assert_eq!(Table::read(&cut).unwrap().motions.len(), 1);
+        cut.push('\n');
+        assert!(why(&cut).contains("found record with"));
+        assert!(why(&row("1e300")).contains("`1e300` is no number"));
         assert_eq!(why(&row("soon")), "line 2, column `time_s`: `soon` is no number");
         assert!(why(&row("NaN")).contains("`NaN` is no number"));
         assert!(why(&format!("{heading}\n1,2\n")).contains("found record with 2 fields"));

@@ -69,15 +69,22 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     for words in ["force along the normal", "rear_right", " drive_1m"] {
         assert!(figure.contains(words), "{words}");
     }
-    desk.write("cut.csv", desk.read_text("run.csv").replacen(",0.0", ",x", 1));
-    desk.run(&["plot", "cut.csv", "-o", "run.svg"]).fails(1, &["cut.csv: line 2, column `"]);
+    desk.write("bad.csv", desk.read_text("run.csv").replacen(",0.0", ",x", 1));
+    desk.run(&["plot", "bad.csv", "-o", "run.svg"]).fails(1, &["bad.csv: line 2, column `"]);
+    desk.run(&["plot", "run.csv", "bad.csv", "-o", "x.svg"]).fails(1, &["draw it by itself"]);
+    // Without what the figure shows.
+    let base: Vec<_> = desk.read_text("run.csv").lines().map(first_cells).collect();
+    desk.write("base.CSV", base.join("\n") + "\n");
+    desk.run(&["plot", "base.CSV", "-o", "base.svg"]).succeeds();
     desk.run(&["plot", "drive.toml", "-o", "run.svg"]).fails(1, &["drive.toml is a library file"]);
     desk.run(&["simulate", "drive.rwl", "--world-log", "run.png"])
         .fails(1, &["cannot write a log of the world as run.png"]);
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let on_stand = ["robots/agilebot.toml", "--bus", &bus, "--on", "stand"];
     Robot::refuses(&desk, &[&on_stand[..], &["--world-log", "run.csv"]].concat())
-        .fails(1, &["--world-log is for a robot on the ground", "or --on stand"]);
+        .fails(1, &["--world-log is for a robot on the ground", "leave out one of"]);
+    let twice = ["robots/agilebot.toml", "--bus", &bus, "--log", "one.csv", "--world-log"];
+    Robot::refuses(&desk, &[&twice[..], &["one.csv"]].concat()).fails(1, &["one.csv"]);
     Robot::refuses(
         &desk,
         &["robots/agilebot.toml", "--bus", &bus, "--on", "stand", "--slope", "3"],
@@ -99,6 +106,11 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     assert!(!said.contains("fell"), "{said}");
     let driven_m = logged_way_m(&desk.read_text("live.csv"), "drive_1m");
     assert!((driven_m - ahead).abs() < 0.002, "{driven_m} m in the log, {line}");
+}
+
+/// The cells of a line that every log has.
+fn first_cells(line: &str) -> String {
+    line.split(',').take(17).collect::<Vec<_>>().join(",")
 }
 
 /// Way of the centre of mass along x while a motion is played, in a log of the world, m; every line must have a cell for

@@ -3,8 +3,9 @@
 
     python3 tests/replay/logged.py ROBOT.toml RUN.csv [PLAN.json ...] [--json FILE]
 
-RUN.csv is that of `rollwalk simulate LIB.rwl --world-log RUN.csv` (docs/world-log.md): setpoints, gains and limits as decoded from
-the frames on the buses, behind firmware and bus. MuJoCo begins with the pose that the robot has when the hoist lets go of it.
+RUN.csv is that of `rollwalk simulate LIB.rwl --world-log RUN.csv` (docs/world-log.md), on level ground and without pushes, which the log
+does not tell: setpoints, gains and limits as decoded from the frames on the buses, behind firmware and bus. MuJoCo begins with
+the pose that the robot has when the hoist lets go of it, and ends where the hoist picks it up again.
 
 Prints a line for each motion and transition that was played, up to the first fall: the way in the log, and that in MuJoCo. Of
 motions whose plans are given it is the mean of periods, beside the plan. Exit code: 0, or 2 if a file cannot be used.
@@ -49,8 +50,12 @@ class Log:
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise Unusable(f"{path}: {error}") from error
         try:
+            if rows and rows[0]["held"] != "1":
+                raise Unusable(f"{path}: no hoist holds the robot at its beginning; expected the log of a library behind its firmware")
             free = next(index for index, row in enumerate(rows) if row["held"] == "0")
-            self.rows = rows[free:]
+            held = (index for index, row in enumerate(rows) if index > free and row["held"] == "1")
+            self.rows = rows[free : next(held, len(rows))]
+            _expect_robot(rows[0], robot)
             self.motion = [row["motion"] for row in self.rows]
             column = lambda name: np.array([float(row[name]) for row in self.rows])
             names = [name if foot is None else f"{name}_motor" for name, _, _, foot in robots.channels(robot)]
@@ -64,9 +69,11 @@ class Log:
             target, speed, torque = (channels(what) for what in ("target_rad", "target_rad_s", "feedforward_nm"))
             self.control = self.kp * target + self.kd * speed + torque
         except StopIteration:
-            raise Unusable(f"{path}: the hoist holds the robot all the time (held)") from None
-        except (KeyError, ValueError) as error:
-            raise Unusable(f"{path}: {error}; expected the log of a {robot['name']}") from error
+            raise Unusable(f"{path}: the hoist holds the robot all the time (held), or there are no rows") from None
+        except (KeyError, TypeError, ValueError) as error:
+            raise Unusable(f"{path}: {error}; expected the log of a {robot['name']}, with whole lines") from error
+        if len(self.rows) < 2:
+            raise Unusable(f"{path}: one row without the hoist; expected at least 2")
         self.step_s = float(np.median(np.diff(self.time_s)))
 
     def yaw_rad(self):
@@ -81,6 +88,16 @@ class Log:
                 if self.motion[start]:
                     yield self.motion[start], start, index - 1
                 start = index
+
+
+def _expect_robot(row, robot):
+    """Columns of a robot with more motors or feet would hide that a log is not its own."""
+    motors = {name if foot is None else f"{name}_motor" for name, _, _, foot in robots.channels(robot)}
+    feet = {foot["name"] for foot in robot["end_effectors"]}
+    for ending, expected in (("_limit_nm", motors), ("_normal_n", feet)):
+        found = {name.removesuffix(ending) for name in row if name.endswith(ending)}
+        if found != expected:
+            raise ValueError(f"columns *{ending} of {', '.join(sorted(found ^ expected))}")
 
 
 def played(log, robot):
@@ -171,17 +188,22 @@ def main(arguments):
         robot = robots.from_file(options.robot)
         motions = {motion.name: motion for motion in map(plans.load, options.plans)}
         result = compare(robot, Log(options.log, robot), motions)
+        if options.json:
+            Path(options.json).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        print(error, file=sys.stderr)
+        return 2
     except Unusable as error:
         print(error, file=sys.stderr)
         return 2
     for piece in result["pieces"]:
         ours, theirs = piece["ours"], piece["mujoco"]
-        words = ", ".join(f"{key} {ours[key]:.4f}, in MuJoCo {theirs[key]:.4f}" for key in ours)
+        plan = piece.get("planned")
+        of_plan = lambda key: f" (planned {plan[key]:.4f})" if plan else ""
+        words = ", ".join(f"{key} {ours[key]:.4f}, in MuJoCo {theirs[key]:.4f}{of_plan(key)}" for key in ours)
         print(f"{piece['from_s']:8.3f} s  {piece['motion']}: {words}")
     for world, at_s in result["fell_at_s"].items():
         print(f"fell after {at_s:.3f} s: {world}" if at_s is not None else f"no fall: {world}")
-    if options.json:
-        Path(options.json).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     return 0
 
 

@@ -137,6 +137,8 @@ def behind_firmware(results):
             continue
         off = _apart(result)
         remark = _where_it_fell(result) or ("**differs**" if off is not None and off > AGREE else "")
+        if not result["ours"]:
+            remark = ", ".join(filter(None, ["**not played**", remark]))
         ratios = (_way(result, world) for world in ("ours", "mujoco"))
         rows.append([_name(result), *ratios, "–" if off is None else f"{off:.3f}", remark])
     return _markdown(rows)
@@ -145,12 +147,14 @@ def behind_firmware(results):
 def behind_firmware_in_words(results):
     """How many motions agree in both worlds, given the same commands."""
     ran = [result for result in results if "refused" not in result]
-    stands = [result for result in ran if not _where_it_fell(result)]
-    apart = [f"{_name(result)} ({_apart(result):.3f})" for result in stands if (_apart(result) or 0) > AGREE]
+    stands = [result for result in ran if result["ours"] and not _where_it_fell(result)]
+    going = [(result, _apart(result)) for result in stands if _apart(result) is not None]
+    apart = [f"{_name(result)} ({off:.3f})" for result, off in going if off > AGREE]
     fates = [_name(result) for result in ran if len(set(at is None for at in result["fell_at_s"].values())) > 1]
     text = (
         f"{len(ran)} of {len(results)} motions go into a library with a stand before and after them. Of these {len(stands)} stay on "
-        f"their feet in both worlds, and {len(stands) - len(apart)} agree within {AGREE:.2f} of the plan. "
+        f"their feet in both worlds; {len(going)} of them go or turn somewhere, and {len(going) - len(apart)} of those agree within {AGREE:.2f} of "
+        "the plan. "
     )
     text += f"Apart: {', '.join(apart)}. " if apart else ""
     text += f"A fall in only one world: {', '.join(fates)}." if fates else "Falls agree."

@@ -445,6 +445,7 @@ class Logs(unittest.TestCase):
                 else:
                     law["rad"] = law["target_rad"] = joint["nominal_rad"]
                 row |= {f"{name}_{key}": value for key, value in law.items()}
+            row |= {f"{wheel['name']}_normal_n": 0.0 for wheel in wheels}
             self.rows.append(row)
 
     def compared(self):
@@ -467,14 +468,25 @@ class Logs(unittest.TestCase):
             row.update({key: 0 for key in row if key.endswith("limit_nm")})
         self.assertLess(abs(self.compared()["pieces"][0]["mujoco"]["forward_m"]), 1e-3)
 
-    def test_a_log_of_another_robot_and_one_in_the_hoist_are_refused(self):
-        for row in self.rows:
+    def test_logs_that_say_nothing_of_this_robot_are_refused(self):
+        rows = self.rows
+        for changed, why in [
+            ([dict(row, held=1) for row in rows], "the hoist holds the robot all the time"),
+            (rows[:1], "the hoist holds the robot all the time"),
+            (rows[4:], "no hoist holds the robot at its beginning"),
+            ([dict(row, knee_limit_nm=1) for row in rows], "columns .*knee.*expected the log of a car"),
+            ([{key: row[key] for key in row if "rear" not in key} for row in rows], "expected the log of a car"),
+            (rows[:4], "one row without the hoist"),
+        ]:
+            self.rows = changed
+            with self.assertRaisesRegex(Unusable, why):
+                self.compared()
+
+    def test_it_ends_where_the_hoist_picks_the_robot_up(self):
+        for row in self.rows[400:]:
             row["held"] = 1
-        with self.assertRaisesRegex(Unusable, "the hoist holds the robot all the time"):
-            self.compared()
-        self.rows = [{"time_s": 0, "held": 0, "motion": ""}]
-        with self.assertRaisesRegex(Unusable, "expected the log of a car"):
-            self.compared()
+        (piece,) = self.compared()["pieces"]
+        self.assertAlmostEqual(piece["mujoco"]["forward_m"] / (2.0 * self.radius_m * 159 / 240), 1.0, delta=0.01)
 
 
 class Words(unittest.TestCase):
@@ -553,9 +565,12 @@ class Words(unittest.TestCase):
             "| `walk` of pup | 1.000 | 1.020 | 0.020 |  |", "| `trot` of pup | 1.000 | 0.800 | 0.200 | **differs** |",
             "| `run` of pup | 1.000 | 1.000 | 0.000 | falls in MuJoCo |", "| `fly` of pup | – | – | – | too fast |",
         ])
+        results.append(dict(result("hop", 0.5, 0.5), ours=None, mujoco=None, planned=None, goals=None))
+        self.assertTrue(tables.behind_firmware(results).splitlines()[-1].endswith("| – | – | – | **not played** |"))
         words = " ".join(tables.behind_firmware_in_words(results).split())
-        self.assertIn("3 of 4 motions go into a library", words)
-        self.assertIn("Of these 2 stay on their feet in both worlds, and 1 agree within 0.03 of the plan. Apart: `trot`", words)
+        self.assertIn("4 of 5 motions go into a library", words)
+        self.assertIn("Of these 2 stay on their feet in both worlds; 2 of them go or turn", words)
+        self.assertIn("and 1 of those agree within 0.03 of the plan. Apart: `trot`", words)
         self.assertTrue(words.endswith("A fall in only one world: `run` of pup."), words)
 
     def test_marks_are_replaced_and_missed(self):

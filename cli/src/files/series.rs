@@ -22,6 +22,11 @@ pub struct Rotation {
     files: usize,
 }
 
+impl Rotation {
+    /// One file without bound.
+    pub const OFF: Self = Self { megabytes: None, files: usize::MAX };
+}
+
 /// Ten gigabytes: twelve hours of a robot with twenty motors.
 impl Default for Rotation {
     fn default() -> Self {
@@ -43,7 +48,7 @@ impl FromStr for Rotation {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         if text == "off" {
-            return Ok(Self { megabytes: None, files: usize::MAX });
+            return Ok(Self::OFF);
         }
         let parts = text.split_once('x');
         let parts = parts.and_then(|(size, files)| Some((size.parse().ok()?, files.parse().ok()?)));

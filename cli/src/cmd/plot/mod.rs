@@ -34,10 +34,17 @@ pub struct Args {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     files::ending(&args.output, "a figure", &["svg"])?;
-    if let [log] = &args.plans[..]
-        && log.extension().is_some_and(|extension| extension == "csv")
-        && !args.strip
-    {
+    let is_log = |path: &&PathBuf| {
+        path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
+    };
+    if let Some(log) = args.plans.iter().find(is_log) {
+        if args.strip || args.plans.len() > 1 {
+            return Err(miette::miette!(
+                help = "draw it by itself, without --strip",
+                "{} is a log of a world, and does not fit into one figure with others",
+                log.display()
+            ));
+        }
         return finish(&args.output, &world::figure(log)?);
     }
     let plans: Vec<Plan> =

@@ -56,11 +56,21 @@ impl Figure {
         self.table.column(name).unwrap_or_else(|| vec![0.0; self.time_s.len()])
     }
 
-    /// Points of a curve, of long runs some of them.
+    /// Points of a curve; of long runs the least and the greatest of each piece, so that no peak is lost.
     fn curve(&self, name: &str, values: Vec<f64>) -> Curve {
-        let points = self.time_s.iter().copied().zip(values);
-        let every = self.time_s.len().div_ceil(POINTS_MAX).max(1);
-        (name.to_owned(), points.step_by(every).collect())
+        let points: Vec<_> = self.time_s.iter().copied().zip(values).collect();
+        if points.len() <= POINTS_MAX {
+            return (name.to_owned(), points);
+        }
+        let pieces = points.chunks((2 * points.len()).div_ceil(POINTS_MAX));
+        let ends = pieces.flat_map(|piece| {
+            let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
+            let (least, most) = (piece.iter().min_by(by_value), piece.iter().max_by(by_value));
+            let mut ends = [least, most].map(|end| end.copied().unwrap_or_default());
+            ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+            ends
+        });
+        (name.to_owned(), ends.collect())
     }
 
     /// Heading, whole turns included, and tilt of the body.

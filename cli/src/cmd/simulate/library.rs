@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             shoves: args.ground.shoves(),
             feed_forward: !args.no_feed_forward,
             cycles: args.cycles,
-            world_log: args.world_log.begin(&packed.robot, Rotation::default())?,
+            world_log: args.world_log.begin(&packed.robot, Rotation::OFF)?,
         },
     );
     let played = played?;

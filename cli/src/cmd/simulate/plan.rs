@@ -43,7 +43,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         ProgressStyle::with_template("{spinner} {wide_bar} {percent} %")
             .unwrap_or_else(|_| ProgressStyle::default_bar()),
     );
-    let mut log = args.world_log.begin(&plan.robot, Rotation::default())?;
+    let mut log = args.world_log.begin(&plan.robot, Rotation::OFF)?;
     let mut failed = None;
     let goes_on = |moment: &Moment<'_>| {
         bar.set_position((1000.0 * moment.done_s / moment.all_s) as u64);
