@@ -17,6 +17,7 @@ mod problem_files;
 mod readme;
 mod recording;
 mod results;
+mod retargeting;
 mod robots;
 mod sending;
 mod servo_lines;

@@ -1,7 +1,7 @@
 //! Errors of a session, in sentences for the operator.
 
 use crate::authentication::NoSession;
-use crate::describe::fault_names;
+use crate::describe::{fault_names, state_name};
 use crate::refusal::{command_refusal_in, parameter_refusal, session_refusal, transfer_refusal};
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::wire::transport::Reply;
@@ -118,7 +118,7 @@ pub enum SessionError {
         found: Option<u32>,
     },
     /// The robot entered a state from which it does not reach the expected one.
-    #[error("waited for {waited_for}, but the robot is in state {:?}: {}", status.state, fault_names(status.faults))]
+    #[error("waited for {waited_for}, but the robot is {}", condition(status))]
     WentElsewhere {
         /// The expected state, in words.
         waited_for: String,
@@ -126,7 +126,7 @@ pub enum SessionError {
         status: Status,
     },
     /// The robot did not reach the expected state in time.
-    #[error("waited {waited_s} s for {waited_for}, but the robot is still in state {:?}: {}", status.state, fault_names(status.faults))]
+    #[error("waited {waited_s} s for {waited_for}, but the robot is still {}", condition(status))]
     TookTooLong {
         /// The expected state, in words.
         waited_for: String,
@@ -135,4 +135,13 @@ pub enum SessionError {
         /// Last status.
         status: Status,
     },
+}
+
+/// State of a robot, with its faults if it has any; to follow "the robot is".
+fn condition(status: &Status) -> String {
+    let state = state_name(status.state);
+    match status.faults.first() {
+        Some(_) => format!("{state}: {}", fault_names(status.faults)),
+        None => state.to_owned(),
+    }
 }

@@ -17,6 +17,7 @@ pub use log::History;
 
 use crate::authentication::Peer;
 use crate::client::{Client, Incoming};
+use crate::describe::state_name;
 use crate::listener::{self, Listener};
 use exchange::Exchange;
 use rollwalk_bus::link::LinkBus;
@@ -245,7 +246,7 @@ impl<B: LinkBus> Session<B> {
     /// Waits until the controller reports a state. Ends early in a state that the robot does not leave towards it by
     /// itself.
     pub fn wait_for_state(&mut self, state: State, timeout_us: u64) -> Result<(), SessionError> {
-        self.wait_until(&format!("state {state:?}"), timeout_us, |status| {
+        self.wait_until(&format!("the robot to be {}", state_name(state)), timeout_us, |status| {
             if status.state == state {
                 return Some(true);
             }

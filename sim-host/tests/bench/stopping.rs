@@ -98,12 +98,12 @@ fn waiting_for_what_will_not_come_ends_with_the_reason() {
     session.estop().unwrap();
     let error = session.wait_for_state(State::Ready, 5 * S).unwrap_err();
     let sentence = error.to_string();
-    assert!(sentence.contains("state EStopped: emergency stop"), "{sentence}");
+    assert!(sentence.contains("is stopped by an emergency stop: emergency stop"), "{sentence}");
     session.clear().unwrap();
     let error = session.wait_for_state(State::Ready, S).unwrap_err();
     let sentence = error.to_string();
-    assert!(sentence.starts_with("waited 1 s for state Ready"), "{sentence}");
-    assert!(sentence.contains("still in state Disarmed"), "{sentence}");
+    assert!(sentence.starts_with("waited 1 s for the robot to be ready"), "{sentence}");
+    assert!(sentence.contains("still disarmed"), "{sentence}");
 }
 
 #[test]
