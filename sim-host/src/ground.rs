@@ -1,6 +1,6 @@
 //! The robot on the ground: what its motors move is the simulated world of [`rollwalk_physics`].
 //!
-//! A [hoist](hoist) holds the body at the start, level, and so high that the feet just touch the ground whatever the limbs do. A
+//! A hoist holds the body at the start, level, and so high that the feet just touch the ground whatever the limbs do. A
 //! robot that falls, or that loses its torque, lies where it lies; when it has had no torque for some seconds the hoist picks
 //! it up again, as an operator would.
 
