@@ -409,8 +409,8 @@ fn simulate_motors(
     let Some(log) = world_log else {
         return motors::run(body, ports, lost, &mut (), goes_on).into_diagnostic();
     };
-    let (log, watched) = (SharedLog::new(log), SharedLog::clone);
-    let mut observer = watched(&log);
+    let log = SharedLog::new(log);
+    let mut observer = log.clone();
     motors::run(body, ports, lost, &mut observer, |body| log.is_sound() && goes_on(body))
         .into_diagnostic()?;
     log.end()
