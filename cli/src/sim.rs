@@ -54,7 +54,7 @@ const ACTUATOR_DEPTH: usize = 2;
 /// The whole robot is on the ground: a hoist holds it until it plays, and picks it up again when it has had no torque for 3 s.
 /// The simulator prints the way that each motion has made, and falls. With --on stand the robot hangs on a stand instead,
 /// its body held still and its wheels in the air; so do motors on buses of this computer (--actuators), unless --on ground puts
-/// them on the ground: their hoist does not hear what is played, and lets go when all of them stand still under torque.
+/// them on the ground: the hoist then lets go when all motors have torque and hold their targets still.
 ///
 /// With --library FILE the simulated flash survives a restart: the simulator reads FILE at start, if it exists, and writes
 /// each library that a host flashes to FILE. Before it overwrites a library for the first time, it copies that one to a

@@ -363,7 +363,7 @@ impl Compliance {
         shift
     }
 
-    /// Newton's method on all; the norm of what is wrong at its end.
+    /// Solves all equations by Newton's method; returns the norm of the residual at its end.
     fn polish(&self, ports: &[Port<'_>], shifts: &mut Vec<Vector3<f64>>) -> f64 {
         let size = self.free.len();
         let (mut left, mut tangents) = self.wrong(ports, shifts);

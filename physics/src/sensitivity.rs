@@ -57,8 +57,8 @@
 //!
 //! Contacts open and close, friction begins to slide and motors come to their limits at single instants. Between them the
 //! derivatives are exact. A rollout in which such an instant coincides with the end of a step has different derivatives
-//! to its two sides; what is given is that of the side on which the solution lies, with every contact as open or closed, sticking
-//! or sliding as it was found to be. So the coefficient of friction of a contact that never slides has a derivative of exactly
+//! to its two sides; [`Rollout`] has that of the side on which the solution lies: every contact stays open or closed, sticking
+//! or sliding, as the solver found it. So the coefficient of friction of a contact that never slides has a derivative of exactly
 //! 0, which is right and which [`Health`] lists. What hybrid friction held is held in the derivatives, too: a particle's velocity across
 //! the normal stays exactly 0 whatever the parameters do. That of a rigid body's contacts does to about 1e-3: they
 //! hold it more often than it can move, and the solver finds their friction as far only as the motion depends on it.

@@ -1,4 +1,4 @@
-//! `rollwalk retarget`: setpoints with which a robot as it is follows its plan.
+//! `rollwalk retarget`: corrects the setpoints of a plan for a robot with soft servos.
 
 use crate::files::Output;
 use crate::inputs::Source;
@@ -31,7 +31,7 @@ pub struct Args {
     /// Plan (JSON).
     #[arg(value_name = "PLAN.json")]
     plan: PathBuf,
-    /// Robot file (TOML) of the robot as it is: that of the plan with other gains or limits of its drives.
+    /// Robot file (TOML): the plan's robot with other gains or torque limits of its drives.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
     /// Where to write the plan with its corrections.

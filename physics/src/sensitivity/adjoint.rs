@@ -5,7 +5,7 @@ use crate::sensitivity::record::{Layout, Part, Rollout};
 use crate::sensitivity::{Residual, Variation};
 use nalgebra::Vector3;
 
-/// Derivatives of the number by motions, and by what was moved, while the method goes back.
+/// Derivatives of the objective by motions and by displacements, carried backward step by step.
 struct Backward<'a> {
     layout: &'a Layout,
     /// Of poses, then of rates, at the end of the step that is looked at; at its beginning; one step earlier.
@@ -77,7 +77,7 @@ impl Rollout {
 }
 
 impl Layout {
-    /// What a parameter does to the beginning: to motions, to those one step earlier, to what was moved.
+    /// Derivative of the objective by a parameter through the initial state: motions, those one step earlier, and displacements.
     pub fn stacked(&self, start: &Start) -> [Vec<f64>; 3] {
         let size = self.size();
         let parts =
@@ -152,7 +152,7 @@ impl Backward<'_> {
         }
     }
 
-    /// Through the residual of a step, whose μ are in the place of what was moved, to parameters and earlier motions.
+    /// Carries the derivatives through the residual of a step, to parameters and earlier motions. The displacements' place holds μ.
     fn residual(&mut self, part: &Part, gradient: &mut [f64]) {
         let mu = &self.by_moved;
         for entry in &part.columns {

@@ -29,7 +29,7 @@ struct Group {
     /// Of poses, then of rates, of all bodies; now, and one step earlier.
     now: Vec<Lanes>,
     before: Vec<Lanes>,
-    /// Of what was moved, and the right sides of the next step.
+    /// Derivatives of the displacements, and the right sides of the next step.
     moved: Vec<Lanes>,
     next: Vec<Lanes>,
 }
@@ -179,7 +179,7 @@ impl Group {
         }
     }
 
-    /// From what is moved to the motions at the end of the step.
+    /// Derivatives of the motions at the end of the step, from those of its displacements.
     fn carry(&mut self, layout: &Layout, part: &Part) {
         let size = layout.size();
         let Self { now, before, moved, next, .. } = self;
