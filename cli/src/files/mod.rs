@@ -166,10 +166,10 @@ pub fn ending(
     let given = given.to_string_lossy().to_lowercase();
     let found = endings.iter().copied().find(|ending| *ending == given);
     let help = match &*given {
-        "png" => Some(
+        "png" if endings.contains(&"svg") => Some(
             "write .svg; `rsvg-convert FILE.svg -o FILE.png`, Inkscape or a browser makes a PNG of it",
         ),
-        "xlsx" | "ods" => Some("write .csv, which spreadsheets open"),
+        "xlsx" | "ods" if endings.contains(&"csv") => Some("write .csv, which spreadsheets open"),
         _ => None,
     };
     match found {
@@ -208,5 +208,7 @@ mod tests {
             "cannot write a figure as x.png: a figure can be written as .svg"
         );
         assert!(error.help().unwrap().to_string().contains("rsvg-convert"));
+        let error = super::ending(Path::new("x.png"), "a table", &["csv"]).unwrap_err();
+        assert!(error.help().is_none());
     }
 }
