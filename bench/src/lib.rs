@@ -13,6 +13,7 @@ mod figure_3_6;
 mod library_format;
 mod measure;
 mod only;
+mod physics;
 mod samples;
 mod suggestions;
 mod table_2_1;
@@ -55,6 +56,8 @@ pub enum Benchmark {
     LibraryFormat(only::Only),
     /// Requests beyond what robots can do: whether the numbers that their diagnoses suggest work.
     Suggestions(suggestions::Args),
+    /// The experiments of the differentiable simulator (ch. 4), with the thesis's numbers beside ours.
+    Physics(physics::Args),
     /// Fault scenarios in simulation at several rates of frame loss: outcomes; safety rules checked on every frame.
     #[command(name = "fault-campaign")]
     FaultCampaign(fault_campaign::Args),
@@ -76,6 +79,7 @@ impl Benchmark {
             Self::Table33(args) => table_3_3::run(args, program),
             Self::LibraryFormat(only) => library_format::run(only, program),
             Self::Suggestions(args) => suggestions::run(args, program),
+            Self::Physics(args) => physics::run(args, program),
             Self::FaultCampaign(args) => fault_campaign::run(args, program),
         }
     }

@@ -27,6 +27,7 @@ Examples:
   rollwalk bench table-3-3 --out bench
   rollwalk bench library-format --out bench
   rollwalk bench suggestions --only walk --out bench
+  rollwalk bench physics bounce --out bench
   rollwalk bench fault-campaign --seeds 100 --out bench
   rollwalk bench fault-campaign --on ground --seeds 5 --out bench
   rollwalk bench fault-campaign --scenario estop --loss 90 --seed 7 --log run.log")]

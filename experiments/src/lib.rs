@@ -1,0 +1,58 @@
+//! The experiments of the thesis's differentiable simulator (ch. 4), as `rollwalk bench physics` runs them.
+//!
+//! An experiment is one file, and one line of [`ALL`]. It sets up bodies and contacts in [`rollwalk_physics`], simulates,
+//! optimises or estimates, and returns what it found as a value, [`Outcome`]: numbers beside what they should be and beside the
+//! thesis's, and curves to draw. Nothing here prints or writes.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`outcome`] | what an experiment finds |
+//! | `bounce` | a bouncing mass: restitution and energy (Fig. 4.5) |
+
+mod bounce;
+pub mod outcome;
+
+pub use outcome::{Chart, Check, Outcome};
+
+/// What an experiment shows while it goes on, and whether it is to go on.
+pub trait Watch {
+    /// Shows a line of progress.
+    fn say(&self, line: &str);
+
+    /// Whether the user wants the experiment to end.
+    fn interrupted(&self) -> bool;
+}
+
+/// An experiment.
+#[derive(Clone, Copy)]
+pub struct Experiment {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// Where the thesis has it.
+    pub source: &'static str,
+    /// What it shows, in one line.
+    pub about: &'static str,
+    /// Runs it; `None` if it was interrupted before it had found anything.
+    pub run: fn(&dyn Watch) -> Option<Outcome>,
+}
+
+/// All experiments, in the order of the thesis.
+pub const ALL: &[Experiment] = &[Experiment {
+    name: "bounce",
+    source: "Fig. 4.5",
+    about: "restitution and energy of a bouncing mass, by scheme, step and damping",
+    run: bounce::run,
+}];
+
+#[cfg(test)]
+mod tests {
+    use super::ALL;
+
+    #[test]
+    fn names_are_unique() {
+        let mut names: Vec<_> = ALL.iter().map(|experiment| experiment.name).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), ALL.len());
+    }
+}

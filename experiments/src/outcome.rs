@@ -1,0 +1,115 @@
+//! What an experiment finds: numbers, each beside what it should be, and charts.
+
+use serde::Serialize;
+
+/// What an experiment found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Outcome {
+    /// What was set up: bodies, steps, parameters.
+    pub setup: String,
+    /// Numbers beside what they should be.
+    pub checks: Vec<Check>,
+    /// Curves to draw.
+    #[serde(skip)]
+    pub charts: Vec<Chart>,
+}
+
+/// A number, and what it should be.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Check {
+    /// What is measured, with its unit.
+    pub what: String,
+    /// The thesis's number, or the closed form's.
+    pub reference: String,
+    /// What is asked of it, in words.
+    pub asked: String,
+    /// What was found.
+    pub found: String,
+    /// Whether that is as asked; none of what is reported without a bound.
+    pub holds: Option<bool>,
+}
+
+impl Check {
+    /// A number at most as large as a bound.
+    pub fn at_most(what: &str, reference: &str, found: f64, bound: f64) -> Self {
+        let asked = format!("≤ {}", short(bound));
+        Self::new(what, reference, &asked, &short(found), Some(found <= bound))
+    }
+
+    /// A number at least as large as a bound.
+    pub fn at_least(what: &str, reference: &str, found: f64, bound: f64) -> Self {
+        let asked = format!("≥ {}", short(bound));
+        Self::new(what, reference, &asked, &short(found), Some(found >= bound))
+    }
+
+    /// A number that is as expected to a share of it.
+    pub fn near(what: &str, found: f64, expected: f64, share: f64) -> Self {
+        let holds = (found - expected).abs() <= share * expected.abs();
+        let asked = format!("within {} %", short(100.0 * share));
+        Self::new(what, &short(expected), &asked, &short(found), Some(holds))
+    }
+
+    /// A number that nothing is asked of.
+    pub fn told(what: &str, reference: &str, found: f64) -> Self {
+        Self::new(what, reference, "", &short(found), None)
+    }
+
+    /// Anything else.
+    pub fn new(what: &str, reference: &str, asked: &str, found: &str, holds: Option<bool>) -> Self {
+        let [what, reference, asked, found] = [what, reference, asked, found].map(str::to_owned);
+        Self { what, reference, asked, found, holds }
+    }
+}
+
+/// A number with four digits.
+pub fn short(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-3..1e5).contains(&size) => {
+            let digits = (3 - size.log10().floor() as i32).max(0) as usize;
+            let text = format!("{value:.digits$}");
+            if text.contains('.') {
+                text.trim_end_matches('0').trim_end_matches('.').to_owned()
+            } else {
+                text
+            }
+        }
+        _ => format!("{value:.3e}"),
+    }
+}
+
+/// Curves over two axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chart {
+    /// Ending of its file's name after the experiment's.
+    pub name: String,
+    /// Title.
+    pub title: String,
+    /// Horizontal axis with unit.
+    pub x: String,
+    /// Vertical axis with unit.
+    pub y: String,
+    /// Whether both axes are logarithmic; values of 0 and less are then left out.
+    pub logarithmic: bool,
+    /// Names and points.
+    pub curves: Vec<(String, Vec<(f64, f64)>)>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Check, short};
+
+    #[test]
+    fn numbers_have_four_digits() {
+        let values = [0.0, 1.0, -0.034_069_77, 1234.56, 99_999.9, 3.2e-12, 2e6];
+        let texts = ["0", "1", "-0.03407", "1235", "100000", "3.200e-12", "2.000e6"];
+        assert_eq!(values.map(short), texts);
+    }
+
+    #[test]
+    fn what_is_not_a_number_does_not_hold() {
+        assert_eq!(Check::at_most("", "", f64::NAN, 1.0).holds, Some(false));
+        assert_eq!(Check::near("", f64::NAN, 1.0, 1.0).holds, Some(false));
+        assert_eq!(Check::near("", 1.019, 1.0, 0.02).holds, Some(true));
+    }
+}
