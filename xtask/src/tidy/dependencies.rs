@@ -41,11 +41,13 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rollwalk-sim-host",
         ],
     ),
+    ("rollwalk-experiments", &["rollwalk-physics"]),
     (
         "rollwalk-bench",
         &[
             "rollwalk-bus",
             "rollwalk-campaign",
+            "rollwalk-experiments",
             "rollwalk-physics",
             "rollwalk-planner",
             "rollwalk-protocol",
