@@ -3,7 +3,7 @@
 //! A [`Recorder`] keeps of every step that it takes with a system the derivatives of its residual; the [`Rollout`] that it
 //! ends with gives derivatives of everything that the bodies did, by numbers that each are a [`Parameter`]. The direct
 //! method carries derivatives by all parameters forward ([`Rollout::direct`]), the adjoint method those of one number
-//! backward ([`Rollout::adjoint`]). [`objective`] has what rollouts are to do, [`gauss_newton`] finds parameters with which they do.
+//! backward ([`Rollout::adjoint`]). [`objective`] has what rollouts are to do; [`gauss_newton`] and [`lbfgs`] find parameters with which they do.
 //!
 //! # Equations
 //!
@@ -67,6 +67,7 @@ mod adjoint;
 mod direct;
 pub mod gauss_newton;
 mod health;
+pub mod lbfgs;
 pub mod objective;
 pub mod parameter;
 mod record;

@@ -1,0 +1,313 @@
+//! The limited-memory BFGS method on rollouts (thesis 4.7.4), with gradients by the adjoint method.
+//!
+//! For objectives that are no sums of a few squares, or that have so many parameters and residuals that a Jacobian is dear.
+//! Steps end at points of sufficient decrease whose slope is less steep than at the beginning (weak Wolfe conditions), found
+//! by a bracket: it needs no smoothness, which contacts do not leave (Lewis & Overton 2013). A rollout that fails counts as
+//! infinitely bad and is an upper end of the bracket.
+
+use crate::sensitivity::objective::cost;
+use crate::sensitivity::{Residual, Rollout};
+use nalgebra::DVector;
+use std::collections::VecDeque;
+
+/// What a rollout with some parameters is worth.
+pub struct Evaluation {
+    /// The objective.
+    pub cost: f64,
+    /// Its gradient; asked for where the objective has decreased enough.
+    #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
+    pub gradient: Box<dyn FnOnce() -> Vec<f64>>,
+}
+
+impl std::fmt::Debug for Evaluation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Evaluation").field("cost", &self.cost).finish_non_exhaustive()
+    }
+}
+
+impl From<(Rollout, Vec<Residual>)> for Evaluation {
+    fn from((rollout, residuals): (Rollout, Vec<Residual>)) -> Self {
+        Self { cost: cost(&residuals), gradient: Box::new(move || rollout.gradient(&residuals)) }
+    }
+}
+
+/// When to end, and how far to go at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Most rollouts.
+    pub rollouts: usize,
+    /// Share of the first objective at which the method ends.
+    pub cost: f64,
+    /// Share of the first gradient's norm at which it ends.
+    pub gradient: f64,
+    /// Largest change of a parameter in the first iteration, where nothing is known yet of the objective's curvature.
+    pub first: f64,
+    /// Largest change of a parameter in an iteration.
+    pub most: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { rollouts: 100, cost: 1e-24, gradient: 1e-12, first: 0.1, most: f64::INFINITY }
+    }
+}
+
+/// Steps and changes of the gradient that are kept.
+const MEMORY: usize = 10;
+/// Share of the decrease that the slope promises, which a step has to bring.
+const DECREASE: f64 = 1e-4;
+/// Share of the slope at the beginning of a step that may be left at its end.
+const SLOPE: f64 = 0.9;
+/// Trials of one step.
+const TRIALS: u32 = 30;
+/// How near to an end of its bracket a trial may be, as a share of it.
+const NEAREST: f64 = 0.1;
+/// Share of the bracket that is left where its upper end is a rollout that failed.
+const AFTER_FAILURE: f64 = 0.25;
+
+/// Where the method has come to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Minimum {
+    /// The best parameters.
+    pub parameters: Vec<f64>,
+    /// Best objective after each rollout, from that at the beginning on.
+    pub best: Vec<f64>,
+    /// Rollouts that failed.
+    pub failures: usize,
+    /// Iterations.
+    pub iterations: usize,
+    /// Whether it ended by objective or gradient, or because no step improves the objective any more.
+    pub converged: bool,
+}
+
+impl Minimum {
+    /// Number of rollouts, failed ones included.
+    pub fn rollouts(&self) -> usize {
+        self.best.len()
+    }
+
+    /// The objective by that at the beginning.
+    pub fn share(&self) -> f64 {
+        self.best[self.best.len() - 1] / self.best[0]
+    }
+}
+
+/// A point with its objective and gradient.
+struct Point {
+    at: DVector<f64>,
+    cost: f64,
+    gradient: DVector<f64>,
+}
+
+/// Minimises an objective. `run` gives that of a rollout with some parameters, or none where it fails.
+///
+/// Returns none if the rollout fails with the parameters at the beginning.
+pub fn minimise(
+    start: &[f64],
+    options: &Options,
+    run: impl FnMut(&[f64]) -> Option<Evaluation>,
+) -> Option<Minimum> {
+    let mut search = Search { run, best: Vec::new(), failures: 0, options };
+    let first = (search.run)(start)?;
+    search.best.push(first.cost);
+    let mut now = Point {
+        at: DVector::from_column_slice(start),
+        cost: first.cost,
+        gradient: DVector::from_vec((first.gradient)()),
+    };
+    let (least_cost, least_gradient) =
+        (options.cost * now.cost, options.gradient * now.gradient.norm());
+    let mut memory = Memory::default();
+    let mut iterations = 0;
+    let converged = loop {
+        if now.cost <= least_cost || now.gradient.norm() <= least_gradient {
+            break true;
+        }
+        if search.best.len() >= options.rollouts {
+            break false;
+        }
+        let mut direction = -memory.times(&now.gradient);
+        if memory.pairs.is_empty() {
+            direction *= options.first / now.gradient.amax();
+        }
+        match search.step(&now, &direction) {
+            Some(next) => {
+                memory.add(&next.at - &now.at, &next.gradient - &now.gradient);
+                now = next;
+                iterations += 1;
+            }
+            // Perhaps it is the memory that leads astray.
+            None if !memory.pairs.is_empty() => memory = Memory::default(),
+            None => break search.best.len() < options.rollouts,
+        }
+    };
+    let Search { best, failures, .. } = search;
+    Some(Minimum { parameters: now.at.as_slice().to_vec(), best, failures, iterations, converged })
+}
+
+/// Steps and the changes of the gradient over them, from which the inverse Hessian is approximated.
+#[derive(Default)]
+struct Memory {
+    pairs: VecDeque<(DVector<f64>, DVector<f64>)>,
+}
+
+impl Memory {
+    fn add(&mut self, step: DVector<f64>, change: DVector<f64>) {
+        // The weak Wolfe conditions make it positive, but for rounding.
+        if step.dot(&change) > f64::EPSILON * step.norm() * change.norm() {
+            self.pairs.push_back((step, change));
+            if self.pairs.len() > MEMORY {
+                self.pairs.pop_front();
+            }
+        }
+    }
+
+    /// The approximate inverse Hessian times a gradient.
+    fn times(&self, gradient: &DVector<f64>) -> DVector<f64> {
+        let mut product = gradient.clone();
+        let mut shares = Vec::with_capacity(self.pairs.len());
+        for (step, change) in self.pairs.iter().rev() {
+            let share = step.dot(&product) / step.dot(change);
+            product -= change * share;
+            shares.push(share);
+        }
+        if let Some((step, change)) = self.pairs.back() {
+            product *= step.dot(change) / change.norm_squared();
+        }
+        for ((step, change), share) in self.pairs.iter().zip(shares.iter().rev()) {
+            product += step * (share - change.dot(&product) / step.dot(change));
+        }
+        product
+    }
+}
+
+struct Search<'a, Run> {
+    run: Run,
+    best: Vec<f64>,
+    failures: usize,
+    options: &'a Options,
+}
+
+impl<Run: FnMut(&[f64]) -> Option<Evaluation>> Search<'_, Run> {
+    fn evaluate(&mut self, at: &DVector<f64>) -> Option<Evaluation> {
+        let evaluation = (self.run)(at.as_slice()).filter(|found| found.cost.is_finite());
+        self.failures += usize::from(evaluation.is_none());
+        let so_far = self.best[self.best.len() - 1];
+        self.best.push(evaluation.as_ref().map_or(so_far, |found| found.cost.min(so_far)));
+        evaluation
+    }
+
+    /// Goes along a direction; none if nothing better is found.
+    fn step(&mut self, from: &Point, direction: &DVector<f64>) -> Option<Point> {
+        let slope = from.gradient.dot(direction);
+        if slope.is_nan() || slope >= 0.0 {
+            return None;
+        }
+        let longest = self.options.most / direction.amax();
+        let (mut low, mut high) = (0.0, f64::INFINITY);
+        let (mut low_cost, mut low_slope) = (from.cost, slope);
+        let mut length = longest.min(1.0);
+        let mut found = None;
+        for _ in 0..TRIALS {
+            if self.best.len() >= self.options.rollouts {
+                break;
+            }
+            let at = &from.at + direction * length;
+            let trial = self.evaluate(&at);
+            let decreased =
+                |trial: &Evaluation| trial.cost <= from.cost + DECREASE * length * slope;
+            match trial {
+                Some(trial) if decreased(&trial) => {
+                    let gradient = DVector::from_vec((trial.gradient)());
+                    let end_slope = gradient.dot(direction);
+                    let point = Point { at, cost: trial.cost, gradient };
+                    if end_slope >= SLOPE * slope || length == longest {
+                        return Some(point);
+                    }
+                    (low, low_cost, low_slope) = (length, trial.cost, end_slope);
+                    found = Some(point);
+                    length = if high.is_finite() { 0.5 * (low + high) } else { 2.0 * length };
+                }
+                Some(trial) => {
+                    high = length;
+                    // Minimum of the parabola through both ends.
+                    let width = high - low;
+                    let bend = trial.cost - low_cost - low_slope * width;
+                    let share = -0.5 * low_slope * width / bend;
+                    length = low + width * share.clamp(NEAREST, 1.0 - NEAREST);
+                }
+                None => {
+                    high = length;
+                    length = low + AFTER_FAILURE * (high - low);
+                }
+            }
+            length = length.min(longest);
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rosenbrock's valley, where y below `wall` is all that runs.
+    fn valley(wall: f64) -> impl FnMut(&[f64]) -> Option<Evaluation> {
+        move |p: &[f64]| {
+            let (across, along) = (10.0 * (p[1] - p[0] * p[0]), 1.0 - p[0]);
+            let gradient = vec![-20.0 * p[0] * across - along, 10.0 * across];
+            let cost = 0.5 * (across * across + along * along);
+            (p[1] < wall).then(|| Evaluation { cost, gradient: Box::new(|| gradient) })
+        }
+    }
+
+    #[test]
+    fn it_finds_the_end_of_a_bent_valley_past_a_wall_of_failures() {
+        let mut failures = 0;
+        let options = Options { first: 2.0, ..Options::default() };
+        for wall in [f64::INFINITY, 3.0, 2.0, 1.5] {
+            let found = minimise(&[-1.2, 1.0], &options, valley(wall)).unwrap();
+            assert!(found.converged && found.share() < 1e-20, "{found:?}");
+            assert!(found.rollouts() < 80, "{found:?}");
+            assert!(found.parameters.iter().all(|part| (part - 1.0).abs() < 1e-8), "{found:?}");
+            failures += found.failures;
+        }
+        assert!(failures > 0);
+        assert!(minimise(&[0.0, 2.0], &Options::default(), valley(1.0)).is_none());
+    }
+
+    /// A convex quadratic of n variables takes little more than n steps, and the budget of rollouts is kept.
+    #[test]
+    fn a_quadratic_is_minimised_within_the_budget() {
+        let run = |p: &[f64]| {
+            let factor = |k: usize| 1.0 + k as f64 * k as f64;
+            let cost = (0..8).map(|k| 0.5 * factor(k) * p[k] * p[k]).sum();
+            let gradient: Vec<f64> = (0..8).map(|k| factor(k) * p[k]).collect();
+            Some(Evaluation { cost, gradient: Box::new(|| gradient) })
+        };
+        let found = minimise(&[1.0; 8], &Options::default(), run).unwrap();
+        assert!(found.converged && found.rollouts() < 50, "{found:?}");
+        let options = Options { rollouts: 7, ..Options::default() };
+        let found = minimise(&[1.0; 8], &options, run).unwrap();
+        assert!(!found.converged && found.rollouts() == 7, "{found:?}");
+        assert!(found.best.windows(2).all(|pair| pair[1] <= pair[0]), "{found:?}");
+    }
+
+    /// A kink along the valley's ground, as contacts make: no step is longer than allowed.
+    #[test]
+    fn kinks_do_not_stop_it_early() {
+        let mut last: Option<Vec<f64>> = None;
+        let run = |p: &[f64]| {
+            if let Some(last) = &last {
+                assert!((p[0] - last[0]).abs().max((p[1] - last[1]).abs()) < 10.0);
+            }
+            last = Some(p.to_vec());
+            let cost = p[0].abs() + 0.1 * p[1] * p[1];
+            let gradient = vec![p[0].signum(), 0.2 * p[1]];
+            Some(Evaluation { cost, gradient: Box::new(|| gradient) })
+        };
+        let options = Options { most: 0.5, ..Options::default() };
+        let found = minimise(&[1.0, 3.0], &options, run).unwrap();
+        assert!(found.share() < 1e-3, "{found:?}");
+    }
+}
