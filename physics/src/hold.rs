@@ -3,7 +3,7 @@
 use crate::force::{By, Derivative, Force, View, Wrench};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Vector3};
-use rollwalk_multibody::rotation::skew;
+use rollwalk_multibody::rotation::{from_yaw_pitch_roll, skew};
 
 /// Stiffness and damping of a hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,6 +25,13 @@ pub struct Place {
     pub position: Vector3<f64>,
     /// World from body.
     pub rotation: Matrix3<f64>,
+}
+
+impl Place {
+    /// At a position, m, turned by yaw, pitch and roll, rad: R_z(yaw) R_y(pitch) R_x(roll).
+    pub fn new(position: Vector3<f64>, yaw_pitch_roll: &Vector3<f64>) -> Self {
+        Self { position, rotation: from_yaw_pitch_roll(yaw_pitch_roll) }
+    }
 }
 
 /// A hold on one body.

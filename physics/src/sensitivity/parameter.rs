@@ -11,6 +11,7 @@
 //! | [`Targets`] | anything that changes motors' targets: a delay, an offset |
 //! | [`Elastic`] | stiffness and damping of springs and joints |
 //! | [`Handle`] | a knot of a curve that an anchor's place follows |
+//! | [`Pose`] | a knot of a curve that the pose of a hold's place follows: a gripper |
 //! | [`Gravity`] | gravity along an axis: the tilt of the ground |
 //!
 //! A kind is an implementation of [`Parameter`], and of [`Constant`] where it is a number that a system keeps. It gives the
@@ -24,6 +25,7 @@ mod initial;
 mod mass;
 mod material;
 mod motor;
+mod pose;
 mod spring;
 mod targets;
 #[cfg(test)]
@@ -47,6 +49,7 @@ pub use initial::{Freedom, Initial};
 pub use mass::{BodyMass, OfMass};
 pub use material::{OfMaterial, Softness};
 pub use motor::{Drive, OfMotor};
+pub use pose::{Coordinate, Pose};
 pub use spring::{Elastic, OfSpring, Springy};
 pub use targets::Targets;
 

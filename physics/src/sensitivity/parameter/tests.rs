@@ -8,11 +8,13 @@ use crate::contact::{Contact, Normal, Resistance, Tip};
 use crate::curve::{Curve, Degree};
 use crate::friction::{Friction, Model};
 use crate::ground::{Ground, Plane};
+use crate::hold::{Grip, Hold, Place};
 use crate::joint::{Ball, ParallelAxes};
 use crate::motion::{Scheme, Weights};
 use crate::motor::{Law, Motor};
 use crate::points::Points;
 use crate::residual::{Derive, Equations};
+use crate::rotation::Increment;
 use crate::soft::{Material, Mesh, SoftBody, SurfaceContact};
 use crate::spring::Spring;
 use crate::system::Settings;
@@ -29,6 +31,7 @@ struct Scene {
     contacts: [usize; 3],
     /// A spring, a ball, parallel axes, an anchor.
     springs: [usize; 4],
+    hold: usize,
     elements: std::ops::Range<usize>,
     nodes: std::ops::Range<usize>,
     surface: std::ops::Range<usize>,
@@ -83,6 +86,9 @@ fn scene(model: Model, law: Law) -> Scene {
         assembly.add(parallel),
         assembly.add(Anchor { body: [2], point, place, stiffness_n_m, damping_n_s_m }),
     ];
+    let place = Place { position: Vector3::x() * 2.1, rotation: Matrix3::identity() };
+    let grip = Grip { shift_n_m: 40.0, velocity_n_s_m: 3.0, turn_nm_rad: 5.0, spin_nm_s_rad: 0.7 };
+    let hold = assembly.add(Hold { body: [2], grip, place: Some(place) });
     let mesh = Mesh::block(Vector3::new(3.0, 0.0, 0.3), Vector3::repeat(0.1), [1; 3]);
     let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 1e4, 0.3) };
     let first = assembly.forces.len();
@@ -97,7 +103,7 @@ fn scene(model: Model, law: Law) -> Scene {
     let surface = soft.touch(&mut assembly, &ground, &of_area);
     let settings = Settings { scheme: Scheme::Bdf2, ..Settings::default() };
     let system = System::new(settings, assembly);
-    Scene { system, motor, contacts, springs, elements, nodes: soft.nodes, surface }
+    Scene { system, motor, contacts, springs, hold, elements, nodes: soft.nodes, surface }
 }
 
 const LAW: Law = Law {
@@ -117,7 +123,7 @@ fn stir(system: &mut System, places: &[Motion], rng: &mut Rng) {
         position: motion.position
             + random(0.02)
             + Vector3::z() * (motion.position.x * 0.1 - motion.position.z + 0.08),
-        rotation: crate::rotation::Increment::new(random(0.3)).rotation(),
+        rotation: Increment::new(random(0.3)).rotation(),
         velocity: random(1.0),
         spin: random(2.0),
     });
@@ -192,7 +198,7 @@ fn agrees(
 #[test]
 fn every_constant_is_the_derivative_of_the_residual() {
     for model in [Model::Linear, Model::Tanh] {
-        let Scene { mut system, motor, contacts, springs, elements, nodes, surface } =
+        let Scene { mut system, motor, contacts, springs, elements, nodes, surface, .. } =
             scene(model, LAW);
         let mut all: Vec<Box<dyn Constant>> = Vec::new();
         for of in [OfMass::Mass, OfMass::Inertia(0, 0), OfMass::Inertia(0, 2)] {
@@ -264,6 +270,31 @@ fn places_of_handles_and_moved_targets_are_derivatives_of_the_residual() {
         law.speed_rad_s += 5.0 * by;
     };
     assert!(agrees(&mut system, &targets, 1.0, change));
+}
+
+#[test]
+fn poses_of_holds_are_derivatives_of_the_residual() {
+    let Scene { mut system, hold, .. } = scene(Model::Tanh, LAW);
+    let curve =
+        Curve { begin_s: 0.0, spacing_s: 0.1, knots: 6, degree: Degree::Cubic, periodic: false };
+    for (number, pose) in Pose::of_all(hold, &Arc::new(curve)).into_iter().enumerate() {
+        let [share, _] = curve.of_knot(number / 6, 0.3);
+        let change = |system: &mut System, by: f64| {
+            // Turned far, as a gripper may be; nobody else moves the place.
+            static MOVED: std::sync::Mutex<f64> = std::sync::Mutex::new(0.0);
+            let mut moved = MOVED.lock().unwrap();
+            *moved += by;
+            let mut position = Vector3::x() * 2.1;
+            let mut turn = Vector3::new(2.8, -0.6, 1.1);
+            match number % 6 {
+                axis @ 0..3 => position[axis] += share * *moved,
+                axis => turn[axis - 3] += share * *moved,
+            }
+            system.force_mut::<Hold>(hold).unwrap().place = Some(Place::new(position, &turn));
+        };
+        change(&mut system, 0.0);
+        assert_eq!(agrees(&mut system, pose.as_ref(), 1.0, change), share != 0.0, "{pose:?}");
+    }
 }
 
 #[test]

@@ -1,0 +1,76 @@
+//! Poses: knots of curves that the place of a hold follows, such as that of a robot's gripper.
+
+use crate::curve::Curve;
+use crate::force::Wrench;
+use crate::hold::Hold;
+use crate::sensitivity::parameter::{Column, Parameter, Solved};
+use nalgebra::Vector3;
+use rollwalk_multibody::rotation::skew;
+use std::sync::Arc;
+
+/// One knot of a curve that is added to a coordinate of the place of a hold, at the end of each step.
+#[derive(Clone, Debug)]
+pub struct Pose {
+    /// Force that is the hold.
+    pub hold: usize,
+    /// Which coordinate.
+    pub coordinate: Coordinate,
+    /// The curve.
+    pub curve: Arc<Curve>,
+    /// Which of its knots.
+    pub knot: usize,
+}
+
+/// A coordinate of a place as [`Place::new`](crate::hold::Place::new) has them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Coordinate {
+    /// The position along a direction, m.
+    Shift(Vector3<f64>),
+    /// Yaw, rad.
+    Yaw,
+    /// Pitch, rad.
+    Pitch,
+    /// Roll, rad.
+    Roll,
+}
+
+impl Pose {
+    /// All knots of curves of position, yaw, pitch and roll, the first knot of all six first.
+    pub fn of_all(hold: usize, curve: &Arc<Curve>) -> Vec<Box<dyn Parameter>> {
+        let shifts = [Vector3::x(), Vector3::y(), Vector3::z()].map(Coordinate::Shift);
+        let turns = [Coordinate::Yaw, Coordinate::Pitch, Coordinate::Roll];
+        let of_knot = |knot: usize| {
+            shifts.into_iter().chain(turns).map(move |coordinate| -> Box<dyn Parameter> {
+                Box::new(Self { hold, coordinate, curve: Arc::clone(curve), knot })
+            })
+        };
+        (0..curve.knots).flat_map(of_knot).collect()
+    }
+}
+
+impl Parameter for Pose {
+    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+        let [share, _] = self.curve.of_knot(self.knot, solved.time_s);
+        let hold: &Hold = solved.force(self.hold);
+        let Some(place) = hold.place.filter(|_| share != 0.0) else { return };
+        let mut wrench = Wrench::default();
+        let axis = match self.coordinate {
+            Coordinate::Shift(along) => {
+                wrench.force = along * (share * hold.grip.shift_n_m);
+                Vector3::zeros()
+            }
+            Coordinate::Yaw => Vector3::z(),
+            // The body's own x axis, and what is level and across it.
+            Coordinate::Pitch => Vector3::z().cross(&place.rotation.column(0)).normalize(),
+            Coordinate::Roll => place.rotation.column(0).into_owned(),
+        };
+        let now = solved.view(self.hold, |view| view.now[0].rotation);
+        for k in 0..3 {
+            // δb* = δθ* × b* of the axes b* that the body's axes b are held to.
+            let moved = axis.cross(&place.rotation.column(k));
+            let arm = skew(&now.column(k).into_owned());
+            wrench.moment += arm * moved * (0.5 * share * hold.grip.turn_nm_rad);
+        }
+        column.add_force(&hold.body, &[wrench]);
+    }
+}
