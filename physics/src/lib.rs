@@ -13,6 +13,7 @@
 //! | [`soft`] | soft bodies of tetrahedra |
 //! | [`hold`], [`push`] | a hoist, a stand or a hand; forces from outside |
 //! | [`ground`] | signed distance of terrain and fixed solids |
+//! | [`collision`] | contact of a point of one body with another body |
 //! | [`contact`], [`friction`], [`touch`], [`event`] | contact with the ground, its friction law, its reported state, and touch-down, lift-off and slip |
 //! | [`kinks`] | where forces are not smooth, and how the solver passes there |
 //! | [`system`] | the step, halved where it does not converge |
@@ -27,6 +28,7 @@ mod block_lu;
 pub mod body;
 #[cfg(test)]
 mod check;
+pub mod collision;
 pub mod contact;
 pub mod curve;
 pub mod event;

@@ -1,0 +1,268 @@
+//! Contact of a point of one body with another body, whose shape is a signed distance in its own axes: a cloth's node and a
+//! solid that lies in it (thesis 4.5.3).
+
+use crate::contact::Normal;
+use crate::force::{By, Derivative, Force, Held, View, Wrench};
+use crate::friction::Friction;
+use crate::ground::{Ground, Surface};
+use crate::kinks::Kink;
+use crate::motion::Motion;
+use nalgebra::{Matrix3, Matrix6x3, Vector3};
+use rollwalk_multibody::rotation::skew;
+use std::sync::Arc;
+
+/// Gap beyond which a point is not expected to touch within an iteration, m.
+const REACH_M: f64 = 0.02;
+/// Gap beyond which one is not expected to touch within a step, besides what the bodies move, m.
+const FAR_M: f64 = 0.005;
+
+/// The point and the solid.
+#[derive(Clone, Debug)]
+pub struct Collision {
+    /// The body of the point, and the solid.
+    pub bodies: [usize; 2],
+    /// The point, from the centre of mass of its body in body axes, m; 0 for a particle.
+    pub point: Vector3<f64>,
+    /// The solid in its body's axes, from its centre of mass.
+    pub solid: Arc<dyn Ground>,
+    /// Along the normal.
+    pub normal: Normal,
+    /// Across it. It slips where it would have to hold still: hybrid friction is linear here.
+    pub friction: Friction,
+}
+
+/// Where the point is, at motions of the two bodies, in world axes.
+#[derive(Clone, Copy, Debug)]
+struct Spot {
+    surface: Surface,
+    /// From the centres of mass to the point, m.
+    arms: [Vector3<f64>; 2],
+    /// Of the point, as seen from the solid, m/s.
+    velocity: Vector3<f64>,
+}
+
+/// The force on the point, and its derivatives by the point's place and velocity in the solid.
+struct Law {
+    force: Vector3<f64>,
+    by_place: Matrix3<f64>,
+    by_velocity: Matrix3<f64>,
+}
+
+impl Collision {
+    fn spot(&self, now: &[Motion]) -> Spot {
+        let (place, velocity) = now[0].point(&self.point);
+        let arms = [now[0].rotation * self.point, place - now[1].position];
+        let turn = now[1].rotation;
+        let in_solid = self.solid.at(&(turn.transpose() * arms[1]));
+        let surface = Surface {
+            gap_m: in_solid.gap_m,
+            gradient: turn * in_solid.gradient,
+            normal: turn * in_solid.normal,
+            curvature: turn * in_solid.curvature * turn.transpose(),
+        };
+        let velocity = velocity - now[1].velocity - now[1].spin.cross(&arms[1]);
+        Spot { surface, arms, velocity }
+    }
+
+    fn law(&self, surface: &Surface, velocity: &Vector3<f64>, tame: bool) -> Option<Law> {
+        let Surface { gap_m, gradient, normal, curvature } = *surface;
+        if gap_m >= 0.0 {
+            return None;
+        }
+        let Normal { stiffness_n_m: stiffness, damping_n_s_m, ramp_m } = self.normal;
+        let (damping, damping_slope) = if -gap_m < ramp_m {
+            (damping_n_s_m * -gap_m / ramp_m, -damping_n_s_m / ramp_m)
+        } else {
+            (damping_n_s_m, 0.0)
+        };
+        let spring = -stiffness * gap_m;
+        let approach = normal.dot(velocity);
+        let normal_n = spring - damping * approach;
+        let sliding = velocity - normal * approach;
+        let mut friction = self.friction.force(&sliding, spring);
+        if tame {
+            friction = friction.secant(&sliding);
+        }
+        let approach_by_place = velocity.transpose() * curvature;
+        let sliding_by_place = -(curvature * approach + normal * approach_by_place);
+        let normal_by_place = gradient.transpose() * (-stiffness - damping_slope * approach)
+            - approach_by_place * damping;
+        let across = Matrix3::identity() - normal * normal.transpose();
+        Some(Law {
+            force: normal * normal_n + friction.force,
+            by_place: normal * normal_by_place
+                + curvature * normal_n
+                + friction.by_sliding * sliding_by_place
+                - friction.by_normal * gradient.transpose() * stiffness,
+            by_velocity: friction.by_sliding * across - normal * normal.transpose() * damping,
+        })
+    }
+
+    fn add(spot: &Spot, force: &Vector3<f64>, wrenches: &mut [Wrench]) {
+        for (wrench, sign) in wrenches.iter_mut().zip([1.0, -1.0]) {
+            wrench.force += force * sign;
+        }
+        wrenches[0].moment += spot.arms[0].cross(force);
+        wrenches[1].moment -= spot.arms[1].cross(force);
+    }
+}
+
+impl Force for Collision {
+    fn bodies(&self) -> &[usize] {
+        &self.bodies
+    }
+
+    fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
+        let spot = self.spot(view.now);
+        if let Some(law) = self.law(&spot.surface, &spot.velocity, false) {
+            Self::add(&spot, &law.force, wrenches);
+        }
+    }
+
+    fn derivatives(
+        &self,
+        view: &View<'_>,
+        wrenches: &mut [Wrench],
+        derivatives: &mut [Derivative],
+    ) {
+        const PARTS: [By; 4] = [By::Position, By::Rotation, By::Velocity, By::Spin];
+        const ROTATION: usize = 1;
+        let spot = self.spot(view.now);
+        let Some(law) = self.law(&spot.surface, &spot.velocity, view.tame) else { return };
+        Self::add(&spot, &law.force, wrenches);
+        let Law { force, by_place, by_velocity } = law;
+        let levers = spot.arms.map(|arm| skew(&arm));
+        let spins = [0, 1].map(|k| skew(&view.now[k].spin));
+        let (one, none) = (Matrix3::identity(), Matrix3::zeros());
+        // Of the point and its velocity as an observer on the solid has them: what turns with the solid does not change.
+        let of_point = [one, -levers[0], none, none];
+        let of_solid = [-one, levers[1], none, none];
+        let drift = spins[1];
+        let velocity_of_point = [-drift, (drift - spins[0]) * levers[0], one, -levers[0]];
+        let velocity_of_solid = [drift, skew(&spot.velocity), -one, levers[1]];
+        // Of the arm from the solid's centre of mass, which is seen from the world.
+        let arm_of = [of_point, [-one, none, none, none]];
+        for j in 0..2 {
+            let (place, velocity) = match j {
+                0 => (of_point, velocity_of_point),
+                _ => (of_solid, velocity_of_solid),
+            };
+            for (k, part) in PARTS.into_iter().enumerate() {
+                let mut force_by = by_place * place[k] + by_velocity * velocity[k];
+                if j == 1 && k == ROTATION {
+                    force_by -= skew(&force);
+                }
+                derivatives[j].add_force(part, &force_by);
+                derivatives[2 + j].add_force(part, &-force_by);
+                let mut moment_by = levers[0] * force_by;
+                if j == 0 && k == ROTATION && !view.tame {
+                    // The arm turns: δρ × f = [f] [ρ] δθ.
+                    moment_by += skew(&force) * levers[0];
+                }
+                derivatives[j].add_moment(part, &moment_by);
+                let moment_by = skew(&force) * arm_of[j][k] - levers[1] * force_by;
+                derivatives[2 + j].add_moment(part, &moment_by);
+            }
+        }
+    }
+
+    fn has_kink(&self) -> bool {
+        true
+    }
+
+    fn kink(&self, now: &[Motion], _: Option<Held>) -> Option<Kink<'_>> {
+        let spot = self.spot(now);
+        if spot.surface.gap_m > REACH_M {
+            return None;
+        }
+        let levers = [(1.0, spot.arms[0]), (-1.0, spot.arms[1])].map(|(sign, arm)| {
+            let mut lever = Matrix6x3::zeros();
+            lever.fixed_view_mut::<3, 3>(0, 0).copy_from(&(Matrix3::identity() * sign));
+            lever.fixed_view_mut::<3, 3>(3, 0).copy_from(&(skew(&arm) * sign));
+            lever
+        });
+        // The surface is taken to be flat.
+        let law = move |gain: f64, shift: &Vector3<f64>| {
+            let normal = spot.surface.normal;
+            let gap_m = spot.surface.gap_m + normal.dot(shift);
+            let flat = Surface { gap_m, gradient: normal, normal, curvature: Matrix3::zeros() };
+            let velocity = spot.velocity + shift * gain;
+            match self.law(&flat, &velocity, false) {
+                Some(law) => (law.force, law.by_place + law.by_velocity * gain),
+                None => (Vector3::zeros(), Matrix3::zeros()),
+            }
+        };
+        let always = spot.surface.gap_m < 0.0;
+        Some(Kink { levers, directions: 3, always, law: Box::new(law) })
+    }
+
+    fn is_far(&self, now: &[Motion], step_s: f64) -> bool {
+        let spot = self.spot(now);
+        spot.surface.gap_m > FAR_M + 2.0 * step_s * spot.velocity.norm()
+    }
+
+    fn energy(&self, now: &[Motion]) -> f64 {
+        let gap = self.spot(now).surface.gap_m.min(0.0);
+        0.5 * self.normal.stiffness_n_m * gap * gap
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::agrees_at;
+    use crate::friction::Model;
+    use crate::ground::{Grid, Sphere};
+    use crate::{Assembly, Inertia, Settings, System};
+
+    const BALL: Sphere = Sphere { center: Vector3::new(0.0, 0.02, 0.0), radius_m: 0.2 };
+
+    fn collision(solid: Arc<dyn Ground>, model: Model) -> Collision {
+        Collision {
+            bodies: [0, 1],
+            point: Vector3::new(0.02, -0.01, -0.1),
+            solid,
+            normal: Normal { stiffness_n_m: 200.0, damping_n_s_m: 3.0, ramp_m: 0.02 },
+            friction: Friction { model, coefficient: 0.7, stick_n_s_m: 5.0 },
+        }
+    }
+
+    #[test]
+    fn a_collision_has_its_derivatives() {
+        let grid = Grid::of(&BALL, Vector3::repeat(-0.5), 0.05, [21; 3]).unwrap();
+        for solid in [Arc::new(BALL) as Arc<dyn Ground>, Arc::new(grid)] {
+            for model in [Model::Linear, Model::Tanh] {
+                let force = collision(Arc::clone(&solid), model);
+                agrees_at(&force, 20, |now| {
+                    // The point 1 cm deep.
+                    let (place, _) = now[0].point(&force.point);
+                    let out = (place - now[1].position).normalize();
+                    let center = now[1].position + now[1].rotation * BALL.center;
+                    now[0].position += center + out * (0.95 * BALL.radius_m) - place;
+                });
+            }
+        }
+    }
+
+    /// Without anything else, momentum and angular momentum of the two stay as they are; and they do meet.
+    #[test]
+    fn what_collides_keeps_its_momentum() {
+        let mut assembly = Assembly::default();
+        let inertia = |mass_kg| Inertia { mass_kg, about_com_kg_m2: Matrix3::identity() * 0.01 };
+        let moving = Motion { velocity: Vector3::x(), ..Motion::at(Vector3::new(-0.3, 0.1, 0.15)) };
+        assembly.add_body(inertia(0.5), moving);
+        assembly.add_body(inertia(1.0), Motion::at(Vector3::zeros()));
+        assembly.add(collision(Arc::new(BALL), Model::Tanh));
+        let settings = Settings { gravity_m_s2: Vector3::zeros(), ..Settings::default() };
+        let mut system = System::new(Settings { tolerance: 1e-12, ..settings }, assembly);
+        let before = (system.momentum(), system.angular_momentum());
+        for _ in 0..1000 {
+            system.step(1e-3).unwrap();
+        }
+        let after = (system.momentum(), system.angular_momentum());
+        assert!(system.motions()[1].velocity.norm() > 0.1, "{:?}", system.motions());
+        assert!((after.0 - before.0).norm() < 1e-9, "{before:?}, {after:?}");
+        // Of the first order in the step: positions are those of its end.
+        assert!((after.1 - before.1).norm() < 1e-3, "{before:?}, {after:?}");
+    }
+}
