@@ -3,7 +3,8 @@
 //! A [`Recorder`] keeps of every step that it takes with a system the derivatives of its residual; the [`Rollout`] that it
 //! ends with gives derivatives of everything that the bodies did, by numbers that each are a [`Parameter`]. The direct
 //! method carries derivatives by all parameters forward ([`Rollout::direct`]), the adjoint method those of one number
-//! backward ([`Rollout::adjoint`]). [`objective`] has what rollouts are to do; [`gauss_newton`] and [`lbfgs`] find parameters with which they do.
+//! backward ([`Rollout::adjoint`]). [`objective`] has what rollouts are to do; [`gauss_newton`] and [`lbfgs`] find parameters
+//! with which they do, [`adam`] the weights of a controller that is trained on many.
 //!
 //! # Equations
 //!
@@ -63,6 +64,7 @@
 //! the normal stays exactly 0 whatever the parameters do. That of a rigid body's contacts does to about 1e-3: they
 //! hold it more often than it can move, and the solver finds their friction as far only as the motion depends on it.
 
+pub mod adam;
 mod adjoint;
 mod direct;
 pub mod gauss_newton;
