@@ -8,8 +8,11 @@
 //! |---|---|
 //! | [`outcome`] | what an experiment finds |
 //! | `bounce` | a bouncing mass: restitution and energy (Fig. 4.5) |
+//! | `cube_drag`, `gripper` | a cube dragged by strings (Fig. 4.14); the gripper that drags it |
 
 mod bounce;
+mod cube_drag;
+mod gripper;
 pub mod outcome;
 
 pub use outcome::{Chart, Check, Outcome};
@@ -37,12 +40,33 @@ pub struct Experiment {
 }
 
 /// All experiments, in the order of the thesis.
-pub const ALL: &[Experiment] = &[Experiment {
-    name: "bounce",
-    source: "Fig. 4.5",
-    about: "restitution and energy of a bouncing mass, by scheme, step and damping",
-    run: bounce::run,
-}];
+pub const ALL: &[Experiment] = &[
+    Experiment {
+        name: "bounce",
+        source: "Fig. 4.5",
+        about: "restitution and energy of a bouncing mass, by scheme, step and damping",
+        run: bounce::run,
+    },
+    Experiment {
+        name: "cube-drag",
+        source: "Fig. 4.14",
+        about: "poses of a gripper that drags a cube by strings to a target",
+        run: cube_drag::run,
+    },
+];
+
+/// Shows nothing and goes on.
+#[cfg(test)]
+struct Silent;
+
+#[cfg(test)]
+impl Watch for Silent {
+    fn say(&self, _: &str) {}
+
+    fn interrupted(&self) -> bool {
+        false
+    }
+}
 
 #[cfg(test)]
 mod tests {
