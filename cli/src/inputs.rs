@@ -8,8 +8,8 @@ use crate::kind::Kind;
 use crate::shipped;
 use miette::{Report, miette};
 use rollwalk_physics::ground::{self, Ground};
-use rollwalk_planner::library_file::LibraryFile;
-use rollwalk_planner::motion::Motion;
+use rollwalk_planner::library_file::{LibraryFile, MotionSource};
+use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
@@ -84,6 +84,12 @@ pub struct Library {
     pub file: LibraryFile,
     /// Its motions, in its order.
     pub motions: Vec<Motion>,
+    /// The plans of those that it names a plan of.
+    pub plans: Vec<Option<Plan>>,
+    /// Text of the library file.
+    pub text: TextFile,
+    /// Text of the robot file.
+    pub robot_text: TextFile,
 }
 
 impl Source {
@@ -92,7 +98,16 @@ impl Source {
     /// # Errors
     /// The file is missing, or everything that is wrong in it.
     pub fn robot(self, path: &Path) -> miette::Result<Robot> {
-        robot(&self.text(path, Named::ByUser, Kind::Robot)?)
+        Ok(self.robot_and_text(path)?.0)
+    }
+
+    /// Reads and validates a robot file; its text comes, too.
+    ///
+    /// # Errors
+    /// As [`robot`](Self::robot).
+    pub fn robot_and_text(self, path: &Path) -> miette::Result<(Robot, TextFile)> {
+        let text = self.text(path, Named::ByUser, Kind::Robot)?;
+        Ok((robot(&text)?, text))
     }
 
     /// Reads and validates a motion file and the robot that it names.
@@ -126,28 +141,65 @@ impl Source {
         let robot_file = self.text(&beside(path, &robot), Named::InFile, Kind::Robot)?;
         let robot = self::robot(&robot_file)?;
         let file = LibraryFile::from_toml(&name, &text, &robot).map_err(explain())?;
-        let mut motions = Vec::new();
+        let (mut motions, mut plans) = (Vec::new(), Vec::new());
         for item in &file.motions {
-            let path = beside(path, &item.file);
-            let text = self.text(&path, Named::InFile, Kind::Motion)?;
-            let (other, mut motion) = self.beside_motion(text)?.parse()?;
+            // Plans, plots and progress speak of it as the library does.
+            let named = |motion: Motion| Motion { name: item.name.clone(), ..motion };
+            let (other, at, help) = match &item.source {
+                MotionSource::Motion(file) => {
+                    let at = beside(path, file);
+                    let text = self.text(&at, Named::InFile, Kind::Motion)?;
+                    let (other, motion) = self.beside_motion(text)?.parse()?;
+                    motions.push(named(motion));
+                    plans.push(None);
+                    (other, at, "let `robot` name the same file in both")
+                }
+                MotionSource::Plan(file) => {
+                    let at = beside(path, file);
+                    let TextFile { path: plan_name, text } =
+                        self.text(&at, Named::InFile, Kind::Plan)?;
+                    let plan = Plan::from_json(&plan_name, &text)
+                        .map_err(Kind::Plan.explain(&at, &text))?;
+                    if plan.motion.ends == Ends::Prescribed {
+                        return Err(miette!(
+                            help = "name the plan of a motion; transitions are planned when the library is built",
+                            "{name}: motion `{}` is a transition in {}",
+                            item.name,
+                            at.display()
+                        ));
+                    }
+                    let plan = Plan { motion: named(plan.motion), ..plan };
+                    motions.push(plan.motion.clone());
+                    let other = plan.robot.clone();
+                    plans.push(Some(plan));
+                    (
+                        other,
+                        at,
+                        "plan again after a change of the robot file, or let `robot` name that of the plan",
+                    )
+                }
+            };
             if other != robot {
                 return Err(miette!(
-                    help = "a library is for one robot: let `robot` name the same file in both",
-                    "{}: motion `{}` is for robot `{}` in {}, but the library is for `{}`",
+                    help = format!("a library is for one robot: {help}"),
+                    "{}: motion `{}` is for robot `{}` in {}, but the library is for {}",
                     name,
                     item.name,
                     other.name,
-                    path.display(),
-                    robot.name
+                    at.display(),
+                    match other.name == robot.name {
+                        true => format!(
+                            "another one of that name, {robot_path}",
+                            robot_path = robot_file.path
+                        ),
+                        false => format!("`{}`", robot.name),
+                    }
                 ));
             }
-            // Plans, plots and progress speak of it as the library does.
-            motion.name.clone_from(&item.name);
-            motions.push(motion);
         }
         file.check_motions(&name, &text, &motions).map_err(Report::new)?;
-        Ok(Library { robot, file, motions })
+        let text = TextFile { path: name, text };
+        Ok(Library { robot, file, motions, plans, text, robot_text: robot_file })
     }
 
     /// Reads and validates a terrain file.

@@ -158,24 +158,37 @@ pub fn optimise(
     search.finish().plan
 }
 
-/// Optimises every motion, from its candidate starts, and every transition; transitions only between motions that
-/// hold, because others have no physical start or end. `None` after Ctrl-C.
-///
-/// # Errors
-/// Motions that nothing can lead into or out of.
-pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans>> {
+/// Optimises every motion of a library from its candidate starts; takes those as they are of which it names the plan. `None` after
+/// Ctrl-C.
+pub fn plan_motions(library: &Library, verbose: bool) -> Option<Vec<Planned>> {
     interrupt::listen();
     let options = Options::default();
     let mut motions = Vec::new();
-    for motion in &library.motions {
+    for (motion, given) in library.motions.iter().zip(&library.plans) {
+        if let Some(plan) = given {
+            output::say(format_args!("– {:<26} taken from its plan", motion.name));
+            motions.push(Planned { plan: plan.clone(), took: Duration::ZERO });
+            continue;
+        }
         let watch = Watch::start(&motion.name, verbose);
         let plan = optimise(&library.robot, motion, &options, &|p| watch.iteration(p));
         let took = watch.finish_with_line(&plan.solve);
         if interrupt::requested() {
-            return Ok(None);
+            return None;
         }
         motions.push(Planned { plan, took });
     }
+    Some(motions)
+}
+
+/// Optimises every motion and every transition; transitions only between motions that hold, because others have no physical start or
+/// end. `None` after Ctrl-C.
+///
+/// # Errors
+/// Motions that nothing can lead into or out of.
+pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans>> {
+    let options = Options::default();
+    let Some(motions) = plan_motions(library, verbose) else { return Ok(None) };
     let mut transitions = Vec::new();
     for wanted in &library.file.transitions {
         let (from, to) = (&motions[wanted.from].plan, &motions[wanted.to].plan);

@@ -33,10 +33,19 @@ pub struct LibraryFile {
 pub struct LibraryMotion {
     /// Name in the library, unique.
     pub name: String,
-    /// Path of the motion file, relative to the library file.
-    pub file: String,
+    /// What it is made of.
+    pub source: MotionSource,
     /// Command code, 1 to 255, unique.
     pub code: u8,
+}
+
+/// What a motion of a library is made of: a path, relative to the library file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum MotionSource {
+    /// A motion file, which is planned.
+    Motion(String),
+    /// A plan, which is taken as it is.
+    Plan(String),
 }
 
 /// A transition of a library.
@@ -194,10 +203,18 @@ fn motion(mut table: Table<'_>) -> Option<MotionItem> {
     if let Some(name) = &name {
         table.call(format!("motion `{name}`"));
     }
-    let file = table.string("file");
+    let source = match (table.has("file"), table.has("plan")) {
+        (true, true) => {
+            let help = "name a motion file with `file`, or a plan of it with `plan`";
+            table.fault("plan", "stands beside `file`", "one of them", help);
+            None
+        }
+        (false, true) => table.string("plan").map(MotionSource::Plan),
+        _ => table.string("file").map(MotionSource::Motion),
+    };
     let code = table.integer("code", 1..=255);
     table.done();
-    let motion = LibraryMotion { name: name?, file: file?, code: u8::try_from(code?).ok()? };
+    let motion = LibraryMotion { name: name?, source: source?, code: u8::try_from(code?).ok()? };
     let (name_span, code_span) = (table.span_of("name"), table.span_of("code"));
     Some(MotionItem { motion, name_span, code_span, span: table.span() })
 }

@@ -11,6 +11,7 @@
 //! Planned wheel speeds are means over intervals, so the spline goes through the wheel's accumulated **angle** and
 //! the speed is its derivative: the travel over every interval is exactly the planned one.
 
+pub(crate) mod correction;
 mod curves;
 mod rates;
 mod resample;
@@ -147,16 +148,28 @@ impl PlanSpline {
         let joints: Vec<_> = self.pose[4..].iter().map(|spline| spline.at(time_s)).collect();
         let mut joint_rad: Vec<_> = joints.iter().map(|jet| jet.value.re).collect();
         let mut joint_speed_rad_s: Vec<_> = joints.iter().map(|jet| jet.rate.re).collect();
-        for (k, spline) in self.correction.iter().enumerate() {
-            let correction = spline.at(time_s);
-            joint_rad[k] += correction.value.re;
-            joint_speed_rad_s[k] += correction.rate.re;
+        for (k, [correction_rad, rate_rad_s]) in self.corrections(time_s).into_iter().enumerate() {
+            joint_rad[k] += correction_rad;
+            joint_speed_rad_s[k] += rate_rad_s;
         }
         let driven = driven_wheels(self.model.robot());
         Setpoints {
             joint_rad,
             joint_speed_rad_s,
             motor_speed_rad_s: driven.map(|j| self.motor_angle[j].at(time_s).rate.re).collect(),
+        }
+    }
+
+    /// Corrections of the joints' setpoints, rad, and their rates, rad/s, at a time: 0 of a plan that was not retargeted.
+    fn corrections(&self, plan_time_s: f64) -> Vec<[f64; 2]> {
+        let (time_s, _) = self.within(plan_time_s);
+        let of_joint = |spline: &Spline| {
+            let correction = spline.at(time_s);
+            [correction.value.re, correction.rate.re]
+        };
+        match self.correction.is_empty() {
+            true => vec![[0.0; 2]; self.model.robot().joints.len()],
+            false => self.correction.iter().map(of_joint).collect(),
         }
     }
 

@@ -15,6 +15,7 @@ use rollwalk_physics::sensitivity::parameter::Control;
 use rollwalk_physics::sensitivity::{Recorder, Residual};
 use rollwalk_physics::world::{FallWatch, Parameters};
 use rollwalk_planner::plan::Plan;
+use rollwalk_robot::Actuator;
 use std::sync::Arc;
 
 /// How setpoints are found.
@@ -40,11 +41,12 @@ impl Default for Options {
 
 /// Objective of a robot that is 1 m away from its plan all the time.
 const PER_M: f64 = 30.0;
-/// Price of a change of 1 rad from knot to knot, and of a correction of 1 rad.
+/// Price of a change of 1 rad from knot to knot, and of 1 rad from where the planned torque alone holds the joint: legs that press
+/// against each other move no centre of mass, but feet slide when one of them lifts.
 const SMOOTH: f64 = 1e-3;
-const SMALL: f64 = 1e-6;
-/// Price of a correction of 1 rad at the ends of a motion that ends: it begins and ends where others join it.
-const ENDS: f64 = 1e4;
+const SMALL: f64 = 1e-4;
+/// Price of a change of 1 rad between the two knots at each end of a motion that ends: its setpoints begin and end at rest.
+const ENDS: f64 = 10.0;
 /// Largest change of a knot in an iteration, rad.
 const MOST_RAD: f64 = 0.2;
 /// Improvement of an iteration that is too small to go on, as a share.
@@ -83,11 +85,17 @@ pub fn retarget(
         goes_on(count).then(|| rollout(&script, options, &curve, knots)).flatten()
     };
     let mut penalties = Penalty::smooth(joints, curve.knots, curve.periodic, SMOOTH);
-    penalties.extend(Penalty::small(joints * curve.knots, SMALL));
+    let start = yielding(&script, options, &curve);
+    let near = |(knot, at): (usize, &f64)| {
+        let weight = f64::sqrt(SMALL);
+        Penalty { factors: vec![(knot, weight)], target: weight * at }
+    };
+    penalties.extend(start.iter().enumerate().map(near));
     if !curve.periodic {
-        for knot in [0, 1, curve.knots - 2, curve.knots - 1] {
+        for [knot, next] in [[0, 1], [curve.knots - 2, curve.knots - 1]] {
+            let weight = f64::sqrt(ENDS);
             let of_joint = |joint: usize| Penalty {
-                factors: vec![(knot * joints + joint, f64::sqrt(ENDS))],
+                factors: vec![(knot * joints + joint, weight), (next * joints + joint, -weight)],
                 target: 0.0,
             };
             penalties.extend((0..joints).map(of_joint));
@@ -99,7 +107,6 @@ pub fn retarget(
         most: MOST_RAD,
         ..gauss_newton::Options::default()
     };
-    let start = vec![0.0; joints * curve.knots];
     let fit = minimise(&start, &penalties, &search, run)?;
     let mut corrected = bare.clone();
     let offset_s = if script.repeats() { 0.0 } else { REST_S };
@@ -131,6 +138,32 @@ fn curve(script: &Script<'_>, options: &Options) -> Arc<Curve> {
 /// Knots of one joint: those of all joints stand beside each other, one knot after the other.
 fn of_joint(knots: &[f64], joints: usize, joint: usize) -> Vec<f64> {
     knots.iter().skip(joint).step_by(joints).copied().collect()
+}
+
+/// Knots with which the servos' stiffness alone gives the planned torques: where the search begins. 0 with feed-forward, which gives
+/// them already.
+fn yielding(script: &Script<'_>, options: &Options, curve: &Curve) -> Vec<f64> {
+    let actuators: Vec<_> = script.robot().joints.iter().map(|joint| &joint.actuator).collect();
+    if options.feed_forward {
+        return vec![0.0; actuators.len() * curve.knots];
+    }
+    // Torques jump where feet touch down: the mean around a knot.
+    const AROUND: [f64; 5] = [-0.4, -0.2, 0.0, 0.2, 0.4];
+    let offset_s = if script.repeats() { 0.0 } else { REST_S };
+    let of_knot = |knot: usize| {
+        let torques: Vec<_> = AROUND
+            .map(|share| curve.begin_s - offset_s + (knot as f64 + share) * curve.spacing_s)
+            .map(|time_s| script.joint_torques_nm(time_s))
+            .into();
+        let mean =
+            |joint: usize| torques.iter().map(|of| of[joint]).sum::<f64>() / AROUND.len() as f64;
+        let offset = |(joint, actuator): (usize, &&Actuator)| match actuator.kp_nm_rad {
+            kp_nm_rad if kp_nm_rad > 0.0 => mean(joint) / kp_nm_rad,
+            _ => 0.0,
+        };
+        actuators.iter().enumerate().map(offset).collect::<Vec<_>>()
+    };
+    (0..curve.knots).flat_map(of_knot).collect()
 }
 
 /// How far the centre of mass is from its plan at every step; none if the robot falls.

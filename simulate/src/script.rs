@@ -54,6 +54,11 @@ impl<'a> Script<'a> {
         self.spline.sample(time_s).com_m.into()
     }
 
+    /// Planned torques of the joints at a time of the motion, N·m.
+    pub fn joint_torques_nm(&self, time_s: f64) -> Vec<f64> {
+        self.spline.sample(time_s).joint_torque_nm
+    }
+
     /// Planned state at the start, on a ground that is turned. A motion that repeats begins at its speed, another one at
     /// rest.
     pub fn start(&self, world_from_plan: &Rotation3<f64>) -> RobotState {

@@ -34,3 +34,38 @@ fn a_plan_is_retargeted_to_soft_servos_and_played() {
     refused.fails(1, &["the plan does not fit robots/pup.toml", "plan again"]);
     desk.run(&["retarget", "plan.json", "-o", "plan.json"]).fails(1, &["plan.json"]);
 }
+
+/// A library of retargeted plans goes through build, bus and firmware, and the robot stays on its feet over its transitions.
+#[test]
+fn a_library_is_retargeted_and_built_of_its_plans() {
+    let desk = desk_with_shipped_files();
+    let robot = desk.read_text("robots/pup.toml");
+    desk.write("soft.toml", robot.replace("kp_nm_rad = 15.0", "kp_nm_rad = 8.0"));
+    assert_ne!(desk.read_text("soft.toml"), robot, "its servos are softer");
+    let args = ["retarget", "motions/pup_library.toml", "--robot", "soft.toml", "-o", "soft"];
+    let quick = ["--cycles", "1", "--iterations", "2", "--no-feed-forward"];
+    let found = desk.run(&[&args[..], &quick].concat());
+    found.succeeds_with(0, &["walk", "rollwalk library build soft/library.toml -o pup.rwl"]);
+    let library = desk.read_text("soft/library.toml");
+    for part in ["# Every motion is joined", "plan = \"walk.json\"", "torques = false"] {
+        assert!(library.contains(part), "{library}");
+    }
+    assert_eq!(desk.read_text("soft/robot.toml"), desk.read_text("soft.toml"));
+    let again = desk.run(&[&args[..], &quick].concat());
+    again.fails(1, &["soft/robot.toml", "it is there already"]);
+
+    desk.run(&["library", "build", "soft/library.toml", "-o", "pup.rwl"]).succeeds();
+    let play = ["simulate", "pup.rwl", "--robot", "soft.toml", "--cycles", "2"];
+    desk.run(&play).succeeds_with(0, &["stand → walk", "no falls"]);
+    // What stands beside the corrections is the same motion.
+    desk.run(&["simulate", "soft/walk.json", "--no-feed-forward"]).succeeds_with(0, &["it holds"]);
+
+    let both =
+        library.replace("plan = \"walk.json\"", "plan = \"walk.json\"\nfile = \"walk.toml\"");
+    desk.write("soft/both.toml", both);
+    let build = |file: &str| desk.run(&["library", "build", file, "-o", "x.rwl"]);
+    build("soft/both.toml").fails(1, &["stands beside `file`", "`walk`"]);
+    desk.write("soft/other.toml", library.replace("robot.toml", "../robots/pup.toml"));
+    let other = ["`stand` is for robot `pup` in soft/stand.json", "another one of that name"];
+    build("soft/other.toml").fails(1, &other);
+}

@@ -188,6 +188,12 @@ pub fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_extension(ending)
 }
 
+/// A name as it is safe in a path.
+pub fn file_name(name: &str) -> String {
+    let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    name.chars().map(safe).collect::<String>().trim_start_matches('.').to_owned()
+}
+
 /// The folder that a file lies in.
 pub fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
@@ -196,6 +202,12 @@ pub fn folder(path: &Path) -> &Path {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_become_plain_file_names() {
+        assert_eq!(file_name("walk to turn_in_place"), "walk_to_turn_in_place");
+        assert_eq!(file_name("../../etc/passwd"), "_.._etc_passwd");
+    }
 
     #[test]
     fn endings_say_which_formats_there_are() {

@@ -12,7 +12,7 @@ use crate::motion::Motion;
 use crate::plan::{Placement, Plan, StartKind, Started};
 use crate::problem::variables::{Layout, Lift};
 use crate::problem::{PrescribedEnd, Problem};
-use crate::sample::PlanSpline;
+use crate::sample::{PlanSpline, correction};
 use crate::solve::{Begin, Progress};
 use crate::start::{self, guess};
 use nalgebra::DVector;
@@ -104,7 +104,9 @@ pub fn optimise_transition(
     let refined = refine::until_it_holds(solution, options, progress, &mut |_, finer, progress| {
         joined.solve(Request { motion: finer, ..request }, progress)
     });
-    Ok(refined.plan)
+    let mut plan = refined.plan;
+    correction::join(&mut plan, from, to);
+    Ok(plan)
 }
 
 /// Two motions whose ends fit.

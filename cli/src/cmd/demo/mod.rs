@@ -6,11 +6,12 @@ mod table;
 mod world;
 
 use crate::cmd::plot::STRIP_MOMENTS;
+use crate::files::{self, file_name};
 use crate::inputs::{Library, Source};
 use crate::packed::Packed;
 use crate::planning::{Plans, plan_all};
 use crate::terrain::{GroundArgs, Support};
-use crate::{Exit, files, interrupt, output, shipped, tour};
+use crate::{Exit, interrupt, output, shipped, tour};
 use miette::IntoDiagnostic;
 use outcome::Outcome;
 use rollwalk_bus::candump;
@@ -137,19 +138,4 @@ fn write_plans(out: &Path, plans: &Plans) -> miette::Result<()> {
     let motions: Vec<_> = plans.motions.iter().map(|planned| &planned.plan).collect();
     let strip = plot::strip(&motions, STRIP_MOMENTS);
     files::write(&out.join("plots").join("robot.svg"), strip.as_bytes())
-}
-
-/// A name as it is safe in a path.
-fn file_name(name: &str) -> String {
-    let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-    name.chars().map(safe).collect::<String>().trim_start_matches('.').to_owned()
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn names_become_plain_file_names() {
-        assert_eq!(super::file_name("walk to turn_in_place"), "walk_to_turn_in_place");
-        assert_eq!(super::file_name("../../etc/passwd"), "_.._etc_passwd");
-    }
 }

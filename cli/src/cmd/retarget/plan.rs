@@ -1,0 +1,47 @@
+//! One plan, corrected.
+
+use super::{Args, Corrected, STEADIER, falls, on, ratios};
+use crate::files::Output;
+use crate::inputs::Source;
+use crate::{Exit, inputs, output};
+use miette::miette;
+use rollwalk_planner::plan::Plan;
+use rollwalk_simulate::retarget::Retargeted;
+
+/// Corrects the plan and writes it.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let mut plan = inputs::plan(&args.input)?;
+    if let Some(path) = &args.robot {
+        plan = on(plan, Source::Disk.robot(path)?, path)?;
+    }
+    let place = Output::at(&args.output)?;
+    let Some(corrected) = Corrected::find(&plan, args, !args.no_feed_forward)? else {
+        return Ok(Exit::Interrupted);
+    };
+    let Some(found) = &corrected.found else {
+        return Err(miette!(help = STEADIER, "{}", falls(&plan)));
+    };
+    place.write(found.plan.to_json().as_bytes())?;
+    if args.json {
+        output::print_json(&corrected.document(&plan))?;
+    } else {
+        place.comment(&describe(&plan, found, &corrected))?;
+        place.comment(&format!("wrote {}", args.output.display()))?;
+    }
+    Ok(if corrected.holds() { Exit::Ok } else { Exit::DoesNotHold })
+}
+
+fn describe(plan: &Plan, found: &Retargeted, corrected: &Corrected) -> String {
+    format!(
+        "{} of {}\nbefore: {}\nafter:  {}\nobjective {:.4} to {:.6} in {} iterations, {} rollouts; setpoints moved by {:.3} rad at most",
+        plan.motion.name,
+        plan.robot.name,
+        ratios(&corrected.before),
+        ratios(&corrected.after),
+        found.costs[0],
+        found.costs[found.costs.len() - 1],
+        found.costs.len() - 1,
+        found.rollouts,
+        found.largest_rad
+    )
+}
