@@ -8,12 +8,16 @@
 //! |---|---|
 //! | [`outcome`] | what an experiment finds |
 //! | `bounce` | a bouncing mass: restitution and energy (Fig. 4.5) |
+//! | `tori` | three soft tori thrown at a slope and a wall (Fig. 4.4) |
+//! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
 //! | `cube_drag`, `gripper` | a cube dragged by strings (Fig. 4.14); the gripper that drags it |
 
 mod bounce;
 mod cube_drag;
 mod gripper;
 pub mod outcome;
+mod restitution_points;
+mod tori;
 
 pub use outcome::{Chart, Check, Outcome};
 
@@ -42,6 +46,12 @@ pub struct Experiment {
 /// All experiments, in the order of the thesis.
 pub const ALL: &[Experiment] = &[
     Experiment {
+        name: "tori",
+        source: "Fig. 4.4",
+        about: "soft tori thrown at a slope and a wall, by model of friction",
+        run: tori::run,
+    },
+    Experiment {
         name: "bounce",
         source: "Fig. 4.5",
         about: "restitution and energy of a bouncing mass, by scheme, step and damping",
@@ -52,6 +62,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. 4.14",
         about: "poses of a gripper that drags a cube by strings to a target",
         run: cube_drag::run,
+    },
+    Experiment {
+        name: "restitution-points",
+        source: "Fig. A.4",
+        about: "restitution of a cube by the number of its contact points",
+        run: restitution_points::run,
     },
 ];
 

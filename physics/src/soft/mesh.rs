@@ -88,7 +88,7 @@ impl Mesh {
     }
 
     /// Area of the surface that each node stands for, m²: a third of each triangle that belongs to one element only.
-    pub(super) fn areas_m2(&self) -> Vec<f64> {
+    pub fn areas_m2(&self) -> Vec<f64> {
         let mut faces: BTreeMap<[usize; 3], usize> = BTreeMap::new();
         for element in &self.elements {
             for left_out in 0..4 {
