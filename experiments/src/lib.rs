@@ -9,12 +9,14 @@
 //! | [`outcome`] | what an experiment finds |
 //! | `bounce` | a bouncing mass: restitution and energy (Fig. 4.5) |
 //! | `tori` | three soft tori thrown at a slope and a wall (Fig. 4.4) |
+//! | `incline` | a soft puck on an incline (Fig. 4.1) |
 //! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
 //! | `cube_drag`, `gripper` | a cube dragged by strings (Fig. 4.14); the gripper that drags it |
 
 mod bounce;
 mod cube_drag;
 mod gripper;
+mod incline;
 pub mod outcome;
 mod restitution_points;
 mod tori;
@@ -62,6 +64,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. 4.14",
         about: "poses of a gripper that drags a cube by strings to a target",
         run: cube_drag::run,
+    },
+    Experiment {
+        name: "incline",
+        source: "Fig. 4.1",
+        about: "a soft puck that slides on an incline and sticks, by model of friction",
+        run: incline::run,
     },
     Experiment {
         name: "restitution-points",
