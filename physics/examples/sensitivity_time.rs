@@ -12,8 +12,8 @@ use rollwalk_physics::motor::Motor;
 use rollwalk_physics::sensitivity::parameter::Control;
 use rollwalk_physics::sensitivity::{Recorder, Residual, Rollout};
 use rollwalk_physics::soft::Material;
-use rollwalk_physics::world::{Parameters, SoftFeet};
-use rollwalk_robot::{Channel, Robot};
+use rollwalk_physics::world::Parameters;
+use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::sync::Arc;
 
 const STEP_S: f64 = 1.0 / 60.0;
@@ -102,10 +102,10 @@ fn main() {
     let parameters = Parameters::new(&agilebot);
     compare(&agilebot, &parameters, "AgileBot", 96);
     compare(&agilebot, &parameters, "AgileBot", 3600);
-    let legbot = robot("legbot");
+    let mut legbot = robot("legbot");
     let rigid = Parameters::new(&legbot);
-    let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 2e5, 0.3) };
-    let soft_feet = Some(SoftFeet { material, cells: 2, attach_n_m: rigid.joint_n_m / 9.0 });
-    let soft = Parameters { soft_feet, ..rigid };
-    compare(&legbot, &soft, "LegBot on soft feet of 27 nodes", 144);
+    let material =
+        SoftMaterial { young_pa: 2e5, poisson: 0.3, density_kg_m3: 100.0, viscosity_pa_s: 5.0 };
+    legbot.end_effectors.iter_mut().for_each(|foot| foot.soft = Some(material));
+    compare(&legbot, &rigid, "LegBot on soft feet of 27 nodes", 144);
 }

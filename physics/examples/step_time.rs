@@ -12,9 +12,9 @@ use rollwalk_physics::joint::Ball;
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::points::Points;
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
-use rollwalk_physics::world::{Parameters, SoftFeet};
+use rollwalk_physics::world::Parameters;
 use rollwalk_physics::{Assembly, Inertia, Motion, Settings, StepError, StepReport, System, World};
-use rollwalk_robot::{Channel, Robot};
+use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::sync::Arc;
 
 const FRICTION: Friction = Friction { model: Model::Linear, coefficient: 0.5, stick_n_s_m: 20.0 };
@@ -140,13 +140,13 @@ fn main() {
     let parameters = Parameters::new(&agilebot);
     moving(&agilebot, &parameters, "AgileBot, 1/60 s", 1.0 / 60.0, 240);
     moving(&agilebot, &parameters, "AgileBot, 1/240 s", 1.0 / 240.0, 960);
-    let legbot = robot("legbot");
+    let mut legbot = robot("legbot");
     let rigid = Parameters::new(&legbot);
     moving(&legbot, &rigid, "LegBot, 1/60 s", 1.0 / 60.0, 144);
-    let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 2e5, 0.3) };
-    let soft_feet = Some(SoftFeet { material, cells: 2, attach_n_m: rigid.joint_n_m / 9.0 });
-    let soft = Parameters { soft_feet, ..rigid };
-    moving(&legbot, &soft, "LegBot on soft feet of 27 nodes, 1/60 s", 1.0 / 60.0, 144);
+    let material =
+        SoftMaterial { young_pa: 2e5, poisson: 0.3, density_kg_m3: 100.0, viscosity_pa_s: 5.0 };
+    legbot.end_effectors.iter_mut().for_each(|foot| foot.soft = Some(material));
+    moving(&legbot, &rigid, "LegBot on soft feet of 27 nodes, 1/60 s", 1.0 / 60.0, 144);
     for count in [10, 20, 40] {
         chain(count);
     }

@@ -57,16 +57,12 @@ impl SoftBody {
         material: &Material,
     ) -> Result<Self, MeshError> {
         let first = assembly.bodies.len();
-        let mut masses_kg = vec![0.0; mesh.places.len()];
+        let masses_kg = mesh.masses_kg(material.density_kg_m3);
         let mut elements = Vec::with_capacity(mesh.elements.len());
         for element in &mesh.elements {
             let nodes = element.map(|node| first + node);
             let places = element.map(|node| mesh.places[node]);
-            let tetrahedron = Tetrahedron::new(nodes, places, *material)?;
-            for &node in element {
-                masses_kg[node] += 0.25 * material.density_kg_m3 * tetrahedron.volume_m3();
-            }
-            elements.push(tetrahedron);
+            elements.push(Tetrahedron::new(nodes, places, *material)?);
         }
         for (&mass_kg, &place) in masses_kg.iter().zip(&mesh.places) {
             assembly.add_particle(mass_kg, place);

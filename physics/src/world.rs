@@ -8,8 +8,8 @@ mod foot;
 mod hinge;
 mod odometer;
 mod parameters;
+mod parts;
 mod state;
-mod wheels;
 
 use crate::ground::Ground;
 use crate::hold::{Hold, Place};
@@ -23,7 +23,6 @@ use rollwalk_robot::{Channel, Robot};
 use std::ops::Range;
 use std::sync::Arc;
 
-pub use foot::SoftFeet;
 pub use odometer::{
     Fall, FallWatch, Odometer, Totals, Way, ground_from_world, heading_rad, normal_at_start,
 };

@@ -5,9 +5,9 @@ use rollwalk_physics::friction::Model;
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::soft::Material;
-use rollwalk_physics::world::{Parameters, RobotState, SoftFeet};
+use rollwalk_physics::world::{Parameters, RobotState};
 use rollwalk_physics::{Scheme, World};
-use rollwalk_robot::{Channel, Robot};
+use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -94,14 +94,16 @@ fn wheels_that_are_driven_roll_without_slip() {
 #[test]
 fn a_robot_stands_on_soft_feet() {
     for name in ["legbot", "creature3"] {
-        let robot = robot(name);
-        let rigid = Parameters::new(&robot);
-        let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 2e5, 0.3) };
-        let soft_feet = Some(SoftFeet { material, cells: 2, attach_n_m: rigid.joint_n_m });
-        let mut world = standing(&robot, Plane::level(), &Parameters { soft_feet, ..rigid });
+        let mut robot = robot(name);
+        let rigid_kg: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
+        let material =
+            SoftMaterial { young_pa: 2e5, poisson: 0.3, density_kg_m3: 100.0, viscosity_pa_s: 5.0 };
+        robot.end_effectors.iter_mut().for_each(|foot| foot.soft = Some(material));
+        let mut world = standing(&robot, Plane::level(), &Parameters::new(&robot));
         let bodies = world.system().bodies();
         assert_eq!(bodies.len(), robot.links.len() + 4 * 27, "{name}");
         let weight: f64 = bodies.iter().map(|body| body.mass_kg() * 9.81).sum();
+        assert!((weight / (9.81 * rigid_kg) - 1.0).abs() < 1e-12, "{name}: {weight}");
         for _ in 0..180 {
             world.step(STEP_S).unwrap();
         }

@@ -12,11 +12,11 @@ use rollwalk_physics::sensitivity::parameter::{
 };
 use rollwalk_physics::sensitivity::{Constant, Parameter, Recorder, Rollout, Variation};
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
-use rollwalk_physics::world::{Parameters, SoftFeet};
+use rollwalk_physics::world::Parameters;
 use rollwalk_physics::{
     Assembly, Body, ContactChange, Inertia, Motion, Scheme, Settings, System, World,
 };
-use rollwalk_robot::{Channel, Robot};
+use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -353,7 +353,8 @@ fn skaterbot_has_derivatives_by_its_targets_gains_and_ground() {
 
 #[test]
 fn legbot_on_soft_feet_has_derivatives() {
-    let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 2e5, 0.3) };
+    let material =
+        SoftMaterial { young_pa: 2e5, poisson: 0.3, density_kg_m3: 100.0, viscosity_pa_s: 5.0 };
     moving_robot("legbot", Scheme::Bdf1, Some(material), 1e-5);
 }
 
@@ -362,12 +363,11 @@ fn swing_rad(joint: usize) -> f64 {
     0.04 + 0.02 * (joint % 4) as f64
 }
 
-fn moving_robot(name: &str, scheme: Scheme, soft: Option<Material>, bound: f64) {
-    let robot = robot(name);
+fn moving_robot(name: &str, scheme: Scheme, soft: Option<SoftMaterial>, bound: f64) {
+    let mut robot = robot(name);
+    robot.end_effectors.iter_mut().for_each(|foot| foot.soft = soft);
     let world = || {
         let mut parameters = Parameters::new(&robot);
-        let attach_n_m = parameters.joint_n_m / 9.0;
-        parameters.soft_feet = soft.map(|material| SoftFeet { material, cells: 2, attach_n_m });
         parameters.settings = settings(scheme);
         parameters.settings.tolerance = 1e-9;
         let ground: Arc<dyn Ground> = Arc::new(Plane::level());

@@ -16,7 +16,7 @@ pub mod urdf;
 
 pub use contact::{Blade, Contact, RollingDrag};
 pub use controller::Channel;
-pub use model::{Actuator, EndEffector, Joint, Link, Robot, TorqueSpeedLine};
+pub use model::{Actuator, EndEffector, Joint, Link, Robot, SoftMaterial, TorqueSpeedLine};
 pub use rules::{InvalidRobot, Place, Violation};
 
 /// Standard gravity, m/s².

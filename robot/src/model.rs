@@ -122,4 +122,29 @@ pub struct EndEffector {
     pub friction_coefficient: f64,
     /// Kind of contact.
     pub contact: Contact,
+    /// What a foot is made of, if it is soft: a ball of `radius_m` about its centre. Its mass is part of its link's. Plans know nothing of it,
+    /// the simulated world does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub soft: Option<SoftMaterial>,
+}
+
+/// Foam, rubber or silicone: elastic, with a viscosity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SoftMaterial {
+    /// Young's modulus, Pa.
+    pub young_pa: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Density, kg/m³.
+    pub density_kg_m3: f64,
+    /// Viscosity, Pa·s.
+    pub viscosity_pa_s: f64,
+}
+
+impl SoftMaterial {
+    /// Mass of a ball of it, kg.
+    pub fn ball_kg(&self, radius_m: f64) -> f64 {
+        4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3) * self.density_kg_m3
+    }
 }

@@ -75,6 +75,7 @@ pub fn robot() -> Robot {
                 axis_in_link: Vector3::y(),
                 actuator: actuator(0, 2, 0.0, 0.5),
             },
+            soft: None,
         }],
         buses: BTreeMap::new(),
         clearance_margin_m: DEFAULT_CLEARANCE_MARGIN_M,

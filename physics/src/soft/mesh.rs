@@ -87,6 +87,17 @@ impl Mesh {
         self
     }
 
+    /// Mass that each node stands for, kg: a quarter of each of its elements.
+    pub fn masses_kg(&self, density_kg_m3: f64) -> Vec<f64> {
+        let mut masses = vec![0.0; self.places.len()];
+        for element in &self.elements {
+            let [a, b, c, d] = element.map(|node| self.places[node]);
+            let volume_m3 = (b - a).cross(&(c - a)).dot(&(d - a)) / 6.0;
+            element.iter().for_each(|&node| masses[node] += 0.25 * density_kg_m3 * volume_m3);
+        }
+        masses
+    }
+
     /// Area of the surface that each node stands for, m²: a third of each triangle that belongs to one element only.
     pub fn areas_m2(&self) -> Vec<f64> {
         let mut faces: BTreeMap<[usize; 3], usize> = BTreeMap::new();

@@ -2,8 +2,8 @@
 
 use super::foot;
 use super::hinge::{Hinge, gyration_m, perpendicular, stops};
+use super::parts::{Apart, soft_feet_of, wheels_of, without};
 use super::state::link_motions;
-use super::wheels::{Spinning, wheels_of, without};
 use super::{Parameters, RobotState};
 use crate::assembly::Assembly;
 use crate::body::Inertia;
@@ -25,7 +25,7 @@ pub(super) struct Build<'a> {
     /// Centres of mass of the links' bodies, in the links, m.
     pub centers: Vec<Vector3<f64>>,
     inertias: Vec<Inertia>,
-    spinning: Vec<Spinning>,
+    spinning: Vec<Apart>,
     /// Forces that are motors, by channel.
     pub motors: Vec<usize>,
 }
@@ -36,7 +36,8 @@ impl<'a> Build<'a> {
         let (mut inertias, mut centers, mut spinning) = (Vec::new(), Vec::new(), Vec::new());
         for (number, link) in robot.links.iter().enumerate() {
             let wheels = wheels_of(robot, number);
-            let (inertia, center) = without(robot, link, &wheels);
+            let feet = soft_feet_of(robot, number);
+            let (inertia, center) = without(robot, link, wheels.iter().chain(&feet));
             inertias.push(inertia);
             centers.push(center);
             spinning.extend(wheels);
@@ -73,7 +74,7 @@ impl<'a> Build<'a> {
     /// The wheels that spin, their hinges and motors; the body of each, by end effector.
     pub fn wheels(&mut self, state: &RobotState) -> Vec<Option<usize>> {
         let mut wheels = vec![None; self.robot.end_effectors.len()];
-        for &Spinning { end_effector: number, inertia } in &self.spinning {
+        for &Apart { end_effector: number, inertia } in &self.spinning {
             let end_effector = &self.robot.end_effectors[number];
             let link = end_effector.link;
             let axis = *end_effector.contact.axis_in_link().expect("what spins has an axis");
@@ -111,11 +112,12 @@ impl<'a> Build<'a> {
         let mut contacts = Vec::new();
         for (end_effector, wheel) in self.robot.end_effectors.iter().zip(wheels) {
             let contact = self.contact(end_effector, *wheel, ground);
-            contacts.push(match &self.parameters.soft_feet {
-                Some(soft) if wheel.is_none() && !matches!(contact.tip, Tip::Blade { .. }) => {
-                    foot::add(&mut self.assembly, &contact, soft)
+            contacts.push(match &end_effector.soft {
+                Some(soft) => {
+                    let attach_n_m = foot::ATTACH_SHARE * self.parameters.joint_n_m;
+                    foot::add(&mut self.assembly, &contact, soft, attach_n_m)
                 }
-                _ => self.add_contact(&contact),
+                None => self.add_contact(&contact),
             });
         }
         contacts

@@ -1,27 +1,27 @@
 //! Soft feet: balls of soft material on rigid links, in place of rigid spheres and of wheels that do not turn.
 
 use crate::assembly::Assembly;
+use crate::body::Inertia;
 use crate::contact::Contact;
 use crate::soft::{Material, Mesh, SoftBody, SurfaceContact};
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use rollwalk_robot::{EndEffector, SoftMaterial};
 use std::ops::Range;
 
-/// What feet are made of. Their mass adds to that of the robot file.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SoftFeet {
-    /// The material.
-    pub material: Material,
-    /// Elements across a foot, in each direction; two give 27 nodes.
-    pub cells: usize,
-    /// Stiffness that attaches each node of the upper side to the link, N/m.
-    pub attach_n_m: f64,
-}
-
+/// Elements across a foot, in each direction: two give 27 nodes.
+const CELLS: usize = 2;
+/// Stiffness that attaches a node of the upper side to the link, by that of a joint: nine nodes.
+pub(super) const ATTACH_SHARE: f64 = 1.0 / 9.0;
 /// Share of the radius above which nodes are attached to the link.
 const ATTACHED: f64 = 0.5;
 
 /// Puts a soft ball where a contact has its sphere; the forces that are its contacts.
-pub(super) fn add(assembly: &mut Assembly, rigid: &Contact, soft: &SoftFeet) -> Range<usize> {
+pub(super) fn add(
+    assembly: &mut Assembly,
+    rigid: &Contact,
+    soft: &SoftMaterial,
+    attach_n_m: f64,
+) -> Range<usize> {
     let link = rigid.body[0];
     let motion = assembly.motions[link];
     let (center, _) = motion.point(&rigid.center);
@@ -30,16 +30,12 @@ pub(super) fn add(assembly: &mut Assembly, rigid: &Contact, soft: &SoftFeet) -> 
     let turn = turn
         .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     let radius_m = rigid.radius_m;
-    // A cube, its points drawn to the sphere inside of it.
-    let cube = Mesh::block(Vector3::repeat(-1.0), Vector3::repeat(2.0), [soft.cells; 3]);
-    let mesh = cube.shaped(|point| {
-        let share = point.amax() / point.norm().max(f64::MIN_POSITIVE);
-        center + turn * point * (share * radius_m)
-    });
-    let body = SoftBody::add(assembly, &mesh, &soft.material).expect("a ball has no flat elements");
+    let mesh = ball(radius_m).shaped(|point| center + turn * point);
+    let body =
+        SoftBody::add(assembly, &mesh, &material(soft)).expect("a ball has no flat elements");
     body.launch(assembly, motion.velocity - motion.spin.cross(&motion.position), motion.spin);
     let attached = |place: &Vector3<f64>| up.dot(&(place - center)) > ATTACHED * radius_m;
-    body.attach(assembly, link, soft.attach_n_m, 0.0, attached);
+    body.attach(assembly, link, attach_n_m, 0.0, attached);
     // A print as large as the foot's section is as stiff as the rigid foot.
     let per_area = 1.0 / (std::f64::consts::PI * radius_m * radius_m);
     let mut friction = rigid.friction;
@@ -51,4 +47,28 @@ pub(super) fn add(assembly: &mut Assembly, rigid: &Contact, soft: &SoftFeet) -> 
         friction,
     };
     body.touch(assembly, &rigid.ground, &contact)
+}
+
+/// A cube, its points drawn to the sphere inside of it.
+fn ball(radius_m: f64) -> Mesh {
+    let cube = Mesh::block(Vector3::repeat(-1.0), Vector3::repeat(2.0), [CELLS; 3]);
+    cube.shaped(|point| point * (point.amax() / point.norm().max(f64::MIN_POSITIVE) * radius_m))
+}
+
+fn material(of: &SoftMaterial) -> Material {
+    let elastic = Material::elastic(of.density_kg_m3, of.young_pa, of.poisson);
+    Material { viscosity_pa_s: of.viscosity_pa_s, ..elastic }
+}
+
+/// What an end effector's soft foot is of its link's mass, about its centre.
+pub(super) fn inertia(end_effector: &EndEffector) -> Option<Inertia> {
+    let soft = end_effector.soft.as_ref()?;
+    let mesh = ball(end_effector.radius_m);
+    let mut foot = Inertia { mass_kg: 0.0, about_com_kg_m2: Matrix3::zeros() };
+    for (mass_kg, place) in mesh.masses_kg(soft.density_kg_m3).iter().zip(&mesh.places) {
+        foot.mass_kg += mass_kg;
+        let square = Matrix3::identity() * place.norm_squared();
+        foot.about_com_kg_m2 += (square - place * place.transpose()) * *mass_kg;
+    }
+    Some(foot)
 }

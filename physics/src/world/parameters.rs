@@ -4,7 +4,6 @@ use crate::contact::Normal;
 use crate::friction::Model;
 use crate::hold::Grip;
 use crate::system::Settings;
-use crate::world::SoftFeet;
 use rollwalk_robot::Robot;
 
 /// Stiffnesses and dampings of everything that is ideal in a robot file.
@@ -27,8 +26,6 @@ pub struct Parameters {
     pub shape_friction: f64,
     /// Of a hoist that holds the root link.
     pub grip: Grip,
-    /// Soft material for feet and for wheels that do not turn; without it they are rigid.
-    pub soft_feet: Option<SoftFeet>,
 }
 
 /// Residual at which a step is solved, as a share of the weight: as a force that pushes the robot all the time it would
@@ -81,7 +78,6 @@ impl Parameters {
                 turn_nm_rad: shift_n_m * lever,
                 spin_nm_s_rad: velocity_n_s_m * lever,
             },
-            soft_feet: None,
         }
     }
 }

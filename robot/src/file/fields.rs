@@ -3,7 +3,7 @@
 use super::parts::{self, MassProperties};
 use crate::contact::RollingDrag;
 use crate::document::Table;
-use crate::model::{Actuator, TorqueSpeedLine};
+use crate::model::{Actuator, SoftMaterial, TorqueSpeedLine};
 use crate::rules::ITEMS_MAX;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
@@ -82,6 +82,16 @@ pub(super) fn drag(table: &Table<'_>) -> RollingDrag {
     RollingDrag {
         rolling_resistance: number(table, "rolling_resistance"),
         rolling_drag_s_m: table.given("rolling_drag_s_m", Table::number).unwrap_or_default(),
+    }
+}
+
+/// Reads what a soft foot is made of.
+pub(super) fn soft_material(table: &Table<'_>) -> SoftMaterial {
+    SoftMaterial {
+        young_pa: number(table, "young_pa"),
+        poisson: number(table, "poisson"),
+        density_kg_m3: number(table, "density_kg_m3"),
+        viscosity_pa_s: number(table, "viscosity_pa_s"),
     }
 }
 

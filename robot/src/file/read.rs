@@ -4,7 +4,9 @@
 //! robot. Unknown names are reported only if nothing else is wrong, because one fault would cause many.
 
 use super::buses;
-use super::fields::{axis, byte, data_sheet, drag, mass, named, number, rpy, vector};
+use super::fields::{
+    axis, byte, data_sheet, drag, mass, named, number, rpy, soft_material, vector,
+};
 use super::group::{Group, Limb};
 use super::parts::MassProperties;
 use super::places::{Places, Source};
@@ -198,6 +200,15 @@ impl<'r, 'd> Reader<'r, 'd> {
         // Which keys are allowed depends on the kind.
         let Some(kind) = table.choice("contact", &KINDS) else { return };
         let contact = self.contact(KINDS[kind], group, &table, ids);
+        // Wheels that turn and blades are rigid.
+        let has_foot = ["point_foot", "welded_wheel"].contains(&KINDS[kind]);
+        let soft = (has_foot && table.has("soft")).then(|| table.table("soft")).flatten();
+        let soft = soft.map(|mut table| {
+            table.call("the soft foot");
+            let material = soft_material(&table);
+            table.done();
+            material
+        });
         table.done();
         let Some((contact, sheet)) = contact else { return };
         self.robot.end_effectors.push(EndEffector {
@@ -207,6 +218,7 @@ impl<'r, 'd> Reader<'r, 'd> {
             radius_m,
             friction_coefficient,
             contact,
+            soft,
         });
         let limb = group.limb.map(|limb| limb.table.clone());
         self.places.end_effectors.push(Source { item: table, sheet, limb });

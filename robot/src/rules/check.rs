@@ -1,9 +1,9 @@
 //! All rules of a robot, item by item; collects every violation.
 
 use super::{Place, Violation};
-use crate::contact::RollingDrag;
+use crate::contact::{Contact, RollingDrag};
 use crate::controller::Channel;
-use crate::model::{Actuator, EndEffector, Joint, Link, Robot};
+use crate::model::{Actuator, EndEffector, Joint, Link, Robot, SoftMaterial};
 use crate::shape::Shape;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_protocol::actuator;
@@ -16,6 +16,8 @@ use std::fmt;
 
 /// Lengths and offsets of a robot that fits on a desk or in a hall, m.
 pub(crate) const LENGTH_MAX_M: f64 = 10.0;
+/// Most of its link that the ball of a soft foot is: the rest carries it.
+const SOFT_SHARE: f64 = 0.75;
 /// Largest radius of a capsule, m.
 const RADIUS_MAX_M: f64 = 1.0;
 /// Most shapes of a link, which bounds the number of pairs.
@@ -431,6 +433,29 @@ impl Check<'_> {
         }
         if let Some(drag) = contact.drag() {
             self.drag(&drag);
+        }
+        if let Some(soft) = &end_effector.soft {
+            self.soft(soft, end_effector);
+        }
+    }
+
+    fn soft(&mut self, soft: &SoftMaterial, end_effector: &EndEffector) {
+        if !matches!(end_effector.contact, Contact::PointFoot | Contact::WeldedWheel { .. }) {
+            let help = "feet and welded wheels can be soft; wheels that turn and blades are rigid";
+            self.violated("soft", "is no foot's", help);
+        }
+        let softer = "; foam has 1e4 to 1e6, rubber 1e6 to 1e7";
+        self.range("young_pa", soft.young_pa, Bound::AtLeast(1e3), 1e9, "Pa", softer);
+        self.range("poisson", soft.poisson, Bound::AtLeast(0.0), 0.49, "", "");
+        self.range("density_kg_m3", soft.density_kg_m3, Bound::AtLeast(1.0), 5000.0, "kg/m³", "");
+        self.range("viscosity_pa_s", soft.viscosity_pa_s, Bound::AtLeast(0.0), 1e5, "Pa·s", "");
+        let ball_kg = soft.ball_kg(end_effector.radius_m);
+        let link_kg = self.robot.links.get(end_effector.link).map_or(0.0, |link| link.mass_kg);
+        if ball_kg > SOFT_SHARE * link_kg {
+            let help = format!(
+                "its ball weighs {ball_kg:.3} kg, part of the {link_kg:.3} kg of its link: at most three quarters of that"
+            );
+            self.violated("density_kg_m3", format_args!("is {} kg/m³", soft.density_kg_m3), help);
         }
     }
 

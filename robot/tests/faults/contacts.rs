@@ -75,3 +75,28 @@ fn the_middle_of_a_blade_is_below_its_link() {
     let error = skate("[0.0, 0.1, 1.0]").unwrap_err();
     assert!(error.faults().any(|f| f.help.contains("no vertical of the link")), "{error}");
 }
+
+#[test]
+fn feet_can_be_soft_and_what_turns_cannot() {
+    let foot = "contact = \"point_foot\"";
+    let soft = |young: &str, density: &str| {
+        let material = format!("young_pa = {young}, poisson = 0.3, density_kg_m3 = {density}");
+        format!("{foot}\nsoft = {{ {material}, viscosity_pa_s = 5 }}")
+    };
+    let found = with_contact(&soft("2e5", "60.0")).end_effectors[1].soft.unwrap();
+    assert_eq!((found.young_pa, found.density_kg_m3, found.viscosity_pa_s), (2e5, 60.0, 5.0));
+    assert_eq!(tiny().end_effectors[1].soft, None);
+    let stiff = faults(foot, &soft("2e11", "60.0"));
+    assert!(stiff[0].1.contains("`young_pa` is 200000000000 Pa"), "{stiff:?}");
+    assert!(stiff[0].2.contains("rubber 1e6 to 1e7"), "{stiff:?}");
+    let mut large = with_contact(&soft("2e5", "500.0"));
+    large.end_effectors[1].radius_m = 0.05;
+    let heavy = large.validate().unwrap_err().to_string();
+    assert!(heavy.contains("`density_kg_m3` is 500 kg/m³"), "{heavy}");
+    let wheel =
+        "contact = \"passive_wheel\"\naxis_in_link = [0.0, 1.0, 0.0]\nrolling_resistance = 0.02";
+    let wheel = faults(foot, &soft("2e5", "60.0").replace(foot, wheel));
+    assert!(wheel[0].1.contains("soft"), "{wheel:?}");
+    let less = faults(foot, &format!("{foot}\nsoft = {{ young_pa = 2e5 }}"));
+    assert!(less[0].1.contains("poisson"), "{less:?}");
+}
