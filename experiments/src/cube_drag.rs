@@ -15,8 +15,6 @@ pub(crate) const CUBE: usize = 1;
 pub(crate) const BETA: f64 = 1e-2;
 /// Height of the gripper's centre above the cube's, m.
 const ABOVE_M: f64 = 0.15;
-/// Weight of a turn, m: that of a corner's way.
-pub(crate) const LEVER_M: f64 = 0.5 * EDGE_M;
 
 /// The gripper above the cube, and the assembly of both.
 pub(crate) fn scene(steps: usize) -> (Assembly, Gripper) {
@@ -33,7 +31,7 @@ pub(crate) fn scene(steps: usize) -> (Assembly, Gripper) {
 pub(crate) fn at_place(rollout: &Rollout, step: usize, target: &Vector3<f64>) -> Vec<Residual> {
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
     let places = axes.map(|axis| Residual::position(rollout, step, CUBE, target, axis));
-    let turn = Residual::orientation(rollout, step, CUBE, &Matrix3::identity(), LEVER_M);
+    let turn = Residual::orientation(rollout, step, CUBE, &Matrix3::identity(), 1.0);
     places.into_iter().chain(turn).collect()
 }
 

@@ -11,14 +11,24 @@
 //! | `tori` | three soft tori thrown at a slope and a wall (Fig. 4.4) |
 //! | `incline` | a soft puck on an incline (Fig. 4.1) |
 //! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
-//! | `cube_drag`, `gripper` | a cube dragged by strings (Fig. 4.14); the gripper that drags it |
+//! | `sdf` | solids on a grid, and what falls on them (Fig. 4.6) |
+//! | `gripper`, `cube_drag`, `coupled_cubes` | a gripper optimised step by step; a cube that it drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
+//! | `cloth`, `sheet_flip` | cloth moved by its corners; a sheet that is turned over (Fig. 4.17) |
+//! | `throw_controller` | a network that learns to throw (Fig. 4.19) |
+//! | `chain` | computing time by the number of bodies (Fig. A.3) |
 
 mod bounce;
+mod chain;
+mod cloth;
+mod coupled_cubes;
 mod cube_drag;
 mod gripper;
 mod incline;
 pub mod outcome;
 mod restitution_points;
+mod sdf;
+mod sheet_flip;
+mod throw_controller;
 mod tori;
 
 pub use outcome::{Chart, Check, Outcome};
@@ -60,6 +70,12 @@ pub const ALL: &[Experiment] = &[
         run: bounce::run,
     },
     Experiment {
+        name: "sdf",
+        source: "Fig. 4.6",
+        about: "solids on a grid: errors by spacing; a string and a cloth that fall on one",
+        run: sdf::run,
+    },
+    Experiment {
         name: "cube-drag",
         source: "Fig. 4.14",
         about: "poses of a gripper that drags a cube by strings to a target",
@@ -76,6 +92,30 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. A.4",
         about: "restitution of a cube by the number of its contact points",
         run: restitution_points::run,
+    },
+    Experiment {
+        name: "coupled-cubes",
+        source: "Fig. 4.15",
+        about: "poses of a gripper that turns the lowest of three bodies on springs",
+        run: coupled_cubes::run,
+    },
+    Experiment {
+        name: "sheet-flip",
+        source: "Fig. 4.17",
+        about: "a sheet turned over and back by two of its corners",
+        run: sheet_flip::run,
+    },
+    Experiment {
+        name: "throw-controller",
+        source: "Fig. 4.19",
+        about: "a network that learns to throw, trained through the simulator",
+        run: throw_controller::run,
+    },
+    Experiment {
+        name: "chain",
+        source: "Fig. A.3",
+        about: "computing time by the number of bodies",
+        run: chain::run,
     },
 ];
 
