@@ -11,7 +11,6 @@ use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Motor;
 use rollwalk_physics::sensitivity::parameter::Control;
 use rollwalk_physics::sensitivity::{Recorder, Residual, Rollout};
-use rollwalk_physics::soft::Material;
 use rollwalk_physics::world::Parameters;
 use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::sync::Arc;

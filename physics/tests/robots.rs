@@ -4,7 +4,6 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_physics::friction::Model;
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Law;
-use rollwalk_physics::soft::Material;
 use rollwalk_physics::world::{Parameters, RobotState};
 use rollwalk_physics::{Scheme, World};
 use rollwalk_robot::{Channel, Robot, SoftMaterial};
