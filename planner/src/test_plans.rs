@@ -137,6 +137,7 @@ pub fn robot() -> Robot {
                 axis_in_link: Vector3::y(),
                 actuator: actuator(k as u8 + 11, 0.0),
             },
+            soft: None,
         });
     }
     robot

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Writes the tables of docs/replay.md and the numbers of README from results of the harness.
+"""Writes the tables of docs/replay.md and docs/retargeting.md and the numbers of README from results of the harness.
 
     python3 tests/replay/document.py LEVEL.json DISTURBED.json GROUND.json FIRMWARE.json [ROBOT.json ...]
+    python3 tests/replay/document.py --retargeted RETARGETED.json
 
 They stand between `<!-- NAME -->` and `<!-- end -->`. Without results of imported robots that table stays.
 """
@@ -16,6 +17,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def main(*paths):
+    if paths[:1] == ("--retargeted",):
+        text = tables.retargeted(json.loads(Path(paths[1]).read_text()))
+        return replace(ROOT / "docs/retargeting.md", {"retargeted": f"\n{text}\n"})
     level, disturbed, ground, firmware, *imported = (json.loads(Path(path).read_text()) for path in paths)
     texts = {
         "shipped": tables.both(level),

@@ -161,6 +161,21 @@ def behind_firmware_in_words(results):
     return textwrap.fill(text, 116, break_on_hyphens=False)
 
 
+def retargeted(results):
+    """One row for each motion: achieved by planned before and after, behind firmware and bus, and in MuJoCo with the same commands."""
+    rows = [["motion of robot", "stiffness", "before", "after", "MuJoCo before", "MuJoCo after", ""]]
+    for result in results:
+        share = "as it is" if result["stiffness"] == 1 else f"{result['stiffness']:g} of it"
+        if "refused" in result:
+            rows.append([_name(result), share, "–", "–", "–", "–", result["refused"]])
+            continue
+        runs = [result["before"], result["after"]]
+        falls = [f"{when}: {_where_it_fell(run)}" for when, run in zip(("before", "after"), runs) if _where_it_fell(run)]
+        ways = [_way(run, world) for world in ("ours", "mujoco") for run in runs]
+        rows.append([_name(result), share, *ways, "; ".join(falls)])
+    return _markdown(rows)
+
+
 def _where_it_fell(result):
     fell = [{"ours": "our world", "mujoco": "MuJoCo"}[world] for world, at in result["fell_at_s"].items() if at is not None]
     return f"falls in {' and in '.join(fell)}" if fell else ""

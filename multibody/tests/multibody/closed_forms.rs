@@ -106,6 +106,7 @@ fn a_spinning_wheel_resists_turning_as_a_gyroscope() {
             axis_in_link: Vector3::y(),
             actuator: actuator(ARMATURE),
         },
+        soft: None,
     });
     let spin_inertia = 1e-3;
     let tree = Tree::new(&robot).with_spinning_wheels(|_| spin_inertia).with_armature();

@@ -135,6 +135,7 @@ fn unicycle() -> Tree {
             axis_in_link: Vector3::y(),
             drag: RollingDrag { rolling_resistance: 0.0, rolling_drag_s_m: 0.0 },
         },
+        soft: None,
     });
     Tree::new(&robot).with_spinning_wheels(|_| 1e-3)
 }

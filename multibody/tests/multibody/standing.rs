@@ -47,6 +47,7 @@ fn table(feet: &[[f64; 2]], com: Vector3<f64>) -> Robot {
             radius_m: FOOT_M,
             friction_coefficient: 0.7,
             contact: Contact::PointFoot,
+            soft: None,
         });
     }
     robot

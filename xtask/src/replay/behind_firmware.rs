@@ -13,7 +13,7 @@ use std::sync::Mutex;
 /// File with the results, in the output folder.
 pub const RESULTS: &str = "firmware.json";
 /// The motion before and after each: the robot stands.
-const STAND: &str = "safe_stand";
+pub const STAND: &str = "safe_stand";
 
 /// Plays and compares all plans.
 ///
@@ -73,40 +73,47 @@ fn one(replay: &Replay, folder: &Path, path: &Path) -> Result<Value, String> {
         result["refused"] = refused.into();
         return Ok(result);
     }
-    let log = file(".csv");
-    let cycles = ["--cycles", CYCLES, "--world-log"];
-    let played = run(&[
-        &"simulate",
-        &library,
-        &"--robot",
-        &robot,
-        &cycles[0],
-        &cycles[1],
-        &cycles[2],
-        &log,
-    ])?;
+    let ways = in_both_worlds(replay, &library, &robot, path, &motion)?;
+    for (key, value) in ways {
+        result[key] = value;
+    }
+    Ok(result)
+}
+
+/// Plays a library behind firmware and bus, and what its drives were commanded in MuJoCo: how far a motion comes in both.
+pub fn in_both_worlds(
+    replay: &Replay,
+    library: &Path,
+    robot: &Path,
+    plan: &Path,
+    motion: &str,
+) -> Result<BTreeMap<&'static str, Value>, String> {
+    let (log, json) = (library.with_extension("csv"), library.with_extension("json"));
+    let mut simulate = shell::command(&rollwalk()?.path.to_string_lossy(), &["simulate"]);
+    simulate.arg(library).arg("--robot").arg(robot).args(["--cycles", CYCLES, "--world-log"]);
+    let played = simulate.arg(&log).output().map_err(|error| format!("rollwalk: {error}"))?;
     // Exit code 3: it falls, or its tour is stopped.
     if !matches!(played.status.code(), Some(0 | 3)) {
         let why = String::from_utf8_lossy(&played.stderr);
         return Err(format!("rollwalk simulate {}: {why}", library.display()));
     }
     let mut compared = replay.python("logged.py");
-    shell::output(compared.arg(&robot).arg(&log).arg(path).arg("--json").arg(file(".json")))?;
+    shell::output(compared.arg(robot).arg(&log).arg(plan).arg("--json").arg(&json))?;
     // A log is a hundred times as large as everything else.
     fs::remove_file(&log).map_err(|error| format!("{}: {error}", log.display()))?;
-    let text = fs::read_to_string(file(".json")).map_err(|error| error.to_string())?;
+    let text = fs::read_to_string(&json).map_err(|error| error.to_string())?;
     let outcome: Value = serde_json::from_str(&text).map_err(|error| error.to_string())?;
-    result["fell_at_s"] = outcome["fell_at_s"].clone();
     let pieces = outcome["pieces"].as_array().into_iter().flatten();
-    let piece = pieces.into_iter().find(|piece| piece["motion"] == motion.as_str());
+    let piece = pieces.into_iter().find(|piece| piece["motion"] == motion);
+    let mut ways = BTreeMap::from([("fell_at_s", outcome["fell_at_s"].clone())]);
     for key in ["planned", "goals", "ours", "mujoco"] {
-        result[key] = piece.map_or(Value::Null, |piece| piece[key].clone());
+        ways.insert(key, piece.map_or(Value::Null, |piece| piece[key].clone()));
     }
-    Ok(result)
+    Ok(ways)
 }
 
 /// A motion in which the robot stands.
-fn stand(robot: &Path) -> String {
+pub fn stand(robot: &Path) -> String {
     format!(
         "name = \"{STAND}\"\nrobot = \"{}\"\nduration_s = 1.0\nends = \"at_rest\"\nsamples = 12\n\
          [goal]\nforward_m = 0.0\nleft_m = 0.0\nturn_rad = 0.0\n[footfalls]\nall = \"stance\"\n",
@@ -115,7 +122,7 @@ fn stand(robot: &Path) -> String {
 }
 
 /// A library of a stand and a motion.
-fn library_file(
+pub fn library_file(
     robot: &Path,
     stand: &Path,
     motion_file: &Path,
@@ -137,7 +144,7 @@ fn library_file(
 }
 
 /// Footfalls of a transition in which each leg steps once: what stands on skates cannot get to another place without.
-fn steps(plan: &Value) -> String {
+pub fn steps(plan: &Value) -> String {
     /// Marks of a row, and those of a step with the stance before it.
     const MARKS: usize = 40;
     const BETWEEN: usize = 4;
@@ -175,7 +182,7 @@ fn motion_file(stem: &str) -> String {
 }
 
 /// Why a library is not built: the error, or the transitions that were not found.
-fn reason(errors: &str) -> String {
+pub fn reason(errors: &str) -> String {
     let line = |mark: char| errors.lines().filter_map(move |line| line.trim().strip_prefix(mark));
     if let Some(error) = line('×').next() {
         // Without the place in a file that nobody has.
@@ -192,6 +199,6 @@ fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-fn write(path: &Path, text: &str) -> Result<(), String> {
+pub fn write(path: &Path, text: &str) -> Result<(), String> {
     fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
 }

@@ -2,6 +2,7 @@
 //! `docs/replay.md`.
 
 mod behind_firmware;
+mod retargeted;
 mod urdf;
 
 use crate::steps::Extent;
@@ -30,6 +31,9 @@ pub struct Options {
     /// URDF files of legged robots: imported with what the import proposes, and replayed with motions made for their size.
     #[arg(value_name = "ROBOT.urdf")]
     urdf: Vec<PathBuf>,
+    /// Only retargeted motions, before and after: the table of docs/retargeting.md.
+    #[arg(long, conflicts_with = "urdf")]
+    retargeted: bool,
 }
 
 /// Tests the harness. In full it plans and replays every shipped motion as well, and fails if one does not hold.
@@ -52,11 +56,17 @@ pub fn check(extent: Extent) -> Result<(), String> {
 /// A motion without plan, or the command that installs what is missing.
 pub fn document(options: &Options) -> Result<(), String> {
     let replay = Replay::new()?;
+    if options.retargeted {
+        retargeted::compare(&replay)?;
+        let results = replay.out.join(retargeted::RESULTS);
+        return shell::run(replay.python("document.py").arg("--retargeted").arg(results));
+    }
     let plans = replay.shipped("both", false)?;
     replay.grounded(&plans)?;
     behind_firmware::compare(&replay, &plans)?;
     let mut document = replay.python("document.py");
-    for results in ["level.json", "disturbed.json", "ground.json", behind_firmware::RESULTS] {
+    let results = ["level.json", "disturbed.json", "ground.json", behind_firmware::RESULTS];
+    for results in results {
         document.arg(replay.out.join(results));
     }
     for urdf in &options.urdf {
