@@ -25,6 +25,8 @@ pub enum NightlyStep {
     Miri,
     /// Kinematics and dynamics against MuJoCo on 1,000 states of every robot.
     Multibody,
+    /// The experiments of the differentiable simulator.
+    Physics,
     /// Every shipped motion replayed in MuJoCo, without and with feed-forward, level and disturbed.
     Replay,
     /// 100,000 attacks on a simulated robot over its link; commands killed, and on a full disk, while they write.
@@ -49,6 +51,7 @@ impl Step for NightlyStep {
             Self::Sizes => "sizes and instructions of the emulated board's image",
             Self::Miri => "tests of protocol and firmware in Miri",
             Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states a robot",
+            Self::Physics => "experiments of the differentiable simulator",
             Self::Replay => "every shipped motion replayed in MuJoCo",
             Self::Hostile => "attacks on a simulated robot, and on files being written",
             Self::Load => "robots on a busy computer",
@@ -68,6 +71,12 @@ impl Step for NightlyStep {
                 .and_then(|()| board::planted_panics()),
             Self::Miri => miri::check(Extent::Full),
             Self::Multibody => mujoco::check(Extent::Full),
+            Self::Physics => {
+                let programs = workspace::optimised_programs()?;
+                let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
+                let out = shell::target_folder().join("physics");
+                shell::run(rollwalk.command(&["bench", "physics", "--out"]).arg(out))
+            }
             Self::Replay => replay::check(Extent::Full),
             Self::Hostile => hostile::check(Extent::Full),
             Self::Load => {
