@@ -10,6 +10,8 @@
 //! | `bounce` | a bouncing mass: restitution and energy (Fig. 4.5) |
 //! | `tori` | three soft tori thrown at a slope and a wall (Fig. 4.4) |
 //! | `incline` | a soft puck on an incline (Fig. 4.1) |
+//! | `ball_target` | a soft ball tossed at a target (Fig. 4.12a) |
+//! | `throwing`, `cma_es` | what throws have in common; an optimiser without derivatives, to compare with |
 //! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
 //! | `sdf` | solids on a grid, and what falls on them (Fig. 4.6) |
 //! | `gripper`, `cube_drag`, `coupled_cubes` | a gripper optimised step by step; a cube that it drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
@@ -17,10 +19,12 @@
 //! | `throw_controller` | a network that learns to throw (Fig. 4.19) |
 //! | `chain` | computing time by the number of bodies (Fig. A.3) |
 
+mod ball_target;
 mod bounce;
 mod chain;
 mod cloth;
 mod coupled_cubes;
+mod cma_es;
 mod cube_drag;
 mod gripper;
 mod incline;
@@ -29,6 +33,7 @@ mod restitution_points;
 mod sdf;
 mod sheet_flip;
 mod throw_controller;
+mod throwing;
 mod tori;
 
 pub use outcome::{Chart, Check, Outcome};
@@ -86,6 +91,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. 4.1",
         about: "a soft puck that slides on an incline and sticks, by model of friction",
         run: incline::run,
+    },
+    Experiment {
+        name: "ball-target",
+        source: "Fig. 4.12a",
+        about: "a soft ball tossed at a target with up to two bounces, by L-BFGS and by CMA-ES",
+        run: ball_target::run,
     },
     Experiment {
         name: "restitution-points",
