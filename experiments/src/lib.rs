@@ -12,6 +12,7 @@
 //! | `incline` | a soft puck on an incline (Fig. 4.1) |
 //! | `ball_target` | a soft ball tossed at a target (Fig. 4.12a) |
 //! | `throwing`, `cma_es` | what throws have in common; an optimiser without derivatives, to compare with |
+//! | `recovery` | parameters found again from a bounce (Fig. 4.9) |
 //! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
 //! | `sdf` | solids on a grid, and what falls on them (Fig. 4.6) |
 //! | `gripper`, `cube_drag`, `coupled_cubes` | a gripper optimised step by step; a cube that it drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
@@ -29,6 +30,7 @@ mod cube_drag;
 mod gripper;
 mod incline;
 pub mod outcome;
+mod recovery;
 mod restitution_points;
 mod sdf;
 mod sheet_flip;
@@ -97,6 +99,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. 4.12a",
         about: "a soft ball tossed at a target with up to two bounces, by L-BFGS and by CMA-ES",
         run: ball_target::run,
+    },
+    Experiment {
+        name: "recovery",
+        source: "Fig. 4.9",
+        about: "material, friction and start of a soft ball found again from a bounce",
+        run: recovery::run,
     },
     Experiment {
         name: "restitution-points",
