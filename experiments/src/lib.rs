@@ -13,6 +13,7 @@
 //! | `ball_target` | a soft ball tossed at a target (Fig. 4.12a) |
 //! | `throwing`, `cma_es` | what throws have in common; an optimiser without derivatives, to compare with |
 //! | `recovery` | parameters found again from a bounce (Fig. 4.9) |
+//! | `landscape` | the objective of a toss by its velocity (Fig. 4.2) |
 //! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
 //! | `sdf` | solids on a grid, and what falls on them (Fig. 4.6) |
 //! | `gripper`, `cube_drag`, `coupled_cubes` | a gripper optimised step by step; a cube that it drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
@@ -29,6 +30,7 @@ mod cma_es;
 mod cube_drag;
 mod gripper;
 mod incline;
+mod landscape;
 pub mod outcome;
 mod recovery;
 mod restitution_points;
@@ -105,6 +107,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. 4.9",
         about: "material, friction and start of a soft ball found again from a bounce",
         run: recovery::run,
+    },
+    Experiment {
+        name: "landscape",
+        source: "Fig. 4.2",
+        about: "the objective of a toss by its velocity, with soft and stiff contacts",
+        run: landscape::run,
     },
     Experiment {
         name: "restitution-points",
