@@ -1,0 +1,78 @@
+//! Estimates friction and speed of a box from a few measured places of it, with their standard deviations.
+
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Options, minimise};
+use rollwalk_physics::sensitivity::parameter::{Freedom, Initial, OfContact, Touching};
+use rollwalk_physics::sensitivity::{Constant, Recorder, Residual, Rollout};
+use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, System};
+use std::sync::Arc;
+
+const STEPS: usize = 60;
+/// Standard deviation of a measured place, m.
+const NOISE_M: f64 = 1e-3;
+
+/// A box that slides on the ground, of a coefficient of friction and a speed.
+fn slide([friction, speed_m_s]: [f64; 2]) -> Option<Rollout> {
+    let mut assembly = Assembly::default();
+    let inertia = Inertia { mass_kg: 1.0, about_com_kg_m2: Matrix3::identity() * 2e-3 };
+    let velocity = Vector3::x() * speed_m_s;
+    assembly.add_body(inertia, Motion { velocity, ..Motion::at(Vector3::z() * 0.0276) });
+    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    for (x, y) in [(0.1, 0.06), (0.1, -0.06), (-0.1, 0.06), (-0.1, -0.06)] {
+        assembly.add(Contact {
+            body: [0],
+            center: Vector3::new(x, y, -0.03),
+            radius_m: 0.0,
+            tip: Tip::Sphere,
+            normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 4.0, ramp_m: 1e-3 },
+            // The smooth model: where the linear one sticks, nothing depends on the coefficient.
+            friction: Friction { model: Model::Tanh, coefficient: friction, stick_n_s_m: 30.0 },
+            resistance: Resistance::default(),
+            ground: Arc::clone(&ground),
+        });
+    }
+    let settings = Settings { scheme: Scheme::Bdf2, tolerance: 1e-10, ..Settings::default() };
+    let mut system = System::new(settings, assembly);
+
+    // One number of all four contacts, and the speed at the beginning.
+    let of_all = Touching::new(&system, 0..4, OfContact::Friction);
+    debug_assert_eq!(of_all.value(&system), friction);
+    let ahead = Initial { bodies: vec![0], freedom: Freedom::Velocity, axis: Vector3::x() };
+    let mut recorder = Recorder::new(&system, vec![Box::new(of_all), Box::new(ahead)]);
+    for _ in 0..STEPS {
+        system.step_recorded(1.0 / 120.0, &mut recorder).ok()?;
+    }
+    Some(recorder.finish())
+}
+
+fn main() {
+    // A camera sees the box every fourth step.
+    let truth = [0.27, 1.1];
+    let real = slide(truth).expect("the box slides");
+    let mut rng = fastrand::Rng::with_seed(1);
+    let mut normal = || (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
+    let seen: Vec<(usize, Vector3<f64>)> = (4..=STEPS)
+        .step_by(4)
+        .map(|step| (step, real.motions(step)[0].position + Vector3::x() * (NOISE_M * normal())))
+        .collect();
+
+    // Residuals in units of their own deviation: then the Hessian is the inverse covariance of the parameters.
+    let evaluate = |parameters: &[f64]| {
+        let rollout = slide([parameters[0], parameters[1]])?;
+        let miss = |(step, place): &(usize, Vector3<f64>)| {
+            Residual::position(&rollout, *step, 0, place, Vector3::x() / NOISE_M)
+        };
+        let residuals: Vec<_> = seen.iter().map(miss).collect();
+        Some(Evaluation::from((rollout, residuals)))
+    };
+    let options = Options { most: 0.2, ..Options::default() };
+    let fit = minimise(&[0.6, 0.8], &[], &options, evaluate).expect("the first guess slides");
+    let names = ["coefficient of friction", "speed, m/s"];
+    for (k, deviation) in fit.deviations().into_iter().enumerate() {
+        println!("{}: {:.4} ± {deviation:.4} (truth {})", names[k], fit.parameters[k], truth[k]);
+    }
+    println!("{} places of 1 mm accuracy, {} simulations", seen.len(), fit.rollouts);
+}
