@@ -14,6 +14,7 @@
 //! | `throwing`, `cma_es` | what throws have in common; an optimiser without derivatives, to compare with |
 //! | `recovery` | parameters found again from a bounce (Fig. 4.9) |
 //! | `landscape` | the objective of a toss by its velocity (Fig. 4.2) |
+//! | `backspin` | a ball that backspin stops (Fig. 4.12b) |
 //! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
 //! | `sdf` | solids on a grid, and what falls on them (Fig. 4.6) |
 //! | `gripper`, `cube_drag`, `coupled_cubes` | a gripper optimised step by step; a cube that it drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
@@ -21,6 +22,7 @@
 //! | `throw_controller` | a network that learns to throw (Fig. 4.19) |
 //! | `chain` | computing time by the number of bodies (Fig. A.3) |
 
+mod backspin;
 mod ball_target;
 mod bounce;
 mod chain;
@@ -113,6 +115,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. 4.2",
         about: "the objective of a toss by its velocity, with soft and stiff contacts",
         run: landscape::run,
+    },
+    Experiment {
+        name: "backspin",
+        source: "Fig. 4.12b",
+        about: "a soft ball thrown so that backspin stops it after the bounce",
+        run: backspin::run,
     },
     Experiment {
         name: "restitution-points",
