@@ -7,11 +7,13 @@
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
 //! | [`outcome`] | ways, turns, falls, slip and forces |
 //! | [`log`] | a run as a table, a line for each step |
+//! | [`identify`] | numbers of a robot, such as friction and gains, from a recorded run
 //! | [`retarget`] | corrections of setpoints with which a robot with soft servos follows its plan |
 //! | [`judgement`] | whether a way is what the plan says |
 //!
 //! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
 
+pub mod identify;
 pub mod judgement;
 pub mod log;
 pub mod outcome;

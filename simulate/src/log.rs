@@ -145,10 +145,24 @@ impl Table {
     /// # Errors
     /// It is none, or it has no rows.
     pub fn read(text: &str) -> Result<Self, LogError> {
+        Self::read_with(text, &BASE, false)
+    }
+
+    /// Reads a table with some of the columns, such as those that a real robot can fill. An empty cell is a number that was not
+    /// measured, NaN.
+    ///
+    /// # Errors
+    /// It is none, has no times, or it has no rows.
+    pub fn read_some(text: &str) -> Result<Self, LogError> {
+        Self::read_with(text, &BASE[..1], true)
+    }
+
+    fn read_with(text: &str, columns: &[&'static str], has_gaps: bool) -> Result<Self, LogError> {
         let text = text.rfind('\n').map_or(text, |end| &text[..=end]);
         let mut reader = csv::Reader::from_reader(text.as_bytes());
         let names: Vec<String> = reader.headers()?.iter().map(str::to_owned).collect();
-        if let Some(missing) = BASE.into_iter().find(|base| names.iter().all(|name| name != base)) {
+        let missing = columns.iter().find(|column| names.iter().all(|name| name != *column));
+        if let Some(missing) = missing {
             return Err(LogError::Missing(missing));
         }
         let (mut motions, mut values) = (Vec::new(), Vec::new());
@@ -157,6 +171,9 @@ impl Table {
             let number = |(cell, name): (&str, &String)| {
                 if name == "motion" {
                     return Ok(0.0);
+                }
+                if has_gaps && cell.is_empty() {
+                    return Ok(f64::NAN);
                 }
                 let written = |value: &f64| value.abs() <= f64::from(f32::MAX);
                 cell.parse::<f64>().ok().filter(written).ok_or_else(|| {
@@ -241,6 +258,11 @@ mod tests {
         assert!(why(&row("1e300")).contains("`1e300` is no number"));
         assert_eq!(why(&row("soon")), "line 2, column `time_s`: `soon` is no number");
         assert!(why(&row("NaN")).contains("`NaN` is no number"));
+        assert!(why(&row("")).contains("`` is no number"));
+        let some = Table::read_some("time_s,other\n1,\n2,3\n").unwrap();
+        let other = some.column("other").unwrap();
+        assert!(other[0].is_nan() && other[1] == 3.0);
+        assert_eq!(Table::read_some("other\n1\n").unwrap_err().to_string(), why("a,b\n1,2\n"));
         assert!(why(&format!("{heading}\n1,2\n")).contains("found record with 2 fields"));
     }
 }

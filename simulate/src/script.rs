@@ -132,7 +132,7 @@ impl<'a> Script<'a> {
 }
 
 /// The servo of a channel at rest, with the gains and limits of the robot file.
-fn servo(channel: &Channel<'_>) -> Law {
+pub(crate) fn servo(channel: &Channel<'_>) -> Law {
     let law = Law::servo(channel.actuator());
     match channel {
         Channel::Joint(_) => law,

@@ -9,6 +9,7 @@ mod demo;
 mod diagnosis;
 mod files;
 mod grounded;
+mod identified;
 mod libraries;
 mod lines;
 mod load;

@@ -11,6 +11,7 @@ mod doctor;
 mod export;
 mod flash;
 mod gains;
+mod identify;
 mod import;
 mod keys;
 mod library;
@@ -40,6 +41,7 @@ pub enum Command {
     Export(export::Args),
     Simulate(simulate::Args),
     Retarget(retarget::Args),
+    Identify(identify::Args),
     #[command(subcommand)]
     Library(library::Action),
     Discover(discover::Args),
@@ -89,6 +91,7 @@ impl Command {
             Command::Export(args) => export::run(args),
             Command::Simulate(args) => simulate::run(args),
             Command::Retarget(args) => retarget::run(args),
+            Command::Identify(args) => identify::run(args),
             Command::Library(action) => library::run(action),
             Command::Discover(args) => discover::run(args),
             Command::Flash(args) => flash::run(args),

@@ -1,0 +1,135 @@
+//! `rollwalk identify`: fits the numbers of a robot file to a recorded run.
+
+mod recorded;
+mod report;
+mod source;
+
+use crate::files::{self, Output};
+use crate::inputs::Source as Inputs;
+use crate::kind::Kind as FileKind;
+use crate::{Exit, interrupt, output};
+use indicatif::ProgressBar;
+use miette::{Report, miette};
+use report::Document;
+use rollwalk_robot::Robot;
+use rollwalk_simulate::identify::{Kind, Options, Quantity, Stage, Unfit, identify};
+use source::Source;
+use std::path::{Path, PathBuf};
+
+/// Fit friction, gains and masses of a robot file to a recorded run.
+///
+/// The run is simulated again with what its drives were commanded, and the numbers of the robot change until the simulated robot does what
+/// the recorded one did: by Gauss–Newton's method with derivatives of the whole run (thesis 4.7.3), first over its beginning, then over all of it
+/// but the last quarter, which is predicted. What the run does not tell stays as it is.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk identify run.csv --robot robots/agilebot.toml -o fitted.toml
+  rollwalk identify run.csv --robot robots/agilebot.toml --fit friction,kp,mass.body -o fitted.toml
+
+What can be fitted, and what a recording needs: docs/identification.md")]
+pub struct Args {
+    /// Recorded run: a log of the simulated world, or a table with some of its columns.
+    #[arg(value_name = "RUN.csv")]
+    run: PathBuf,
+    /// Robot file (TOML) to begin with.
+    #[arg(long, value_name = "ROBOT.toml")]
+    robot: PathBuf,
+    /// What is fitted: `friction`, `kp`, `kd` and so on, or of one drive or link, such as `kp.xm540` [default: friction, resistance, kp, kd].
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    fit: Vec<String>,
+    /// Where to write the robot file with what was found.
+    #[arg(short, long, value_name = "FITTED.toml")]
+    output: PathBuf,
+    /// Leave out what is earlier, s of the recording.
+    #[arg(long, value_name = "SECONDS")]
+    from: Option<f64>,
+    /// Leave out what is later, s of the recording.
+    #[arg(long, value_name = "SECONDS")]
+    to: Option<f64>,
+    /// Print as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let robot = Inputs::Disk.robot(&args.robot)?;
+    let text = files::read_text(&args.robot, FileKind::Robot)?;
+    let mut source = Source::new(&args.robot, &text, &robot)?;
+    let quantities = chosen(&source.quantities(&robot), &args.fit, &robot)?;
+    files::ending(&args.output, "a robot file", &["toml"])?;
+    let recording = recorded::read(&args.run, &robot)?.between(args.from, args.to);
+    let place = Output::of_source(&args.output)?;
+    interrupt::listen();
+    let bar = ProgressBar::new_spinner();
+    let watch = |stage: &Stage| {
+        let Stage { what, horizon_s, rollouts } = stage;
+        bar.set_message(format!("{what}, {horizon_s:.1} s, rollout {rollouts}"));
+        bar.tick();
+        !interrupt::requested()
+    };
+    let found = identify(&robot, recording, &quantities, &Options::default(), watch);
+    bar.finish_and_clear();
+    let found = match found {
+        Ok(found) => found,
+        Err(Unfit::Ended) => return Ok(Exit::Interrupted),
+        Err(reason) => return Err(unfit(&reason, &args.run)),
+    };
+    let run = name_of(&args.run);
+    found.found.iter().for_each(|of| source.set(of, &run));
+    let text = source.text();
+    Robot::from_toml(&args.output.display().to_string(), &text).map_err(Report::new)?;
+    place.write(text.as_bytes())?;
+    if args.json {
+        output::print_json(&Document::new(&run, &found))?;
+    } else {
+        place.comment(&report::describe(&run, &found))?;
+        place.comment(&format!("wrote {}", args.output.display()))?;
+    }
+    Ok(Exit::Ok)
+}
+
+/// A file without its folder: robot files travel.
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn unfit(reason: &Unfit, path: &Path) -> Report {
+    let path = path.display();
+    let help = match reason {
+        Unfit::Falls(_) => {
+            "is this its robot file, and is the ground level? `--from` begins where the robot stands still"
+        }
+        _ => "record more, or leave out less with `--from` and `--to`",
+    };
+    miette!(help = help, "{path}: {reason}")
+}
+
+/// Quantities by name; those that are fitted when nothing is said, without names.
+fn chosen(known: &[Quantity], names: &[String], robot: &Robot) -> miette::Result<Vec<Quantity>> {
+    if names.is_empty() {
+        return Ok(known.iter().filter(|of| of.kind.by_default()).cloned().collect());
+    }
+    for name in names {
+        if known.iter().any(|of| is_named(of, name)) {
+            continue;
+        }
+        let all: Vec<String> = known.iter().map(Quantity::name).collect();
+        let help = format!("{} has {}", robot.name, all.join(", "));
+        let kind = Kind::all().find(|kind| kind.name() == name);
+        return Err(match kind.and_then(Kind::key) {
+            Some(key) => miette!(
+                help = help,
+                "--fit {name}: the robot file has no `{key}` above 0 that could change"
+            ),
+            None => miette!(help = help, "--fit {name}: there is nothing of this name"),
+        });
+    }
+    let is_wanted = |of: &&Quantity| names.iter().any(|name| is_named(of, name));
+    Ok(known.iter().filter(is_wanted).cloned().collect())
+}
+
+fn is_named(of: &Quantity, name: &str) -> bool {
+    of.kind.name() == name || of.name() == name
+}

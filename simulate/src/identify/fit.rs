@@ -1,0 +1,467 @@
+//! The search: first where the run begins, then the quantities over a short horizon, then all together over growing horizons, and
+//! what the data tell of each.
+
+use super::quality::{self, Quality};
+use super::quantity::{Kind, Model, Quantity};
+use super::recording::{Recording, SHORTEST_S};
+use super::rollout::{Noise, Played, Replay};
+use super::start::Start;
+use nalgebra::DMatrix;
+use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_physics::sensitivity::gauss_newton::{self, Evaluation, Fit, Penalty, minimise};
+use rollwalk_robot::Robot;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// How a fit goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Share of the run, at its end, that takes no part, and that is predicted.
+    pub held_out: f64,
+    /// Most steps of the run: what comes later is left out.
+    pub steps_max: usize,
+    /// Most iterations of each search.
+    pub iterations: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { held_out: 0.25, steps_max: 2400, iterations: 25 }
+    }
+}
+
+/// What is being done, for who waits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stage {
+    /// In words.
+    pub what: &'static str,
+    /// Length of the simulated run, s.
+    pub horizon_s: f64,
+    /// Rollouts so far.
+    pub rollouts: usize,
+}
+
+/// What became of a quantity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It is another one than in the file.
+    Changed,
+    /// It is that of the file, within its deviation.
+    Agrees,
+    /// Nothing that was measured depends on it, or only together with others.
+    Silent,
+    /// It is not known well enough.
+    Vague,
+    /// The search did not come to an end within sensible values.
+    Absurd,
+}
+
+/// A quantity with what was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// Which.
+    pub quantity: Quantity,
+    /// Of the robot file.
+    pub before: f64,
+    /// As fitted, whether it is to be used or not.
+    pub fitted: f64,
+    /// Standard deviation; infinite if the run does not tell.
+    pub deviation: f64,
+    /// What to make of it.
+    pub verdict: Verdict,
+}
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub struct Identified {
+    /// The robot with all quantities that changed.
+    pub model: Model,
+    /// All of them.
+    pub found: Vec<Found>,
+    /// Pairs of quantities that the run hardly tells apart, with their correlation.
+    pub correlated: Vec<(String, String, f64)>,
+    /// Of the steps of the fit, with the numbers of the file and with those found; `None` if the robot falls.
+    pub fitted: [Option<Quality>; 2],
+    /// Of the end of the run, which took no part.
+    pub predicted: [Option<Quality>; 2],
+    /// Beginning of the run, of what is predicted, and end, s.
+    pub times_s: [f64; 3],
+    /// Time over which the robot was fitted, s: less than planned if it falls later.
+    pub horizon_s: f64,
+    /// Simulated rollouts.
+    pub rollouts: usize,
+}
+
+/// Why nothing can be found.
+#[derive(Debug, Error)]
+pub enum Unfit {
+    /// The robot falls at once.
+    #[error(
+        "with the numbers of its file the simulated robot falls within {0:.2} s, though the recorded one did not"
+    )]
+    Falls(f64),
+    /// The recording is too short.
+    #[error("{0:.2} s are too short for a fit: it takes {SHORTEST_S} s")]
+    Short(f64),
+    /// The caller ended it.
+    #[error("interrupted")]
+    Ended,
+}
+
+/// Steps of the world a second: fewest, most, and those of a recording with few rows.
+const RATES_HZ: [f64; 3] = [100.0, 300.0, 120.0];
+/// Share of a value above which its deviation is too large to write it down, and deviation of a delay, s.
+const VAGUE: f64 = 0.25;
+const VAGUE_DELAY_S: f64 = 5e-3;
+/// Deviations by which a value differs that is another one.
+const DIFFERENT: f64 = 2.0;
+/// Correlation from which two quantities are named.
+const CORRELATED: f64 = 0.95;
+/// Change, as a logarithm, to be expected of a quantity, and that beyond which a search has lost its way.
+const EXPECTED: f64 = 1.0;
+const ABSURD: f64 = 3.0;
+/// Shares of the coefficient of friction that are tried where nothing slips: what sticks has no derivative.
+const FRICTIONS: [f64; 6] = [0.75, 0.55, 0.4, 0.3, 0.2, 1.5];
+/// Largest change of a parameter in an iteration.
+const MOST: f64 = 0.3;
+/// Improvement of an iteration that is too small to go on, as a share: a run has some 10,000 residuals, and a deviation of a parameter
+/// changes the objective by a half.
+const TOLERANCE: f64 = 1e-6;
+
+/// Fits quantities of a robot to a recording. `goes_on` hears of each rollout, and ends the search by answering `false`.
+///
+/// # Errors
+/// Why there is nothing to be found.
+pub fn identify(
+    robot: &Robot,
+    recording: Recording,
+    quantities: &[Quantity],
+    options: &Options,
+    goes_on: impl FnMut(&Stage) -> bool,
+) -> Result<Identified, Unfit> {
+    let file = Model::new(robot);
+    let replay = replay(recording, &file, options)?;
+    let until = replay.steps - (replay.steps as f64 * options.held_out) as usize;
+    let starts = replay.start.count();
+    let mut search = Search {
+        replay: &replay,
+        file: &file,
+        options,
+        noise: quality::nominal(),
+        at: At { quantities: vec![0.0; quantities.len()], start: vec![0.0; starts] },
+        all: quantities,
+        open: (0..quantities.len()).collect(),
+        rollouts: 0,
+        stage: Stage { what: "", horizon_s: 0.0, rollouts: 0 },
+        goes_on,
+        is_ended: false,
+    };
+    let quarter = (until / 4).max(((SHORTEST_S / 2.0) / replay.step_s) as usize).min(until);
+    let first = search.minimise("where the run begins", quarter, false, true);
+    search.check()?;
+    let quarter_s = quarter as f64 * replay.step_s;
+    let mut ends = first.is_some();
+    let at_first = search.at.clone();
+    if !ends {
+        return Err(Unfit::Falls(quarter_s));
+    }
+    search.look_for_friction(quarter);
+    ends &= search.minimise("quantities", quarter, true, false).is_some();
+    let mut horizon = quarter;
+    for steps in [quarter, (quarter + until) / 2, until] {
+        search.look_for_friction(steps);
+        if !ends || search.minimise("everything", steps, true, true).is_none() {
+            break;
+        }
+        horizon = steps;
+        search.learn_noise(steps);
+        search.check()?;
+    }
+    // Once more with the noise that the fit has left, and without what the run does not tell.
+    let mut found: Vec<Option<Found>> = vec![None; quantities.len()];
+    let mut correlated = Vec::new();
+    while !search.open.is_empty() {
+        let Some(fit) = search.minimise("everything", horizon, true, true) else { break };
+        search.check()?;
+        search.learn_noise(horizon);
+        let judged = search.judge(&fit);
+        let drop: Vec<usize> = (judged.iter())
+            .filter(|(_, found)| !matches!(found.verdict, Verdict::Changed | Verdict::Agrees))
+            .map(|(number, _)| *number)
+            .collect();
+        for (number, of) in judged {
+            found[number] = Some(of);
+        }
+        for pair in search.correlations(&fit) {
+            if correlated
+                .iter()
+                .all(|(a, b, _): &(String, String, f64)| (a, b) != (&pair.0, &pair.1))
+            {
+                correlated.push(pair);
+            }
+        }
+        if drop.is_empty() {
+            break;
+        }
+        search.open.retain(|number| !drop.contains(number));
+        drop.iter().for_each(|&number| search.at.quantities[number] = 0.0);
+    }
+    search.check()?;
+    let found: Vec<Found> = found.into_iter().flatten().collect();
+    let mut model = file.clone();
+    for of in found.iter().filter(|of| of.verdict == Verdict::Changed) {
+        of.quantity.set(&mut model, of.fitted);
+    }
+    let at_end = search.at.start.clone();
+    let mut compare = |model: &Model, start: &[f64]| {
+        let all = search.play(model, start, &[], false, replay.steps);
+        let parts = all.or_else(|| search.play(model, start, &[], false, until));
+        let of = |after: usize, to: usize| {
+            let played = parts.as_ref()?;
+            Some(Quality::of(played.misses(), after, to)).filter(|found| !found.rms.is_empty())
+        };
+        [of(0, until), of(until, replay.steps)]
+    };
+    let [fitted_before, predicted_before] = compare(&file, &at_first.start);
+    let [fitted_after, predicted_after] = compare(&model, &at_end);
+    let begin_s = replay.recording.span_s[0];
+    let at_s = |steps: usize| begin_s + steps as f64 * replay.step_s;
+    Ok(Identified {
+        model,
+        found,
+        correlated,
+        fitted: [fitted_before, fitted_after],
+        predicted: [predicted_before, predicted_after],
+        times_s: [begin_s, at_s(until), at_s(replay.steps)],
+        horizon_s: horizon as f64 * replay.step_s,
+        rollouts: search.rollouts,
+    })
+}
+
+/// The recording on a grid of steps.
+pub(super) fn replay(
+    recording: Recording,
+    file: &Model,
+    options: &Options,
+) -> Result<Replay, Unfit> {
+    let [begin_s, end_s] = recording.span_s;
+    if end_s - begin_s < SHORTEST_S {
+        return Err(Unfit::Short((end_s - begin_s).max(0.0)));
+    }
+    let [fewest_hz, most_hz, else_hz] = RATES_HZ;
+    let mut step_s = recording.interval_s;
+    while step_s < 1.0 / most_hz {
+        step_s *= 2.0;
+    }
+    if step_s > 1.0 / fewest_hz {
+        step_s = 1.0 / else_hz;
+    }
+    let steps = ((end_s - begin_s) / step_s + 1e-3) as usize;
+    let start = Start::of(&recording, file);
+    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    let steps = steps.min(options.steps_max);
+    Ok(Replay { recording: Arc::new(recording), start, step_s, steps, ground })
+}
+
+/// Where a search is.
+#[derive(Clone, Debug)]
+struct At {
+    /// A parameter for each quantity: 0 is the number of the file.
+    quantities: Vec<f64>,
+    /// Of the start.
+    start: Vec<f64>,
+}
+
+struct Search<'a, G> {
+    replay: &'a Replay,
+    file: &'a Model,
+    options: &'a Options,
+    noise: Noise,
+    at: At,
+    all: &'a [Quantity],
+    /// Quantities that are fitted.
+    open: Vec<usize>,
+    rollouts: usize,
+    stage: Stage,
+    goes_on: G,
+    is_ended: bool,
+}
+
+impl<G: FnMut(&Stage) -> bool> Search<'_, G> {
+    fn check(&self) -> Result<(), Unfit> {
+        if self.is_ended { Err(Unfit::Ended) } else { Ok(()) }
+    }
+
+    /// A rollout, unless the caller has ended the search.
+    fn play(
+        &mut self,
+        model: &Model,
+        start: &[f64],
+        quantities: &[Quantity],
+        by_start: bool,
+        steps: usize,
+    ) -> Option<Played> {
+        self.rollouts += 1;
+        self.stage.rollouts = self.rollouts;
+        self.stage.horizon_s = steps as f64 * self.replay.step_s;
+        self.is_ended |= !(self.goes_on)(&self.stage);
+        if self.is_ended {
+            return None;
+        }
+        self.replay.play(model, start, quantities, by_start, steps)
+    }
+
+    fn model(&self, at: &[f64]) -> Model {
+        let mut model = self.file.clone();
+        for (quantity, parameter) in self.all.iter().zip(at) {
+            if *parameter != 0.0 {
+                let value = quantity.of_parameter(quantity.value(self.file), *parameter);
+                quantity.set(&mut model, value);
+            }
+        }
+        model
+    }
+
+    /// Minimises by the open quantities, or the start, or both. None if the robot falls as it is.
+    fn minimise(
+        &mut self,
+        what: &'static str,
+        steps: usize,
+        by_quantities: bool,
+        by_start: bool,
+    ) -> Option<Fit> {
+        self.stage.what = what;
+        let open = if by_quantities { self.open.clone() } else { Vec::new() };
+        let quantities: Vec<Quantity> = open.iter().map(|&k| self.all[k].clone()).collect();
+        let count = open.len();
+        let mut begin: Vec<f64> = open.iter().map(|&k| self.at.quantities[k]).collect();
+        let mut penalties = Penalty::small(count, 1.0 / (EXPECTED * EXPECTED));
+        if by_start {
+            begin.extend(&self.at.start);
+            penalties.extend(self.replay.start.penalties(count));
+        }
+        let search = gauss_newton::Options {
+            iterations: self.options.iterations,
+            tolerance: TOLERANCE,
+            most: MOST,
+            ..gauss_newton::Options::default()
+        };
+        let noise = self.noise;
+        let fixed = self.at.clone();
+        let fit = minimise(&begin, &penalties, &search, |parameters| {
+            let mut at = fixed.clone();
+            open.iter().zip(parameters).for_each(|(&k, value)| at.quantities[k] = *value);
+            if by_start {
+                at.start.copy_from_slice(&parameters[count..]);
+            }
+            let model = self.model(&at.quantities);
+            let played = self.play(&model, &at.start, &quantities, by_start, steps)?;
+            let (values, jacobian) = played.weighted(&noise);
+            Some(Evaluation { values, jacobian: Box::new(jacobian) })
+        });
+        let mut fit = fit?;
+        open.iter().zip(&fit.parameters).for_each(|(&k, value)| self.at.quantities[k] = *value);
+        if by_start {
+            self.at.start.copy_from_slice(&fit.parameters[count..]);
+        }
+        // What the run tells, without what was expected before of the quantities.
+        for k in 0..count {
+            fit.hessian[(k, k)] -= 1.0 / (EXPECTED * EXPECTED);
+            if fit.hessian[(k, k)] < 1e-9 {
+                fit.hessian.fill_row(k, 0.0);
+                fit.hessian.fill_column(k, 0.0);
+            }
+        }
+        Some(fit)
+    }
+
+    /// Tries other coefficients of friction, one of which may slip where that of the file does not.
+    fn look_for_friction(&mut self, steps: usize) {
+        let friction = self.open.iter().find(|&&k| self.all[k].kind == Kind::Friction);
+        let Some(&friction) = friction else { return };
+        self.stage.what = "friction";
+        let cost = |search: &mut Self, parameter: f64| {
+            let mut at = search.at.clone();
+            at.quantities[friction] = parameter;
+            let model = search.model(&at.quantities);
+            let played = search.play(&model, &at.start, &[], false, steps)?;
+            let noise = search.noise;
+            let (values, _) = played.weighted(&noise);
+            let off = parameter / EXPECTED;
+            Some(values.iter().map(|value| value * value).sum::<f64>() + off * off)
+        };
+        let now = self.at.quantities[friction];
+        let Some(mut least) = cost(self, now) else { return };
+        for share in FRICTIONS {
+            let parameter = now + f64::ln(share);
+            if let Some(cost) = cost(self, parameter).filter(|cost| *cost < least) {
+                least = cost;
+                self.at.quantities[friction] = parameter;
+            }
+        }
+    }
+
+    /// Takes what the fit misses for noise.
+    fn learn_noise(&mut self, steps: usize) {
+        let model = self.model(&self.at.quantities);
+        let start = self.at.start.clone();
+        if let Some(played) = self.play(&model, &start, &[], false, steps) {
+            self.noise = quality::found(played.misses());
+        }
+    }
+
+    /// What to make of each open quantity.
+    fn judge(&self, fit: &Fit) -> Vec<(usize, Found)> {
+        let deviations = fit.deviations();
+        let of = |(place, &number): (usize, &usize)| {
+            let quantity = &self.all[number];
+            let before = quantity.value(self.file);
+            let parameter = self.at.quantities[number];
+            let fitted = quantity.of_parameter(before, parameter);
+            let deviation = deviations[place] * quantity.by_parameter(fitted);
+            let is_delay = quantity.kind == Kind::Delay;
+            let most = if is_delay { VAGUE_DELAY_S } else { VAGUE * fitted };
+            let verdict = if !deviation.is_finite() {
+                Verdict::Silent
+            } else if !is_delay && parameter.abs() > ABSURD {
+                Verdict::Absurd
+            } else if deviation > most {
+                Verdict::Vague
+            } else if (fitted - before).abs() > DIFFERENT * deviation {
+                Verdict::Changed
+            } else {
+                Verdict::Agrees
+            };
+            let quantity = quantity.clone();
+            (number, Found { quantity, before, fitted, deviation, verdict })
+        };
+        self.open.iter().enumerate().map(of).collect()
+    }
+
+    /// Pairs of open quantities that the run hardly tells apart.
+    fn correlations(&self, fit: &Fit) -> Vec<(String, String, f64)> {
+        let Some(covariance) = inverse(&fit.hessian) else { return Vec::new() };
+        let mut pairs = Vec::new();
+        for (i, &one) in self.open.iter().enumerate() {
+            for (j, &other) in self.open.iter().enumerate().skip(i + 1) {
+                let size = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+                let correlation = covariance[(i, j)] / size;
+                if correlation.abs() > CORRELATED {
+                    pairs.push((self.all[one].name(), self.all[other].name(), correlation));
+                }
+            }
+        }
+        pairs
+    }
+}
+
+/// Inverse of a Hessian, without the rows of what nothing depends on.
+fn inverse(hessian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let mut known = hessian.clone();
+    for k in 0..known.nrows() {
+        if known[(k, k)] == 0.0 {
+            known[(k, k)] = 1.0;
+        }
+    }
+    Some(known.cholesky()?.inverse())
+}

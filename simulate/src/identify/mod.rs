@@ -1,0 +1,32 @@
+//! What a robot is, from how it ran (thesis 4.7.3): friction, gains of drives and what else a simulation takes from a robot file,
+//! fitted until the simulated run is the recorded one.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`series`] | a number over time |
+//! | [`recording`] | what drives were commanded, and what was measured |
+//! | [`quantity`] | what can be fitted, in one list |
+//! | `start` | the state in which the recording begins |
+//! | `rollout` | the run simulated again, and what it misses |
+//! | [`fit`] | the search, in three phases over growing horizons |
+//! | [`quality`] | noise of what was measured, and how far a simulated run is from it |
+//!
+//! Drives do what they were commanded in the recording, with the gains of the model; so a run can be simulated again with other
+//! numbers. There is no feedback from what was measured: a simulated run that is near to the recorded one after seconds has
+//! come there by itself.
+
+pub mod fit;
+pub mod quality;
+pub mod quantity;
+pub mod recording;
+mod rollout;
+pub mod series;
+mod start;
+#[cfg(test)]
+mod tests;
+
+pub use fit::{Found, Identified, Options, Stage, Unfit, Verdict, identify};
+pub use quality::Quality;
+pub use quantity::{Group, Kind, Model, Of, Quantity};
+pub use recording::{Recording, TableError};
+pub use rollout::Signal;

@@ -1,0 +1,96 @@
+//! Noise of what was measured, and how far a simulated run is from it.
+
+use super::rollout::{Miss, Noise, Signal, centered};
+use std::collections::BTreeMap;
+
+/// How far a simulated run is from the recorded one over some of its steps: root mean squares of each signal.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Quality {
+    /// Signals that were measured, and their root mean squares.
+    pub rms: Vec<(Signal, f64)>,
+}
+
+impl Quality {
+    /// Of residuals after a step, up to another one.
+    pub(super) fn of(misses: &[Miss], after: usize, until: usize) -> Self {
+        let rms = Signal::ALL.into_iter().filter_map(|signal| {
+            let within =
+                |miss: &&Miss| miss.signal == signal && miss.step > after && miss.step <= until;
+            let squares: Vec<f64> =
+                misses.iter().filter(within).map(|miss| miss.residual.value.powi(2)).collect();
+            let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+            (!squares.is_empty()).then(|| (signal, mean.sqrt()))
+        });
+        Self { rms: rms.collect() }
+    }
+
+    /// Root mean square of a signal, if it was measured.
+    pub fn of_signal(&self, signal: Signal) -> Option<f64> {
+        self.rms.iter().find(|(known, _)| *known == signal).map(|(_, rms)| *rms)
+    }
+}
+
+/// Deviations as they stand at the beginning.
+pub(super) fn nominal() -> Noise {
+    Signal::ALL.map(|signal| signal.noise()[0])
+}
+
+/// Deviations that residuals have. What a model cannot follow lasts: n residuals with a correlation ρ from one to the next tell as
+/// much as n (1 − ρ) / (1 + ρ) that are independent, so that they count as if their deviation were √((1 + ρ) / (1 − ρ)) times as large.
+pub(super) fn found(misses: &[Miss]) -> Noise {
+    let mut last: BTreeMap<(usize, usize), f64> = BTreeMap::new();
+    let mut sums = [[0.0_f64; 3]; 6];
+    for (miss, value) in misses.iter().zip(centered(misses)) {
+        let signal = miss.signal as usize;
+        sums[signal][0] += value * value;
+        sums[signal][1] += 1.0;
+        if let Some(before) = last.insert((signal, miss.number), value) {
+            sums[signal][2] += before * value;
+        }
+    }
+    let mut noise = nominal();
+    for ((signal, deviation), [square, count, product]) in
+        Signal::ALL.into_iter().zip(&mut noise).zip(sums)
+    {
+        if square > 0.0 {
+            let most = 1.0 - 2.0 / count;
+            let correlation = (product / square).clamp(0.0, most.max(0.0));
+            let lasting = (1.0 + correlation) / (1.0 - correlation);
+            *deviation = ((square / count) * lasting).sqrt().max(signal.noise()[1]);
+        }
+    }
+    noise
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_physics::sensitivity::Residual;
+
+    fn misses(values: impl IntoIterator<Item = f64>) -> Vec<Miss> {
+        let of = |(step, value)| Miss {
+            signal: Signal::Joint,
+            number: 0,
+            step,
+            residual: Residual { value, by: Vec::new() },
+        };
+        (1..).zip(values).map(of).collect()
+    }
+
+    #[test]
+    fn what_lasts_counts_for_less() {
+        let sign = |k: i32, every: i32| if (k / every) % 2 == 0 { 0.01 } else { -0.01 };
+        let quick = found(&misses((0..1000).map(|k| sign(k, 1))))[Signal::Joint as usize];
+        assert!((quick - 0.01).abs() < 1e-9);
+        // Of a sign that changes every 20th time ρ is 0.9.
+        let slow = found(&misses((0..1000).map(|k| sign(k, 20))))[Signal::Joint as usize];
+        assert!((slow / 0.01 / 19_f64.sqrt() - 1.0).abs() < 0.02, "{slow}");
+    }
+
+    #[test]
+    fn root_mean_squares_are_of_their_steps() {
+        let quality = Quality::of(&misses([1.0, 3.0, 4.0]), 1, 3);
+        assert_eq!(quality.of_signal(Signal::Joint), Some(12.5_f64.sqrt()));
+        assert_eq!(quality.of_signal(Signal::Gyro), None);
+    }
+}

@@ -1,0 +1,400 @@
+//! What can be fitted: each kind of number that a robot has, where it stands, and what a rollout changes by it.
+
+use super::recording::Recording;
+use nalgebra::Vector3;
+use rollwalk_physics::force::Wrench;
+use rollwalk_physics::sensitivity::parameter::{
+    Drive, OfContact, OfMotor, Parameter, Targets, Touching,
+};
+use rollwalk_physics::sensitivity::{Column, Solved};
+use rollwalk_physics::world::Parameters;
+use rollwalk_physics::{Body, World};
+use rollwalk_robot::{Actuator, Robot};
+use std::sync::Arc;
+
+/// A robot, and what of it no robot file has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// The robot.
+    pub robot: Robot,
+    /// Of its joints and contacts.
+    pub parameters: Parameters,
+    /// Time that commands take to the drives, s.
+    pub delay_s: f64,
+}
+
+impl Model {
+    /// The robot as its file says. Contacts stay as stiff as its weight makes them, also when masses change.
+    pub fn new(robot: &Robot) -> Self {
+        Self { robot: robot.clone(), parameters: Parameters::new(robot), delay_s: 0.0 }
+    }
+}
+
+/// A kind of number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Coefficient of friction; end effectors keep their proportions.
+    Friction,
+    /// Rolling resistance of free wheels at any speed.
+    Resistance,
+    /// What is added to it per speed.
+    Drag,
+    /// kp of a drive model.
+    PositionGain,
+    /// kd of a drive model.
+    SpeedGain,
+    /// Rotor inertia of a drive model.
+    Armature,
+    /// Masses of links that share a description, with their inertias.
+    Mass,
+    /// Stiffness of contacts along the normal.
+    Stiffness,
+    /// Time that commands take.
+    Delay,
+}
+
+/// What is known of a kind.
+struct Facts {
+    kind: Kind,
+    name: &'static str,
+    /// Of [`Kind::label`]: what it is and its unit.
+    label: (&'static str, &'static str),
+    /// Whether it is fitted when nothing else is said.
+    by_default: bool,
+    /// Key of the robot file that has it, if one does.
+    key: Option<&'static str>,
+    /// What it means that nothing depends on it.
+    silence: &'static str,
+}
+
+/// The one list.
+const FACTS: [Facts; 9] = [
+    Facts {
+        kind: Kind::Friction,
+        name: "friction",
+        label: ("coefficient of friction", ""),
+        by_default: true,
+        key: Some("friction_coefficient"),
+        silence: "nothing slips in this run: push, accelerate or turn harder",
+    },
+    Facts {
+        kind: Kind::Resistance,
+        name: "resistance",
+        label: ("rolling resistance", ""),
+        by_default: true,
+        key: Some("rolling_resistance"),
+        silence: "no free wheel rolls",
+    },
+    Facts {
+        kind: Kind::Drag,
+        name: "drag",
+        label: ("rolling drag", "s/m"),
+        by_default: false,
+        key: Some("rolling_drag_s_m"),
+        silence: "no free wheel rolls",
+    },
+    Facts {
+        kind: Kind::PositionGain,
+        name: "kp",
+        label: ("kp", "N·m/rad"),
+        by_default: true,
+        key: Some("kp_nm_rad"),
+        silence: "its drives are at their limits, or have nothing to do",
+    },
+    Facts {
+        kind: Kind::SpeedGain,
+        name: "kd",
+        label: ("kd", "N·m·s/rad"),
+        by_default: true,
+        key: Some("kd_nm_s_rad"),
+        silence: "its drives are at their limits, or do not move",
+    },
+    Facts {
+        kind: Kind::Armature,
+        name: "armature",
+        label: ("rotor inertia", "kg·m²"),
+        by_default: false,
+        key: Some("armature_kg_m2"),
+        silence: "its drives do not accelerate",
+    },
+    Facts {
+        kind: Kind::Mass,
+        name: "mass",
+        label: ("mass", "kg"),
+        by_default: false,
+        key: Some("mass_kg"),
+        silence: "nothing that was measured depends on it",
+    },
+    Facts {
+        kind: Kind::Stiffness,
+        name: "stiffness",
+        label: ("stiffness of contacts", "N/m"),
+        by_default: false,
+        key: None,
+        silence: "nothing touches the ground",
+    },
+    Facts {
+        kind: Kind::Delay,
+        name: "delay",
+        label: ("delay of commands", "s"),
+        by_default: false,
+        key: None,
+        silence: "commands do not change",
+    },
+];
+
+impl Kind {
+    /// All of them.
+    pub fn all() -> impl Iterator<Item = Self> {
+        FACTS.iter().map(|facts| facts.kind)
+    }
+
+    fn facts(self) -> &'static Facts {
+        FACTS.iter().find(|facts| facts.kind == self).expect("every kind is in the list")
+    }
+
+    /// As commands spell it.
+    pub fn name(self) -> &'static str {
+        self.facts().name
+    }
+
+    /// What it is, and its unit.
+    pub fn label(self) -> (&'static str, &'static str) {
+        self.facts().label
+    }
+
+    /// Whether it is fitted when nothing else is said.
+    pub fn by_default(self) -> bool {
+        self.facts().by_default
+    }
+
+    /// Key of the robot file that has it, if one does.
+    pub fn key(self) -> Option<&'static str> {
+        self.facts().key
+    }
+
+    /// What it means that nothing depends on it.
+    pub fn silence(self) -> &'static str {
+        self.facts().silence
+    }
+
+    /// Whether there is one for each drive model, for each description of links, or for the whole robot.
+    pub fn is_of(self) -> Of {
+        match self {
+            Self::PositionGain | Self::SpeedGain | Self::Armature => Of::Drives,
+            Self::Mass => Of::Links,
+            _ => Of::Robot,
+        }
+    }
+}
+
+/// What a number belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Of {
+    /// A drive model.
+    Drives,
+    /// A description of links.
+    Links,
+    /// The whole robot.
+    Robot,
+}
+
+/// Drives or links that the robot file describes once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// Its name there.
+    pub name: String,
+    /// Channels, or links.
+    pub members: Vec<usize>,
+}
+
+/// A number that is fitted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Quantity {
+    /// What it is.
+    pub kind: Kind,
+    /// Of which drives or links; empty for numbers of the whole robot.
+    pub group: Option<Group>,
+}
+
+/// Delay by which a parameter of 1 stands for, s.
+const DELAY_S: f64 = 0.05;
+
+impl Quantity {
+    /// Such as `kp.xm540`.
+    pub fn name(&self) -> String {
+        let group = self.group.as_ref().map(|group| format!(".{}", group.name));
+        format!("{}{}", self.kind.name(), group.unwrap_or_default())
+    }
+
+    fn members(&self) -> &[usize] {
+        self.group.as_ref().map_or(&[], |group| &group.members)
+    }
+
+    /// Its value: of several that keep their proportions that of the first, of masses their sum; 0 if the robot has none.
+    pub fn value(&self, model: &Model) -> f64 {
+        let robot = &model.robot;
+        let drive = |of: fn(&Actuator) -> f64| {
+            let number = self.members().first();
+            number.and_then(|&k| robot.channels().nth(k)).map_or(0.0, |c| of(c.actuator()))
+        };
+        let drag = || robot.end_effectors.iter().find_map(|of| of.contact.drag());
+        match self.kind {
+            Kind::Friction => {
+                robot.end_effectors.first().map_or(0.0, |first| first.friction_coefficient)
+            }
+            Kind::Resistance => drag().map_or(0.0, |drag| drag.rolling_resistance),
+            Kind::Drag => drag().map_or(0.0, |drag| drag.rolling_drag_s_m),
+            Kind::PositionGain => drive(|actuator| actuator.kp_nm_rad),
+            Kind::SpeedGain => drive(|actuator| actuator.kd_nm_s_rad),
+            Kind::Armature => drive(|actuator| actuator.armature_kg_m2),
+            Kind::Mass => self.members().iter().map(|&link| robot.links[link].mass_kg).sum(),
+            Kind::Stiffness => model.parameters.normal.stiffness_n_m,
+            Kind::Delay => model.delay_s,
+        }
+    }
+
+    /// Changes it.
+    pub fn set(&self, model: &mut Model, value: f64) {
+        let share = value / self.value(model);
+        let robot = &mut model.robot;
+        let members = self.members().to_vec();
+        match self.kind {
+            Kind::Friction => {
+                robot.end_effectors.iter_mut().for_each(|of| of.friction_coefficient *= share);
+            }
+            Kind::Resistance | Kind::Drag => {
+                for of in &mut robot.end_effectors {
+                    if let Some(drag) = of.contact.drag_mut() {
+                        match self.kind {
+                            Kind::Resistance => drag.rolling_resistance *= share,
+                            _ => drag.rolling_drag_s_m *= share,
+                        }
+                    }
+                }
+            }
+            Kind::PositionGain | Kind::SpeedGain | Kind::Armature => {
+                for (_, actuator) in
+                    actuators(robot).enumerate().filter(|(number, _)| members.contains(number))
+                {
+                    match self.kind {
+                        Kind::PositionGain => actuator.kp_nm_rad = value,
+                        Kind::SpeedGain => actuator.kd_nm_s_rad = value,
+                        _ => actuator.armature_kg_m2 = value,
+                    }
+                }
+            }
+            Kind::Mass => {
+                for link in members {
+                    robot.links[link].mass_kg *= share;
+                    robot.links[link].inertia_in_link_kg_m2 *= share;
+                }
+            }
+            Kind::Stiffness => {
+                // With its damping: contacts keep their time constant.
+                model.parameters.normal.stiffness_n_m = value;
+                model.parameters.normal.damping_n_s_m *= share;
+            }
+            Kind::Delay => model.delay_s = value,
+        }
+    }
+
+    /// The value to which a parameter of the search stands, from that of the file: logarithms, but for the delay.
+    pub(super) fn of_parameter(&self, file: f64, parameter: f64) -> f64 {
+        if self.kind == Kind::Delay { file + DELAY_S * parameter } else { file * parameter.exp() }
+    }
+
+    /// Change of the value by the parameter.
+    pub(super) fn by_parameter(&self, value: f64) -> f64 {
+        if self.kind == Kind::Delay { DELAY_S } else { value }
+    }
+
+    /// What a rollout changes by it, each with its factor to the derivative by the value.
+    pub(super) fn parameters(
+        &self,
+        world: &World,
+        model: &Model,
+        recording: &Arc<Recording>,
+        begin_s: f64,
+    ) -> Vec<(Box<dyn Parameter>, f64)> {
+        let robot = &model.robot;
+        let contacts = |dragging: bool| -> Vec<usize> {
+            let of = robot.end_effectors.iter().enumerate();
+            let of = of.filter(|(_, of)| !dragging || of.contact.drag().is_some());
+            of.flat_map(|(number, _)| world.contacts(number)).collect()
+        };
+        let touching = |contacts: Vec<usize>, of: OfContact| -> Box<dyn Parameter> {
+            Box::new(Touching::new(world.system(), contacts, of))
+        };
+        let drive = |of: OfMotor| -> Vec<(Box<dyn Parameter>, f64)> {
+            let motors = self.members().iter().map(|&channel| world.motors()[channel]).collect();
+            vec![(Box::new(Drive { motors, of }), 1.0)]
+        };
+        match self.kind {
+            Kind::Friction => vec![(touching(contacts(false), OfContact::Friction), 1.0)],
+            Kind::Resistance => vec![(touching(contacts(true), OfContact::Resistance), 1.0)],
+            Kind::Drag => vec![(touching(contacts(true), OfContact::ResistancePerSpeed), 1.0)],
+            Kind::PositionGain => drive(OfMotor::PositionGain),
+            Kind::SpeedGain => drive(OfMotor::SpeedGain),
+            Kind::Armature => drive(OfMotor::Armature),
+            Kind::Mass => {
+                // Wheels that spin are bodies of their own, after the links.
+                let of_links = self.members().iter().copied();
+                let wheels = robot.end_effectors.iter().enumerate();
+                let wheels = wheels.filter(|(_, of)| self.members().contains(&of.link));
+                let wheels = wheels.filter_map(|(number, _)| world.wheel(number));
+                let bodies = of_links.chain(wheels).collect();
+                vec![(Box::new(Heavier { bodies }), 1.0 / self.value(model))]
+            }
+            Kind::Stiffness => {
+                let normal = model.parameters.normal;
+                let all = contacts(false);
+                let damping_s = normal.damping_n_s_m / normal.stiffness_n_m;
+                vec![
+                    (touching(all.clone(), OfContact::Stiffness), 1.0),
+                    (touching(all, OfContact::Damping), damping_s),
+                ]
+            }
+            Kind::Delay => {
+                let recording = Arc::clone(recording);
+                let delay_s = model.delay_s;
+                let by = move |channel: usize, time_s: f64| {
+                    let drive = &recording.drives[channel];
+                    let then_s = begin_s + time_s - delay_s;
+                    [-drive.target_rad.at(then_s)[1], -drive.target_rad_s.at(then_s)[1]]
+                };
+                vec![(Box::new(Targets { motors: world.motors().to_vec(), by: Arc::new(by) }), 1.0)]
+            }
+        }
+    }
+}
+
+/// Actuators in the order of channels.
+fn actuators(robot: &mut Robot) -> impl Iterator<Item = &mut Actuator> {
+    let joints = robot.joints.iter_mut().map(|joint| &mut joint.actuator);
+    let wheels = robot.end_effectors.iter_mut().filter_map(|of| of.contact.actuator_mut());
+    joints.chain(wheels)
+}
+
+/// Mass and inertia of bodies, as a share of what they are.
+#[derive(Clone, Debug)]
+struct Heavier {
+    bodies: Vec<usize>,
+}
+
+impl Parameter for Heavier {
+    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+        for &body in &self.bodies {
+            let of = solved.body(body);
+            let force = solved.resisted_m_s2(body) * of.mass_kg();
+            let moment = solved.rate(body, |motion| match of {
+                Body::Rigid(inertia) => {
+                    motion.rotation
+                        * (inertia.about_com_kg_m2 * motion.rotation.tr_mul(&motion.spin))
+                }
+                Body::Particle { .. } => Vector3::zeros(),
+            });
+            column.add(body, &Wrench { force, moment });
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! One measured or commanded number over time, with times of its own: buses report one motor after the other.
+
+/// Longest gap between two measurements over which one between them is taken, s.
+const GAP_S: f64 = 0.1;
+
+/// A number over time, linear between its points.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Series {
+    /// Time, s, ascending, and value.
+    points: Vec<[f64; 2]>,
+}
+
+impl Series {
+    /// Of times and values; points that are no numbers, or not later than the one before, are left out.
+    pub fn new(points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        let mut kept: Vec<[f64; 2]> = Vec::new();
+        for (time_s, value) in points {
+            let is_later = kept.last().is_none_or(|last| time_s > last[0]);
+            if is_later && time_s.is_finite() && value.is_finite() {
+                kept.push([time_s, value]);
+            }
+        }
+        Self { points: kept }
+    }
+
+    /// The same value at all times.
+    pub fn constant(value: f64) -> Self {
+        Self { points: vec![[0.0, value]] }
+    }
+
+    /// Whether nothing is known.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// Times and values.
+    pub fn points(&self) -> &[[f64; 2]] {
+        &self.points
+    }
+
+    /// Numbers that are known up to a period, such as angles within a turn, as ones that do not jump.
+    pub fn unwrapped(mut self, period: f64) -> Self {
+        for k in 1..self.points.len() {
+            let last = self.points[k - 1][1];
+            let value = &mut self.points[k][1];
+            *value -= period * ((*value - last) / period).round();
+        }
+        self
+    }
+
+    /// Value and slope at a time; before the first point and after the last one those have their values, and 0.
+    pub fn at(&self, time_s: f64) -> [f64; 2] {
+        let after = self.points.partition_point(|point| point[0] < time_s);
+        match (after.checked_sub(1).map(|before| self.points[before]), self.points.get(after)) {
+            (Some(before), Some(after)) => {
+                let slope = (after[1] - before[1]) / (after[0] - before[0]);
+                [before[1] + slope * (time_s - before[0]), slope]
+            }
+            (Some(only), None) => [only[1], 0.0],
+            (None, Some(only)) => [only[1], 0.0],
+            (None, None) => [0.0; 2],
+        }
+    }
+
+    /// Value at a time, if something was measured within `half_s` of it, and no gap is in between.
+    pub fn seen(&self, time_s: f64, half_s: f64) -> Option<f64> {
+        let after = self.points.partition_point(|point| point[0] < time_s);
+        let near = |point: &&[f64; 2]| (point[0] - time_s).abs() <= half_s;
+        let before = after.checked_sub(1).and_then(|before| self.points.get(before));
+        let next = self.points.get(after);
+        let nearest =
+            [before, next].into_iter().flatten().filter(near).min_by(|one, other| {
+                (one[0] - time_s).abs().total_cmp(&(other[0] - time_s).abs())
+            })?;
+        match (before, next) {
+            (Some(before), Some(next)) if next[0] - before[0] <= GAP_S => Some(self.at(time_s)[0]),
+            _ => Some(nearest[1]),
+        }
+    }
+
+    /// Value and slope at the beginning of a stretch of time, of the parabola nearest to what was measured in it; `None` if that is
+    /// nothing.
+    pub fn beginning(&self, [from_s, to_s]: [f64; 2]) -> Option<[f64; 2]> {
+        let within: Vec<&[f64; 2]> =
+            self.points.iter().filter(|point| (from_s..=to_s).contains(&point[0])).collect();
+        let Some(first) = within.first() else {
+            return (!self.is_empty()).then(|| self.at(from_s));
+        };
+        if within.len() < 6 {
+            return Some([first[1], 0.0]);
+        }
+        let rows = nalgebra::DMatrix::from_fn(within.len(), 3, |row, column| {
+            (within[row][0] - from_s).powi(column as i32)
+        });
+        let values = nalgebra::DVector::from_fn(within.len(), |row, _| within[row][1]);
+        let found = rows.svd(true, true).solve(&values, 1e-12).ok()?;
+        Some([found[0], found[1]])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_is_linear_between_points_and_ends_with_them() {
+        let series = Series::new([(0.0, 1.0), (0.1, 3.0), (0.1, 9.0), (0.2, f64::NAN), (0.3, 5.0)]);
+        assert_eq!(series.points().len(), 3);
+        let [value, slope] = series.at(0.05);
+        assert!((value - 2.0).abs() < 1e-12 && (slope - 20.0).abs() < 1e-12);
+        assert_eq!([series.at(-1.0), series.at(1.0)], [[1.0, 0.0], [5.0, 0.0]]);
+        assert_eq!(series.seen(0.05, 0.01), None);
+        assert!((series.seen(0.045, 0.05).unwrap() - 1.9).abs() < 1e-12);
+        // Across the gap nothing is made up.
+        assert_eq!(series.seen(0.12, 0.05), Some(3.0));
+    }
+
+    #[test]
+    fn angles_within_a_turn_count_turns() {
+        let series = Series::new([(0.0, 3.0), (0.1, -3.0), (0.2, -1.0)]).unwrapped(6.0);
+        assert_eq!(series.points(), [[0.0, 3.0], [0.1, 3.0], [0.2, 5.0]]);
+    }
+
+    #[test]
+    fn a_beginning_is_that_of_the_parabola() {
+        let at = |t: f64| 0.3 - 0.7 * t + 4.0 * t * t;
+        let series = Series::new((0..20).map(|k| f64::from(k) * 0.01).map(|t| (t, at(t))));
+        let [value, slope] = series.beginning([0.05, 0.15]).unwrap();
+        assert!((value - at(0.05)).abs() < 1e-9 && (slope + 0.3).abs() < 1e-9);
+        assert_eq!(Series::default().beginning([0.0, 1.0]), None);
+    }
+}
