@@ -65,7 +65,7 @@ pub struct Retargeted {
     pub largest_rad: f64,
 }
 
-/// Finds corrections for a validated plan, beginning with those that it has. `goes_on` hears of each rollout, and ends the search by
+/// Finds corrections for a validated plan; those that it has are left out. `goes_on` hears of each rollout, and ends the search by
 /// answering `false`; then the best corrections so far are returned.
 ///
 /// Returns none if the robot falls with its plan as it is, or a step of the world has no solution.
@@ -80,7 +80,7 @@ pub fn retarget(
     let curve = curve(&script, options);
     let joints = plan.robot.joints.len();
     let mut count = 0;
-    let run = |knots: &[f64]| {
+    let mut run = |knots: &[f64]| {
         count += 1;
         goes_on(count).then(|| rollout(&script, options, &curve, knots)).flatten()
     };
@@ -107,7 +107,9 @@ pub fn retarget(
         most: MOST_RAD,
         ..gauss_newton::Options::default()
     };
-    let fit = minimise(&start, &penalties, &search, run)?;
+    // Where the robot falls with these angles, it may stand without.
+    let fit = minimise(&start, &penalties, &search, &mut run)
+        .or_else(|| minimise(&vec![0.0; start.len()], &penalties, &search, &mut run))?;
     let mut corrected = bare.clone();
     let offset_s = if script.repeats() { 0.0 } else { REST_S };
     let mut largest_rad: f64 = 0.0;

@@ -41,16 +41,16 @@ FALL_TILT_RAD, FALL_HEIGHT = 1.0, 0.4
 
 
 class Log:
-    """The rows of a log from the moment when the hoist lets go."""
+    """The rows of a log from the moment when the hoist lets go; of a plan by itself all, which no hoist holds."""
 
-    def __init__(self, path, robot):
+    def __init__(self, path, robot, hoisted=True):
         try:
             with open(path, encoding="utf-8", newline="") as file:
                 rows = list(csv.DictReader(file))
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise Unusable(f"{path}: {error}") from error
         try:
-            if rows and rows[0]["held"] != "1":
+            if hoisted and rows and rows[0]["held"] != "1":
                 raise Unusable(f"{path}: no hoist holds the robot at its beginning; expected the log of a library behind its firmware")
             free = next(index for index, row in enumerate(rows) if row["held"] == "0")
             held = (index for index, row in enumerate(rows) if index > free and row["held"] == "1")
@@ -100,8 +100,8 @@ def _expect_robot(row, robot):
             raise ValueError(f"columns *{ending} of {', '.join(sorted(found ^ expected))}")
 
 
-def played(log, robot):
-    """Centre of mass and heading at the end of each row, and the row at which the robot fell."""
+def played(log, robot, look=lambda d: None):
+    """Centre of mass and heading at the end of each row, and the row at which the robot fell; `look` sees MuJoCo's data at each."""
     model = Model(robot, GRAVITY_M_S2, Ground(step_s=log.step_s / PARTS))
     m, d = model.m, mujoco.MjData(model.m)
     drives = Drives(model, ROLLING_SIGN_WIDTH_M_S)
@@ -114,6 +114,7 @@ def played(log, robot):
     up, height = d.xmat[1][6:9].copy(), d.xpos[1, 2]
     load = np.zeros(len(model.foot_geoms))
     com, yaw, fell = [d.subtree_com[1].copy()], [_yaw(d)], None
+    look(d)
     for row in range(1, len(log.rows)):
         # What acts in the step that ends at the row.
         m.actuator_biasprm[:, 1], m.actuator_biasprm[:, 2] = -log.kp[row], -log.kd[row]
@@ -128,6 +129,7 @@ def played(log, robot):
                     load[feet[geom]] += d.efc_force[address]
         com.append(d.subtree_com[1].copy())
         yaw.append(_yaw(d))
+        look(d)
         tilt = math.acos(min(max(float(d.xmat[1][6:9] @ up), -1.0), 1.0))
         # One that sinks down when its torque goes off has not fallen.
         sunk = log.motion[row] and d.xpos[1, 2] < FALL_HEIGHT * height

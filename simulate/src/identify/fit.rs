@@ -224,6 +224,7 @@ pub fn identify(
     };
     let [fitted_before, predicted_before] = compare(&file, &at_first.start);
     let [fitted_after, predicted_after] = compare(&model, &at_end);
+    search.check()?;
     let begin_s = replay.recording.span_s[0];
     let at_s = |steps: usize| begin_s + steps as f64 * replay.step_s;
     Ok(Identified {

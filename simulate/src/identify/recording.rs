@@ -115,7 +115,7 @@ impl Recording {
                     ("target_rad_s", "the speed that its drive was commanded", true)
                 }
             };
-            if of(target).is_none() {
+            if of(target).is_none_or(|commanded| commanded.is_empty()) {
                 return Err(missing(&format!("{name}_{target}"), what));
             }
             let rad = of("rad").unwrap_or_default();

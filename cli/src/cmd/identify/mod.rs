@@ -6,7 +6,6 @@ mod source;
 
 use crate::files::{self, Output};
 use crate::inputs::Source as Inputs;
-use crate::kind::Kind as FileKind;
 use crate::{Exit, interrupt, output};
 use indicatif::ProgressBar;
 use miette::{Report, miette};
@@ -54,9 +53,8 @@ pub struct Args {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let robot = Inputs::Disk.robot(&args.robot)?;
-    let text = files::read_text(&args.robot, FileKind::Robot)?;
-    let mut source = Source::new(&args.robot, &text, &robot)?;
+    let (robot, text) = Inputs::Disk.robot_and_text(&args.robot)?;
+    let mut source = Source::new(&args.robot, &text.text, &robot)?;
     let quantities = chosen(&source.quantities(&robot), &args.fit, &robot)?;
     files::ending(&args.output, "a robot file", &["toml"])?;
     let recording = recorded::read(&args.run, &robot)?.between(args.from, args.to);

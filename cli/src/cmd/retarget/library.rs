@@ -22,11 +22,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         None => (library.robot.clone(), library.robot_text.clone()),
     };
     files::make_folder(&args.output)?;
+    let feed_forward = library.file.torques && !args.no_feed_forward;
     // Not after minutes of work.
-    for name in [ROBOT, LIBRARY] {
+    let rewritten = rewritten(&library, feed_forward)?;
+    let plans = plan_files(&library)?;
+    for name in plans.iter().map(String::as_str).chain([ROBOT, LIBRARY]) {
         Output::at(&args.output.join(name))?;
     }
-    let feed_forward = library.file.torques && !args.no_feed_forward;
     let Some(planned) = plan_motions(&library, false) else { return Ok(Exit::Interrupted) };
     if let Some(failed) = planned.iter().find(|of| of.plan.solve.status != Status::Converged) {
         let (name, status) = (&failed.plan.motion.name, failed.plan.solve.status);
@@ -46,12 +48,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         }
         all.push((plan, corrected));
     }
-    for (plan, corrected) in &all {
-        let plan = corrected.found.as_ref().map_or(plan, |found| &found.plan);
-        files::write(&args.output.join(plan_file(&plan.motion.name)), plan.to_json().as_bytes())?;
+    for ((plan, corrected), file) in all.iter().zip(&plans) {
+        files::write(&args.output.join(file), corrected.better(plan).to_json().as_bytes())?;
     }
     files::write(&args.output.join(ROBOT), robot_text.text.as_bytes())?;
-    let rewritten = rewritten(&library, feed_forward)?;
     files::write(&args.output.join(LIBRARY), rewritten.as_bytes())?;
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
@@ -63,10 +63,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     } else {
         let mut rows = vec![["motion", "before", "after", "moved by"].map(str::to_owned).to_vec()];
         for (plan, corrected) in &all {
-            let moved = corrected.found.as_ref().map_or_else(
-                || "as planned".to_owned(),
-                |found| format!("{:.3} rad", found.largest_rad),
-            );
+            let moved = match &corrected.found {
+                Some(found) if *corrected.better(plan) == found.plan => {
+                    format!("{:.3} rad", found.largest_rad)
+                }
+                _ => "as planned".to_owned(),
+            };
             let [before, after] = [&corrected.before, &corrected.after].map(ratios);
             rows.push(vec![plan.motion.name.clone(), before, after, moved]);
         }
@@ -87,6 +89,24 @@ fn plan_file(motion: &str) -> String {
     format!("{}.json", file_name(motion))
 }
 
+/// Names of the plans' files, of which no two are one.
+fn plan_files(library: &Library) -> miette::Result<Vec<String>> {
+    let motions = &library.file.motions;
+    let files: Vec<_> = motions.iter().map(|motion| plan_file(&motion.name)).collect();
+    for (number, file) in files.iter().enumerate() {
+        if let Some(earlier) = files[..number].iter().position(|known| known == file) {
+            return Err(miette!(
+                help = "give one of them a name that differs in more than spaces and signs",
+                "{}: the plans of `{}` and `{}` would both be {file}",
+                library.text.path,
+                motions[earlier].name,
+                motions[number].name
+            ));
+        }
+    }
+    Ok(files)
+}
+
 /// The library file with plans in place of motion files, everything else as it was written.
 fn rewritten(library: &Library, torques: bool) -> miette::Result<String> {
     let text = &library.text;
@@ -98,8 +118,13 @@ fn rewritten(library: &Library, torques: bool) -> miette::Result<String> {
     let tables = document.get_mut("motion").and_then(Item::as_array_of_tables_mut);
     let tables = tables.ok_or_else(|| miette!("{}: write motions as [[motion]]", text.path))?;
     for (table, motion) in tables.iter_mut().zip(&library.file.motions) {
+        // A plan in the place of the motion file, with what was written above it.
+        let above = table.key("file").map(|key| key.leaf_decor().clone());
         table.remove("file");
         table["plan"] = value(plan_file(&motion.name));
+        if let (Some(above), Some(mut key)) = (above, table.key_mut("plan")) {
+            *key.leaf_decor_mut() = above;
+        }
     }
     Ok(document.to_string())
 }

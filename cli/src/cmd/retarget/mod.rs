@@ -129,6 +129,12 @@ impl Corrected {
         Ok((!interrupt::requested()).then_some(Self { found, before, after }))
     }
 
+    /// The plan that comes nearer to where it says: with its corrections, unless it came nearer without.
+    fn better<'a>(&'a self, plan: &'a Plan) -> &'a Plan {
+        let found = self.found.as_ref().filter(|_| off(&self.after) <= off(&self.before));
+        found.map_or(plan, |found| &found.plan)
+    }
+
     fn holds(&self) -> bool {
         self.found.is_some() && self.after.holds()
     }
@@ -145,6 +151,14 @@ impl Corrected {
             holds: self.holds(),
         }
     }
+}
+
+/// How far a run is from where its plan says, as a share of that; a fall is farther than anything.
+fn off(outcome: &Outcome) -> f64 {
+    if outcome.fell_at_s.is_some() {
+        return f64::INFINITY;
+    }
+    (0..3).filter_map(|of| outcome.ratio(of)).map(|ratio| (ratio - 1.0).abs()).fold(0.0, f64::max)
 }
 
 /// Why a plan cannot be corrected, and what helps.
