@@ -1,4 +1,4 @@
-//! The experiments of the thesis's differentiable simulator (ch. 4), each with the thesis's numbers beside what was found.
+//! `bench physics`: runs the experiments of the thesis's differentiable simulator (ch. 4) and compares their numbers with the thesis's.
 
 use crate::chart::{self, Labels};
 use crate::{Block, Findings, Program, Verdict, table};

@@ -188,7 +188,7 @@ pub fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_extension(ending)
 }
 
-/// A name as it is safe in a path.
+/// A name as a file name: every character but letters, digits, `-`, `_` and `.` becomes `_`, and no dot begins it.
 pub fn file_name(name: &str) -> String {
     let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     name.chars().map(safe).collect::<String>().trim_start_matches('.').to_owned()

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 ///
 /// The run is simulated again with what its drives were commanded, and the numbers of the robot change until the simulated robot does what
 /// the recorded one did: by Gauss–Newton's method with derivatives of the whole run (thesis 4.7.3), first over its beginning, then over all of it
-/// but the last quarter, which is predicted. What the run does not tell stays as it is.
+/// but the last quarter, which is simulated as a check. Parameters that the run does not determine keep their values.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -37,13 +37,13 @@ pub struct Args {
     /// What is fitted: `friction`, `kp`, `kd` and so on, or of one drive or link, such as `kp.xm540` [default: friction, resistance, kp, kd].
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fit: Vec<String>,
-    /// Where to write the robot file with what was found.
+    /// Robot file to write, with the fitted values.
     #[arg(short, long, value_name = "FITTED.toml")]
     output: PathBuf,
-    /// Leave out what is earlier, s of the recording.
+    /// Leave out rows before this time of the recording, s.
     #[arg(long, value_name = "SECONDS")]
     from: Option<f64>,
-    /// Leave out what is later, s of the recording.
+    /// Leave out rows after this time of the recording, s.
     #[arg(long, value_name = "SECONDS")]
     to: Option<f64>,
     /// Print as JSON.

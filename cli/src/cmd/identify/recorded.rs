@@ -11,7 +11,7 @@ use std::path::Path;
 /// Reads the run of a robot.
 ///
 /// # Errors
-/// The file is missing, or what is missing in it.
+/// The file cannot be read, or lacks a column that a fit needs.
 pub fn read(path: &Path, robot: &Robot) -> miette::Result<Recording> {
     let help = "docs/identification.md names the columns; `rollwalk simulate PLAN.json --world-log RUN.csv` writes all of them";
     let text = files::read_text(path, Kind::WorldLog)?;

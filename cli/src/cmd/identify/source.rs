@@ -93,7 +93,7 @@ impl Source {
         }
     }
 
-    /// The file as it is now.
+    /// Text of the robot file with the values that were set.
     pub fn text(&self) -> String {
         self.document.to_string()
     }

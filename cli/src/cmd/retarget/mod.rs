@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 
 /// A plan with its corrections, and what becomes of it without and with them.
 struct Corrected {
-    /// None where the robot falls with its plan as it is.
+    /// `None` if the robot falls before anything is corrected.
     found: Option<Retargeted>,
     before: Outcome,
     after: Outcome,
