@@ -456,7 +456,7 @@ fn moving_robot(name: &str, scheme: Scheme, soft: Option<SoftMaterial>, bound: f
         let motors = motors[..joints].to_vec();
         let by = move |number: usize, time_s: f64| {
             let (sine, cosine) = (TAU * time_s).sin_cos();
-            [sine, TAU * cosine].map(|rate| -swing_rad(number) * TAU * rate)
+            [sine, TAU * cosine, 0.0].map(|rate| -swing_rad(number) * TAU * rate)
         };
         Targets { motors, by: Arc::new(by) }
     };

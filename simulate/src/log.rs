@@ -111,7 +111,7 @@ pub struct Table {
     /// Motion of each row; empty where none was played.
     pub motions: Vec<String>,
     names: Vec<String>,
-    /// By row; the motion's is 0.
+    /// By row; the motion's is 0, and what was not read is NaN.
     values: Vec<Vec<f64>>,
 }
 
@@ -145,19 +145,24 @@ impl Table {
     /// # Errors
     /// It is none, or it has no rows.
     pub fn read(text: &str) -> Result<Self, LogError> {
-        Self::read_with(text, &BASE, false)
+        Self::read_with(text, &BASE, None)
     }
 
-    /// Reads a table with some of the columns, such as those that a real robot can fill. An empty cell is a number that was not
-    /// measured, NaN.
+    /// Reads times and some of the columns of a table, such as those that a real robot can fill. An empty cell, or NaN, is a number that
+    /// was not measured; what stands in columns that are not read does not matter.
     ///
     /// # Errors
     /// It is none, has no times, or it has no rows.
-    pub fn read_some(text: &str) -> Result<Self, LogError> {
-        Self::read_with(text, &BASE[..1], true)
+    pub fn read_some(text: &str, is_read: impl Fn(&str) -> bool) -> Result<Self, LogError> {
+        Self::read_with(text, &BASE[..1], Some(&is_read))
     }
 
-    fn read_with(text: &str, columns: &[&'static str], has_gaps: bool) -> Result<Self, LogError> {
+    /// With all columns and no gaps, or with those that are read.
+    fn read_with(
+        text: &str,
+        columns: &[&'static str],
+        some: Option<&dyn Fn(&str) -> bool>,
+    ) -> Result<Self, LogError> {
         let text = text.rfind('\n').map_or(text, |end| &text[..=end]);
         let mut reader = csv::Reader::from_reader(text.as_bytes());
         let names: Vec<String> = reader.headers()?.iter().map(str::to_owned).collect();
@@ -172,7 +177,10 @@ impl Table {
                 if name == "motion" {
                     return Ok(0.0);
                 }
-                if has_gaps && cell.is_empty() {
+                let is_needed = columns.iter().any(|column| name == column);
+                if let Some(is_read) = some.filter(|_| !is_needed)
+                    && (!is_read(name) || cell.is_empty() || cell.eq_ignore_ascii_case("nan"))
+                {
                     return Ok(f64::NAN);
                 }
                 let written = |value: &f64| value.abs() <= f64::from(f32::MAX);
@@ -259,10 +267,16 @@ mod tests {
         assert_eq!(why(&row("soon")), "line 2, column `time_s`: `soon` is no number");
         assert!(why(&row("NaN")).contains("`NaN` is no number"));
         assert!(why(&row("")).contains("`` is no number"));
-        let some = Table::read_some("time_s,other\n1,\n2,3\n").unwrap();
-        let other = some.column("other").unwrap();
-        assert!(other[0].is_nan() && other[1] == 3.0);
-        assert_eq!(Table::read_some("other\n1\n").unwrap_err().to_string(), why("a,b\n1,2\n"));
+        let some = |text: &str| Table::read_some(text, |name| name == "other");
+        let other = some("time_s,other,note\n1,,ok\n2,NaN,\n3,3,NaN\n").unwrap();
+        let other = other.column("other").unwrap();
+        assert!(other[0].is_nan() && other[1].is_nan() && other[2] == 3.0);
+        assert_eq!(some("other\n1\n").unwrap_err().to_string(), why("a,b\n1,2\n"));
+        let word = some("time_s,other\n1,ok\n").unwrap_err().to_string();
+        assert_eq!(word, "line 2, column `other`: `ok` is no number");
+        for time in ["", "nan"] {
+            assert!(some(&format!("time_s,other\n{time},1\n")).is_err());
+        }
         assert!(why(&format!("{heading}\n1,2\n")).contains("found record with 2 fields"));
     }
 }

@@ -90,6 +90,9 @@ fn a_robot_is_identified_from_what_it_measures() {
         let [before, after] = ["before", "after"].map(|key| fit[key].as_f64().unwrap());
         assert!(after < before, "{fit}");
     }
+    let [begin_s, until_s, horizon_s] =
+        ["begin_s", "predicted_from_s", "horizon_s"].map(|key| found[key].as_f64().unwrap());
+    assert!((begin_s + horizon_s - until_s).abs() < 1e-9, "{found}");
     let robot = desk.read_text("fitted.toml");
     assert!(
         robot.contains("# fitted to run.csv: ±") && robot.contains("chosen: rubber"),
@@ -120,7 +123,7 @@ fn a_robot_is_identified_from_what_it_measures() {
     let words = ["--fit resistance", "`rolling_resistance`", "kp.xm540"];
     fails_with("run.csv", &["--fit", "resistance"], &words);
     fails_with("run.csv", &["--fit", "grip"], &["--fit grip", "friction"]);
-    fails_with("run.csv", &["--to", "0.3"], &["run.csv", "too short"]);
+    fails_with("run.csv", &["--to", "0.3"], &["run.csv", "up to 0.3 s"]);
     fails_with("nowhere.csv", &[], &["nowhere.csv"]);
     assert!(!desk.path("new.toml").exists());
     fails(

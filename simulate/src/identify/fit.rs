@@ -103,6 +103,9 @@ pub enum Unfit {
     /// The recording is too short.
     #[error("{0:.2} s are too short for a fit: it takes {SHORTEST_S} s")]
     Short(f64),
+    /// The mass of a link with a soft foot.
+    #[error("the mass of {0} cannot be fitted, because its foot is soft")]
+    Soft(String),
     /// The caller ended it.
     #[error("interrupted")]
     Ended,
@@ -139,6 +142,9 @@ pub fn identify(
     options: &Options,
     goes_on: impl FnMut(&Stage) -> bool,
 ) -> Result<Identified, Unfit> {
+    if let Some(link) = quantities.iter().find_map(|of| of.soft_link(robot)) {
+        return Err(Unfit::Soft(link.to_owned()));
+    }
     let file = Model::new(robot);
     let replay = replay(recording, &file, options)?;
     let until = replay.steps - (replay.steps as f64 * options.held_out) as usize;

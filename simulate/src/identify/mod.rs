@@ -28,5 +28,6 @@ mod tests;
 pub use fit::{Found, Identified, Options, Stage, Unfit, Verdict, identify};
 pub use quality::Quality;
 pub use quantity::{Group, Kind, Model, Of, Quantity};
-pub use recording::{Recording, TableError};
+pub use recording::{Drive, Idle, Recording, TableError, Wanted, motor_names};
 pub use rollout::Signal;
+pub use series::Series;

@@ -4,7 +4,7 @@ use super::recording::Recording;
 use nalgebra::Vector3;
 use rollwalk_physics::force::Wrench;
 use rollwalk_physics::sensitivity::parameter::{
-    Drive, OfContact, OfMotor, Parameter, Targets, Touching,
+    Constant, Drive, OfContact, OfMotor, Parameter, Targets, Touching,
 };
 use rollwalk_physics::sensitivity::{Column, Solved};
 use rollwalk_physics::world::Parameters;
@@ -227,6 +227,16 @@ impl Quantity {
         format!("{}{}", self.kind.name(), group.unwrap_or_default())
     }
 
+    /// A link with a soft foot, whose mass it would change: what is rigid of it would have another centre of mass, and a rollout has no
+    /// derivative by that.
+    pub(super) fn soft_link<'r>(&self, robot: &'r Robot) -> Option<&'r str> {
+        let is_soft = |&&link: &&usize| {
+            robot.end_effectors.iter().any(|of| of.link == link && of.soft.is_some())
+        };
+        let links = self.members().iter().filter(|_| self.kind == Kind::Mass);
+        links.filter(is_soft).map(|&link| robot.links[link].name.as_str()).next()
+    }
+
     fn members(&self) -> &[usize] {
         self.group.as_ref().map_or(&[], |group| &group.members)
     }
@@ -323,17 +333,21 @@ impl Quantity {
             let of = of.filter(|(_, of)| !dragging || of.contact.drag().is_some());
             of.flat_map(|(number, _)| world.contacts(number)).collect()
         };
-        let touching = |contacts: Vec<usize>, of: OfContact| -> Box<dyn Parameter> {
-            Box::new(Touching::new(world.system(), contacts, of))
+        // Nodes of soft feet have shares of a number.
+        let touching = |dragging: bool, of: OfContact, number: f64| {
+            let contacts = Touching::new(world.system(), contacts(dragging), of);
+            let share = contacts.value(world.system()) / number;
+            (Box::new(contacts) as Box<dyn Parameter>, share)
         };
+        let value = self.value(model);
         let drive = |of: OfMotor| -> Vec<(Box<dyn Parameter>, f64)> {
             let motors = self.members().iter().map(|&channel| world.motors()[channel]).collect();
             vec![(Box::new(Drive { motors, of }), 1.0)]
         };
         match self.kind {
-            Kind::Friction => vec![(touching(contacts(false), OfContact::Friction), 1.0)],
-            Kind::Resistance => vec![(touching(contacts(true), OfContact::Resistance), 1.0)],
-            Kind::Drag => vec![(touching(contacts(true), OfContact::ResistancePerSpeed), 1.0)],
+            Kind::Friction => vec![touching(false, OfContact::Friction, value)],
+            Kind::Resistance => vec![touching(true, OfContact::Resistance, value)],
+            Kind::Drag => vec![touching(true, OfContact::ResistancePerSpeed, value)],
             Kind::PositionGain => drive(OfMotor::PositionGain),
             Kind::SpeedGain => drive(OfMotor::SpeedGain),
             Kind::Armature => drive(OfMotor::Armature),
@@ -344,16 +358,11 @@ impl Quantity {
                 let wheels = wheels.filter(|(_, of)| self.members().contains(&of.link));
                 let wheels = wheels.filter_map(|(number, _)| world.wheel(number));
                 let bodies = of_links.chain(wheels).collect();
-                vec![(Box::new(Heavier { bodies }), 1.0 / self.value(model))]
+                vec![(Box::new(Heavier { bodies }), 1.0 / value)]
             }
             Kind::Stiffness => {
-                let normal = model.parameters.normal;
-                let all = contacts(false);
-                let damping_s = normal.damping_n_s_m / normal.stiffness_n_m;
-                vec![
-                    (touching(all.clone(), OfContact::Stiffness), 1.0),
-                    (touching(all, OfContact::Damping), damping_s),
-                ]
+                let of = [OfContact::Stiffness, OfContact::Damping];
+                of.map(|of| touching(false, of, value)).into()
             }
             Kind::Delay => {
                 let recording = Arc::clone(recording);
@@ -361,7 +370,8 @@ impl Quantity {
                 let by = move |channel: usize, time_s: f64| {
                     let drive = &recording.drives[channel];
                     let then_s = begin_s + time_s - delay_s;
-                    [-drive.target_rad.at(then_s)[1], -drive.target_rad_s.at(then_s)[1]]
+                    let all = [&drive.target_rad, &drive.target_rad_s, &drive.feedforward_nm];
+                    all.map(|series| -series.at(then_s)[1])
                 };
                 vec![(Box::new(Targets { motors: world.motors().to_vec(), by: Arc::new(by) }), 1.0)]
             }

@@ -38,6 +38,18 @@ impl Series {
         &self.points
     }
 
+    /// The points of a stretch of time.
+    pub fn between(mut self, [from_s, to_s]: [f64; 2]) -> Self {
+        self.points.retain(|point| (from_s..=to_s).contains(&point[0]));
+        self
+    }
+
+    /// Mean time from one point to the next, s; of one point there is none.
+    pub fn interval_s(&self) -> Option<f64> {
+        let (first, last) = (self.points.first()?, self.points.last()?);
+        (self.points.len() > 1).then(|| (last[0] - first[0]) / (self.points.len() - 1) as f64)
+    }
+
     /// Numbers that are known up to a period, such as angles within a turn, as ones that do not jump.
     pub fn unwrapped(mut self, period: f64) -> Self {
         for k in 1..self.points.len() {

@@ -10,7 +10,7 @@ use nalgebra::UnitQuaternion;
 use rollwalk_physics::World;
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Law;
-use rollwalk_robot::{Channel, Robot};
+use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::sync::Arc;
 
 const STEP_S: f64 = 1.0 / 120.0;
@@ -182,26 +182,37 @@ fn derivatives_by_quantities_are_those_of_finite_differences() {
     // A friction that slips, gains that are the same for all, a delay that is no whole number of steps.
     let values = [0.2, 70.0, 1.2, 5e-3, 1.5, 3e4, 0.0047];
     quantities.iter().zip(values).for_each(|(of, value)| of.set(&mut model, value));
-    let recording = recording(&Model::new(&robot), 60, || 0.0);
-    let replay = replay(recording, &model, &Options::default()).unwrap();
+    let mut recording = recording(&Model::new(&robot), 60, || 0.0);
+    for (channel, drive) in (0..).zip(&mut recording.drives) {
+        let wave = |step| (f64::from(step) * STEP_S, 0.4 * f64::from(step * 2 + channel).sin());
+        drive.feedforward_nm = Series::new((0..=60).map(wave));
+    }
+    agree(recording, &model, &quantities);
+}
+
+/// Checks the derivatives of a rollout by quantities, and by where it begins.
+fn agree(recording: Recording, model: &Model, quantities: &[Quantity]) {
+    let replay = replay(recording, model, &Options::default()).unwrap();
     let changes = vec![0.05; replay.start.count()];
     let noise = [1.0; 6];
     let values = |model: &Model| {
         let played = replay.play(model, &changes, &[], false, 20).unwrap();
         nalgebra::DVector::from_vec(played.weighted(&noise).0)
     };
-    let played = replay.play(&model, &changes, &quantities, true, 20).unwrap();
+    let played = replay.play(model, &changes, quantities, true, 20).unwrap();
     let jacobian = played.weighted(&noise).1();
     let agrees = |name: &str, difference: nalgebra::DVector<f64>, number: usize| {
         let off = (&difference - jacobian.column(number)).norm() / difference.norm();
         assert!(off < 1e-3, "{name}: off by {off:e} of {}", difference.norm());
     };
-    for number in 0..changes.len() {
+    // A soft foot is put together where its link begins, so that it is another one for each start.
+    let is_rigid = model.robot.end_effectors.iter().all(|of| of.soft.is_none());
+    for number in 0..if is_rigid { changes.len() } else { 0 } {
         let by = 1e-6;
         let moved = |by: f64| {
             let mut changes = changes.clone();
             changes[number] += by;
-            let played = replay.play(&model, &changes, &[], false, 20).unwrap();
+            let played = replay.play(model, &changes, &[], false, 20).unwrap();
             nalgebra::DVector::from_vec(played.weighted(&noise).0)
         };
         let difference = (moved(by) - moved(-by)) / (2.0 * by);
@@ -210,13 +221,47 @@ fn derivatives_by_quantities_are_those_of_finite_differences() {
     for (number, quantity) in quantities.iter().enumerate() {
         let by = 1e-5;
         let moved = |by: f64| {
-            let value = quantity.value(&model);
+            let value = quantity.value(model);
             let mut model = model.clone();
             quantity.set(&mut model, quantity.of_parameter(value, by));
             values(&model)
         };
         agrees(&quantity.name(), (moved(by) - moved(-by)) / (2.0 * by), number);
     }
+}
+
+#[test]
+fn soft_feet_have_derivatives_by_all_but_their_links_masses() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/legbot.toml");
+    let mut robot = Robot::from_toml("legbot", &std::fs::read_to_string(path).unwrap()).unwrap();
+    for foot in &mut robot.end_effectors {
+        foot.soft = Some(SoftMaterial {
+            young_pa: 3e5,
+            poisson: 0.3,
+            density_kg_m3: 60.0,
+            viscosity_pa_s: 300.0,
+        });
+    }
+    robot.validate().unwrap();
+    // No whole number of steps, where slopes of commands jump.
+    let model = Model { delay_s: 0.0047, ..Model::new(&robot) };
+    let whole = |kind| Quantity { kind, group: None };
+    agree(
+        recording(&model, 60, || 0.0),
+        &model,
+        &[friction(), whole(Kind::Stiffness), whole(Kind::Delay)],
+    );
+    let links = |name: &str, link| {
+        let group = Some(Group { name: name.to_owned(), members: vec![link] });
+        Quantity { kind: Kind::Mass, group }
+    };
+    let foot = robot.end_effectors[0].link;
+    assert_eq!(links("body", 0).soft_link(&robot), None);
+    let quantities = [links("body", 0), links("shank", foot)];
+    let options = Options::default();
+    let run = recording(&model, 60, || 0.0);
+    let refused = identify(&robot, run, &quantities, &options, |_| true).unwrap_err();
+    assert!(refused.to_string().contains(&robot.links[foot].name), "{refused}");
 }
 
 #[test]

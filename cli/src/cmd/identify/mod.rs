@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut source = Source::new(&args.robot, &text.text, &robot)?;
     let quantities = chosen(&source.quantities(&robot), &args.fit, &robot)?;
     files::ending(&args.output, "a robot file", &["toml"])?;
-    let recording = recorded::read(&args.run, &robot)?.between(args.from, args.to);
+    let recording = recorded::read(&args.run, &robot, [args.from, args.to])?;
     let place = Output::of_source(&args.output)?;
     interrupt::listen();
     let bar = ProgressBar::new_spinner();
@@ -77,12 +77,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let run = name_of(&args.run);
     found.found.iter().for_each(|of| source.set(of, &run));
     let text = source.text();
-    Robot::from_toml(&args.output.display().to_string(), &text).map_err(Report::new)?;
-    place.write(text.as_bytes())?;
+    // Also what no robot file may have is worth knowing.
     if args.json {
         output::print_json(&Document::new(&run, &found))?;
     } else {
         place.comment(&report::describe(&run, &found))?;
+    }
+    Robot::from_toml(&args.output.display().to_string(), &text).map_err(Report::new)?;
+    place.write(text.as_bytes())?;
+    if !args.json {
         place.comment(&format!("wrote {}", args.output.display()))?;
     }
     Ok(Exit::Ok)
@@ -96,6 +99,7 @@ fn name_of(path: &Path) -> String {
 fn unfit(reason: &Unfit, path: &Path) -> Report {
     let path = path.display();
     let help = match reason {
+        Unfit::Soft(_) => "leave it out: --fit mass.LINK has the masses of some links only",
         Unfit::Falls(_) => {
             "is this its robot file, and is the ground level? `--from` begins where the robot stands still"
         }

@@ -18,6 +18,8 @@ pub struct Document<'a> {
     begin_s: f64,
     predicted_from_s: f64,
     end_s: f64,
+    /// Time that was fitted, from the beginning: less than up to what is predicted where the robot falls before.
+    horizon_s: f64,
     rollouts: usize,
 }
 
@@ -63,6 +65,7 @@ impl<'a> Document<'a> {
             begin_s,
             predicted_from_s,
             end_s,
+            horizon_s: found.horizon_s,
             rollouts: found.rollouts,
         }
     }

@@ -5,7 +5,7 @@ use miette::miette;
 use rollwalk_robot::{Channel, Robot};
 use rollwalk_simulate::identify::{Found, Group, Kind, Model, Of, Quantity, Verdict};
 use std::path::Path;
-use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, TableLike, Value};
+use toml_edit::{ArrayOfTables, Decor, DocumentMut, Item, Table, TableLike, Value};
 
 /// A robot file.
 pub struct Source {
@@ -144,31 +144,49 @@ impl Change<'_> {
                 replace(value, rounded(after, after * self.deviation));
             }
         };
-        if let Some(parts) = table.get_mut("parts").and_then(Item::as_array_mut) {
-            let parts = parts.iter_mut().filter_map(Value::as_inline_table_mut);
-            parts.filter_map(|part| part.get_mut(self.key)).for_each(&mut scale);
-            let mut key = table.key_mut("parts");
-            let decor = key.as_mut().map(|key| key.leaf_decor_mut());
-            if let Some(decor) = decor {
-                let before = decor.prefix().and_then(|prefix| prefix.as_str()).unwrap_or_default();
-                let kept: String = before
-                    .lines()
-                    .filter(|line| !line.starts_with(&format!("# masses {MARK}")))
-                    .map(|line| format!("{line}\n"))
-                    .collect();
-                let percent = rounded(100.0 * self.deviation, 100.0 * self.deviation);
-                let share = rounded(self.share, self.share * self.deviation);
-                decor.set_prefix(format!(
-                    "{kept}# masses {MARK}{}: {share} times what they were, ± {percent} %\n",
-                    self.run
-                ));
+        match table.get_mut("parts") {
+            Some(Item::Value(Value::Array(parts))) => {
+                let parts = parts.iter_mut().filter_map(Value::as_inline_table_mut);
+                parts.filter_map(|part| part.get_mut(self.key)).for_each(&mut scale);
+                if let Some(mut key) = table.key_mut("parts") {
+                    self.tell_above(key.leaf_decor_mut());
+                }
+                return;
             }
-            return;
+            Some(Item::ArrayOfTables(parts)) => {
+                for part in parts.iter_mut() {
+                    part.get_mut(self.key)
+                        .and_then(Item::as_value_mut)
+                        .into_iter()
+                        .for_each(&mut scale);
+                }
+                if let Some(first) = parts.get_mut(0) {
+                    self.tell_above(first.decor_mut());
+                }
+                return;
+            }
+            _ => {}
         }
         if let Some(inertia) = table.get_mut("inertia_in_link_kg_m2").and_then(Item::as_array_mut) {
             inertia.iter_mut().for_each(scale);
         }
         self.apply(table);
+    }
+
+    /// Says in a line above the masses of parts what became of them.
+    fn tell_above(&self, decor: &mut Decor) {
+        let before = decor.prefix().and_then(|prefix| prefix.as_str()).unwrap_or_default();
+        let kept: String = before
+            .lines()
+            .filter(|line| !line.starts_with(&format!("# masses {MARK}")))
+            .map(|line| format!("{line}\n"))
+            .collect();
+        let percent = rounded(100.0 * self.deviation, 100.0 * self.deviation);
+        let share = rounded(self.share, self.share * self.deviation);
+        decor.set_prefix(format!(
+            "{kept}# masses {MARK}{}: {share} times what they were, ± {percent} %\n",
+            self.run
+        ));
     }
 }
 
@@ -323,6 +341,33 @@ mod tests {
         source.set(&found, "again.csv");
         let again = "kp_nm_rad = 60.0   # fitted to again.csv: ± 0.5, was 56.0; chosen: plans transfer from about 60 N·m/rad on";
         assert!(source.text().contains(again), "{}", source.text());
+    }
+
+    #[test]
+    fn masses_of_parts_change_however_they_are_written() {
+        let (_, text, _) = agilebot();
+        let mut document: DocumentMut = text.parse().unwrap();
+        let body = document["link"].as_array_of_tables_mut().unwrap().get_mut(0).unwrap();
+        let parts = body.remove("parts").unwrap().into_array_of_tables().unwrap();
+        body.insert("parts", Item::ArrayOfTables(parts));
+        let text = document.to_string();
+        assert!(text.contains("[[link.parts]]"), "{text}");
+        let robot = Robot::from_toml("tables", &text).unwrap();
+        let mut source = Source::new(Path::new("tables.toml"), &text, &robot).unwrap();
+        let mut all = source.quantities(&robot).into_iter();
+        let quantity = all.find(|of| of.name() == "mass.body").unwrap();
+        let before = quantity.value(&Model::new(&robot));
+        let (fitted, deviation, verdict) = (1.5 * before, 1e-4, Verdict::Changed);
+        for run in ["run.csv", "again.csv"] {
+            let quantity = quantity.clone();
+            source.set(&Found { quantity, before, fitted, deviation, verdict }, run);
+        }
+        let changed = source.text();
+        let heavier = Robot::from_toml("heavier", &changed).unwrap();
+        let share = heavier.links[0].mass_kg / robot.links[0].mass_kg;
+        assert!((share - 1.5 * 1.5).abs() < 1e-3, "{share}");
+        assert_eq!(changed.matches("# masses fitted to").count(), 1);
+        assert!(changed.contains("# masses fitted to again.csv: 1.5 times"), "{changed}");
     }
 
     #[test]

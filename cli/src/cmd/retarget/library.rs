@@ -8,7 +8,7 @@ use crate::planning::{Planned, plan_motions};
 use crate::{Exit, interrupt};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::plan::Status;
-use toml_edit::{DocumentMut, Item, value};
+use toml_edit::{DocumentMut, Item, Value, value};
 
 /// Names in the folder.
 const LIBRARY: &str = "library.toml";
@@ -107,13 +107,22 @@ fn plan_files(library: &Library) -> miette::Result<Vec<String>> {
     Ok(files)
 }
 
+/// Puts a value in the place of what a key has, with the comments there.
+fn replace(document: &mut DocumentMut, key: &str, new: impl Into<Value>) {
+    let mut new = new.into();
+    if let Some(old) = document.get(key).and_then(Item::as_value) {
+        *new.decor_mut() = old.decor().clone();
+    }
+    document[key] = Item::Value(new);
+}
+
 /// The library file with plans in place of motion files, everything else as it was written.
 fn rewritten(library: &Library, torques: bool) -> miette::Result<String> {
     let text = &library.text;
     let mut document: DocumentMut = text.text.parse().into_diagnostic()?;
-    document["robot"] = value(ROBOT);
+    replace(&mut document, "robot", ROBOT);
     if !torques {
-        document["torques"] = value(false);
+        replace(&mut document, "torques", false);
     }
     let tables = document.get_mut("motion").and_then(Item::as_array_of_tables_mut);
     let tables = tables.ok_or_else(|| miette!("{}: write motions as [[motion]]", text.path))?;
@@ -127,4 +136,20 @@ fn rewritten(library: &Library, torques: bool) -> miette::Result<String> {
         }
     }
     Ok(document.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_key_has_is_replaced_and_its_comments_are_not() {
+        let text = "# whose\nrobot = \"a.toml\"   # the old one\ntorques = true # strong\nx = 1\n";
+        let mut document: DocumentMut = text.parse().unwrap();
+        replace(&mut document, "robot", "b.toml");
+        replace(&mut document, "torques", false);
+        replace(&mut document, "new", 2);
+        let expected = "# whose\nrobot = \"b.toml\"   # the old one\ntorques = false # strong\nx = 1\nnew = 2\n";
+        assert_eq!(document.to_string(), expected);
+    }
 }

@@ -31,7 +31,7 @@ impl Control {
 
 impl Parameter for Control {
     fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
-        let by = self.curve.of_knot(self.knot, solved.time_s);
-        target_by(solved, self.motor, by, column);
+        let [angle, speed] = self.curve.of_knot(self.knot, solved.time_s);
+        target_by(solved, self.motor, [angle, speed, 0.0], column);
     }
 }

@@ -11,10 +11,10 @@ use std::sync::Arc;
 pub struct Targets {
     /// Forces that are the motors.
     pub motors: Vec<usize>,
-    /// Derivatives of angle and speed that a motor, by its place among `motors`, is to have at the end of a step, by the parameter.
-    /// Of a delay they are minus speed and acceleration, of an offset of the encoder −1 and 0.
+    /// Derivatives of angle, speed and feed-forward torque that a motor, by its place among `motors`, is to have at the end of a step,
+    /// by the parameter. Of a delay they are minus the slopes of these, of an offset of the encoder −1, 0 and 0.
     #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
-    pub by: Arc<dyn Fn(usize, f64) -> [f64; 2] + Send + Sync>,
+    pub by: Arc<dyn Fn(usize, f64) -> [f64; 3] + Send + Sync>,
 }
 
 impl fmt::Debug for Targets {
@@ -31,21 +31,21 @@ impl Parameter for Targets {
     }
 }
 
-/// Adds what changes of the target of a motor, angle and speed, do.
+/// Adds what changes of the target of a motor, angle, speed and torque, do.
 pub(super) fn target_by(
     solved: &Solved<'_>,
     number: usize,
-    [angle, speed]: [f64; 2],
+    [angle, speed, torque]: [f64; 3],
     column: &mut Column,
 ) {
-    if angle == 0.0 && speed == 0.0 {
+    if [angle, speed, torque] == [0.0; 3] {
         return;
     }
     let motor: &Motor = solved.force(number);
     let wrenches = solved.view(number, |view| {
         let by = motor.law_by(view);
-        let torque = by.position_nm_rad * angle + by.speed_nm_s_rad * speed;
-        let moment = motor.axis_in_world(&view.now[0]) * torque;
+        let change = by.position_nm_rad * angle + by.speed_nm_s_rad * speed + by.torque * torque;
+        let moment = motor.axis_in_world(&view.now[0]) * change;
         [-moment, moment].map(|moment| Wrench { moment, ..Wrench::default() })
     });
     column.add_force(&motor.bodies, &wrenches);

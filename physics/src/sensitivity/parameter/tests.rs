@@ -262,12 +262,13 @@ fn places_of_handles_and_moved_targets_are_derivatives_of_the_residual() {
         };
         assert_eq!(agrees(&mut system, &handle, 1.0, change), near);
     }
-    let by = Arc::new(|_: usize, time_s: f64| [-2.0 * time_s, 5.0]);
+    let by = Arc::new(|_: usize, time_s: f64| [-2.0 * time_s, 5.0, 0.7]);
     let targets = Targets { motors: vec![motor], by };
     let change = |system: &mut System, by: f64| {
         let law = &mut system.force_mut::<Motor>(motor).unwrap().law;
         law.position_rad -= 2.0 * 0.3 * by;
         law.speed_rad_s += 5.0 * by;
+        law.torque_nm += 0.7 * by;
     };
     assert!(agrees(&mut system, &targets, 1.0, change));
 }
