@@ -32,6 +32,8 @@ pub enum Kind {
     Terrain,
     /// A log of the simulated world.
     WorldLog,
+    /// A recorded run: a table, telemetry, or a log of buses.
+    Run,
     /// A motion library.
     Packed,
     /// Names of a library's motions, in the user's cache.
@@ -58,6 +60,7 @@ impl fmt::Display for Kind {
             Self::Gamepad => "gamepad mapping (TOML)",
             Self::Terrain => "terrain file (TOML)",
             Self::WorldLog => "log of a world (CSV)",
+            Self::Run => "recorded run (CSV, MCAP, or a log of candump)",
             Self::Packed => "motion library",
             Self::Names => "cached list of names (JSON)",
             Self::LinkKey => "link key",
@@ -99,7 +102,7 @@ impl Kind {
             Self::Robot | Self::Motion | Self::Library | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names => 1 << 20,
             // A file of `--rotate`: some ten minutes.
-            Self::WorldLog => 256 << 20,
+            Self::WorldLog | Self::Run => 256 << 20,
             // 250,000 heights.
             Self::Terrain => 8 << 20,
             Self::LinkKey | Self::PrivateKey | Self::PublicKey => 1 << 10,
@@ -126,6 +129,7 @@ impl Kind {
             Self::Gamepad => "docs/gamepad.md shows how to write one",
             Self::Terrain => "docs/terrain-files.md shows how to write one",
             Self::WorldLog => "make one with `rollwalk simulate PLAN --world-log RUN.csv`",
+            Self::Run => "docs/identification.md says how to record one",
             Self::Packed => "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`",
             Self::Names => "every build and flash of a library makes one",
             Self::LinkKey => "make one with `rollwalk keys new FILE`",
@@ -152,6 +156,7 @@ impl Kind {
             Self::Gamepad => "a gamepad mapping",
             Self::Terrain => "a terrain file",
             Self::WorldLog => "a log of a world",
+            Self::Run => "a recorded run",
             Self::Packed => "a motion library",
             Self::Names => "a list of names",
             Self::LinkKey => "a link key",
@@ -176,6 +181,7 @@ impl Kind {
                 "`--terrain` of `rollwalk-sim`, `rollwalk demo` and `rollwalk simulate` reads it"
             }
             Self::WorldLog => "`rollwalk plot` draws it",
+            Self::Run => "`rollwalk identify` reads it",
             Self::Packed => "`rollwalk library inspect` and `rollwalk flash` read it",
             Self::Names => "rollwalk keeps it for itself",
             Self::LinkKey => "--link-key takes it",

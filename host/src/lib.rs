@@ -6,6 +6,7 @@
 //! | [`dbc`] | every frame signal by signal, and as a DBC file |
 //! | [`decode`] | frames as named signals, for logs |
 //! | [`telemetry`] | telemetry files for Foxglove |
+//! | [`traces`] | motors over time, from telemetry files and logs of buses |
 //! | [`authentication`] | sessions with a controller that obeys only hosts with its key |
 //! | [`key_file`] | files with keys |
 //! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
@@ -30,3 +31,4 @@ pub mod operator;
 pub mod refusal;
 pub mod session;
 pub mod telemetry;
+pub mod traces;

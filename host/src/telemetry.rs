@@ -16,7 +16,7 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::{ClipCursor, ClipId, Library};
 use rollwalk_protocol::wire::{FromController, JointTelemetry, Node, State, Status, Torque};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -49,25 +49,25 @@ pub struct Telemetry<'a, W: Write + Seek> {
 }
 
 /// A `foxglove.JointStates`.
-#[derive(Serialize)]
-struct JointStates {
+#[derive(Serialize, Deserialize)]
+pub(crate) struct JointStates {
     timestamp: Timestamp,
-    joints: Vec<JointState>,
+    pub joints: Vec<JointState>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Timestamp {
     sec: u64,
     nsec: u64,
 }
 
-#[derive(Serialize)]
-struct JointState {
-    name: String,
+#[derive(Serialize, Deserialize)]
+pub(crate) struct JointState {
+    pub name: String,
     #[serde(skip_serializing_if = "Option::is_none")]
-    position: Option<f64>,
+    pub position: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    velocity: Option<f64>,
+    pub velocity: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     effort: Option<f64>,
 }

@@ -25,11 +25,13 @@ use std::path::{Path, PathBuf};
 Examples:
   rollwalk identify run.csv --robot robots/agilebot.toml -o fitted.toml
   rollwalk identify run.csv --robot robots/agilebot.toml --fit friction,kp,mass.body -o fitted.toml
+  rollwalk identify run.mcap --robot robots/agilebot.toml --fit kp,kd,delay -o fitted.toml
 
 What can be fitted, and what a recording needs: docs/identification.md")]
 pub struct Args {
-    /// Recorded run: a log of the simulated world, or a table with some of its columns.
-    #[arg(value_name = "RUN.csv")]
+    /// Recorded run: telemetry of `rollwalk monitor --mcap`, a log of all actuator buses in candump's format, a log of the simulated world, or a table with
+    /// some of its columns.
+    #[arg(value_name = "RUN")]
     run: PathBuf,
     /// Robot file (TOML) to begin with.
     #[arg(long, value_name = "ROBOT.toml")]

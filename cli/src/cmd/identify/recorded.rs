@@ -1,19 +1,177 @@
-//! Recordings of all kinds, read.
+//! Recordings of all kinds, read. This is the list of them:
+//!
+//! | file | begins with | read by |
+//! |---|---|---|
+//! | telemetry of `rollwalk monitor --mcap` | the signature of MCAP | [`rollwalk_host::traces`] |
+//! | log of all actuator buses, as `candump -l` writes it | `(` | the same |
+//! | table (CSV) | anything else | [`Recording::from_text`] |
 
-use crate::files;
+use crate::files::{self, Named};
 use crate::kind::Kind;
-use miette::miette;
+use crate::packed::channel_names;
+use miette::{IntoDiagnostic, Report, miette};
+use rollwalk_bus::candump;
+use rollwalk_host::traces::{self, Motor, Traces};
+use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_robot::Robot;
-use rollwalk_simulate::identify::{Recording, Wanted};
+use rollwalk_simulate::identify::{Drive, Recording, Series, Wanted};
+use std::fmt::Display;
 use std::path::Path;
+
+const MCAP: &[u8] = b"\x89MCAP0\r\n";
 
 /// Reads the run of a robot.
 ///
 /// # Errors
-/// The file cannot be read, or lacks a column that a fit needs.
+/// The file cannot be read, or lacks something that a fit needs.
 pub fn read(path: &Path, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recording> {
-    let help = "docs/identification.md names the columns; `rollwalk simulate PLAN.json --world-log RUN.csv` writes all of them";
-    let text = files::read_text(path, Kind::WorldLog)?;
-    Recording::from_text(&text, robot, wanted_s)
-        .map_err(|error| miette!(help = help, "{}: {error}", path.display()))
+    let read = files::read_by(path, Named::ByUser, |_| Kind::Run)?;
+    if read.0.starts_with(MCAP) {
+        let config = robot.controller_config().into_diagnostic()?;
+        let traces = traces::of_mcap(&read.0, &config, &channel_names(robot));
+        let traces = traces.map_err(|error| unusable(path, &error))?;
+        return recording(&traces, robot, wanted_s).map_err(|error| unusable(path, &error));
+    }
+    let text = files::text(read, path)?;
+    Kind::Run.expect(path, &text)?;
+    if !text.trim_start().starts_with('(') {
+        let help = "docs/identification.md names the columns; `rollwalk simulate PLAN.json --world-log RUN.csv` writes all of them";
+        return Recording::from_text(&text, robot, wanted_s)
+            .map_err(|error| miette!(help = help, "{}: {error}", path.display()));
+    }
+    of_log(&text, robot, wanted_s).map_err(|error| unusable(path, &error))
+}
+
+fn unusable(path: &Path, error: &dyn Display) -> Report {
+    let help = "docs/identification.md says what can be read: telemetry (MCAP) of `rollwalk monitor`, a log of candump, a table (CSV)";
+    miette!(help = help, "{}: {error}", path.display())
+}
+
+fn of_log(text: &str, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recording> {
+    let profile = Bus::default().protocol;
+    let other = robot.channels().find_map(|channel| {
+        let number = channel.actuator().bus;
+        robot.buses.get(&number).filter(|bus| bus.protocol != profile).map(|_| number)
+    });
+    if let Some(number) = other {
+        return Err(miette!(
+            "the drives on bus {number} do not speak the Rollwalk servo profile, whose setpoints alone can be read: record with `rollwalk monitor --mcap RUN.mcap --library LIB.rwl`"
+        ));
+    }
+    let config = robot.controller_config().into_diagnostic()?;
+    let entries = candump::parse(text).map_err(|error| miette!("{error}"))?;
+    let traces = traces::of_candump(&entries, &config, &channel_names(robot));
+    recording(&traces.map_err(|error| miette!("{error}"))?, robot, wanted_s)
+}
+
+/// Motors alone: neither telemetry nor actuator buses have the pose of the body.
+fn recording(traces: &Traces, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recording> {
+    let series = |points: &traces::Points| Series::new(points.iter().copied());
+    let drive = |motor: &Motor| Drive {
+        target_rad: series(&motor.target_rad),
+        target_rad_s: series(&motor.target_rad_s),
+        feedforward_nm: series(&motor.feedforward_nm),
+        rad: series(&motor.rad),
+        rad_s: series(&motor.rad_s),
+    };
+    let drives = traces.motors.iter().map(drive).collect();
+    let run = Recording::new(robot, drives, None, None, None);
+    run.cut(&traces.commanded_s, wanted_s).map_err(|error| miette!("{error}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_bus::candump::LogEntry;
+    use rollwalk_protocol::actuator::{Feedback, JointSetpoint, WheelSetpoint};
+    use rollwalk_protocol::config::ChannelKind;
+    use rollwalk_simulate::identify::motor_names;
+
+    const PERIOD_US: u64 = 10_000;
+
+    /// Commanded and measured angle or speed of a channel.
+    fn values(channel: usize, time_s: f64) -> [f64; 2] {
+        let swing = 0.1 * (3.0 * time_s + channel as f64).sin();
+        [swing, 0.98 * swing]
+    }
+
+    /// The same run as a table and as a log of two buses.
+    fn run(robot: &Robot) -> [String; 2] {
+        let config = robot.controller_config().unwrap();
+        let names = motor_names(robot);
+        let columns =
+            names.iter().map(|name| format!(",{name}_target_rad,{name}_target_rad_s,{name}_rad"));
+        let mut table = format!("time_s{}\n", columns.collect::<String>());
+        let mut log = Vec::new();
+        for k in 0..100_u64 {
+            let at_us = 1_700_000_000_000_000 + k * PERIOD_US;
+            let time_s = (k * PERIOD_US) as f64 * 1e-6;
+            table += &time_s.to_string();
+            for (number, channel) in config.channels.iter().enumerate() {
+                let interface = format!("can{}", 1 + channel.bus);
+                let [target, measured] = values(number, time_s);
+                // A row has what was in force in the step up to it.
+                let [before, _] = values(number, time_s - PERIOD_US as f64 * 1e-6);
+                table += &format!(",{before},{before},{measured}");
+                let value = target as f32;
+                let frame = match channel.kind {
+                    ChannelKind::JointPosition => JointSetpoint {
+                        position_rad: value,
+                        velocity_rad_s: value,
+                        kp_nm_rad: 80.0,
+                        kd_nm_s_rad: 1.0,
+                        torque_nm: 0.0,
+                    }
+                    .encode(channel.id),
+                    ChannelKind::WheelSpeed => WheelSetpoint {
+                        speed_rad_s: value,
+                        kd_nm_s_rad: 0.5,
+                        torque_limit_nm: 1.0,
+                        torque_nm: 0.0,
+                    }
+                    .encode(channel.id),
+                };
+                let feedback = Feedback { position_rad: measured as f32, ..Feedback::default() };
+                for frame in [frame, feedback.encode(channel.id)] {
+                    let interface = interface.clone();
+                    log.push(LogEntry { at_us, interface, frame: frame.unwrap() });
+                }
+            }
+            table.push('\n');
+        }
+        [table, log.iter().map(|entry| format!("{entry}\n")).collect()]
+    }
+
+    #[test]
+    fn a_table_and_a_log_are_the_same_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, content: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).unwrap();
+            path
+        };
+        let text = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml");
+        let text = std::fs::read_to_string(text).unwrap();
+        let robot = Robot::from_toml("agilebot", &text).unwrap();
+        let [table, log] = run(&robot);
+        let wanted_s = [Some(0.1), Some(0.9)];
+        let read = |name: &str, content: &str| read(&file(name, content), &robot, wanted_s);
+        let [table, log] = [read("run.csv", &table), read("run.log", &log)].map(|run| run.unwrap());
+        assert_eq!((table.span_s, log.span_s), ([0.1, 0.9], [0.1, 0.9]));
+        for (number, (one, other)) in table.drives.iter().zip(&log.drives).enumerate() {
+            for step in 10..90 {
+                let time_s = f64::from(step) * 0.01;
+                let off = |one: &Series, other: &Series| one.at(time_s)[0] - other.at(time_s)[0];
+                assert!(off(&one.rad, &other.rad).abs() < 1.1e-4);
+                let of_joint = number < robot.joints.len();
+                assert!(!of_joint || off(&one.target_rad, &other.target_rad).abs() < 1.1e-4);
+                assert!(off(&one.target_rad_s, &other.target_rad_s).abs() < 1.1e-3);
+            }
+        }
+        let why = |name: &str, content: &str| read(name, content).unwrap_err().to_string();
+        assert!(why("robot.csv", &text).contains("robot.csv is a robot file, not a recorded run"));
+        assert!(why("cut.mcap", "\u{89}MCAP").contains("no column `time_s`"));
+        assert!(why("odd.log", "(1.000005) act0 123\n").contains("line 1: no frame"));
+        assert!(why("none.log", "(1.000005) act0 123#00\n").contains("0 actuator buses"));
+    }
 }

@@ -1,0 +1,432 @@
+//! What telemetry files and logs of actuator buses say of a robot's motors over time: what drives were commanded, and what was
+//! measured. Times are seconds since the first message.
+
+use crate::telemetry::JointStates;
+use mcap::MessageStream;
+use mcap::read::Options;
+use rollwalk_bus::candump::LogEntry;
+use rollwalk_protocol::actuator::{Feedback, JointSetpoint, WheelSetpoint};
+use rollwalk_protocol::config::{ChannelKind, RobotConfig};
+use rollwalk_protocol::wire::FromController;
+use std::collections::{BTreeMap, BTreeSet};
+use thiserror::Error;
+
+/// Values with their times, s.
+pub type Points = Vec<(f64, f64)>;
+
+/// A motor and its drive.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Motor {
+    /// Commanded angle of a joint, rad.
+    pub target_rad: Points,
+    /// Commanded speed, rad/s.
+    pub target_rad_s: Points,
+    /// Commanded torque, N·m.
+    pub feedforward_nm: Points,
+    /// Measured angle, rad.
+    pub rad: Points,
+    /// Measured speed, rad/s.
+    pub rad_s: Points,
+}
+
+/// All motors of a robot.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Traces {
+    /// By channel.
+    pub motors: Vec<Motor>,
+    /// Stretches of time in which all drives are commanded, s.
+    pub commanded_s: Vec<[f64; 2]>,
+}
+
+/// Why a file says too little.
+#[derive(Debug, Error)]
+pub enum Unusable {
+    /// No MCAP file.
+    #[error("it is no MCAP file that can be read: {0}")]
+    Mcap(#[from] mcap::McapError),
+    /// A message of a topic is not as monitors write it.
+    #[error(
+        "a message of {0} is no JSON of foxglove.JointStates, as `rollwalk monitor --mcap` writes it"
+    )]
+    Message(String),
+    /// A topic is missing.
+    #[error("it has no {0}: {1}")]
+    Topic(&'static str, &'static str),
+    /// The buses of the log are not those of the robot.
+    #[error(
+        "it has frames of {found} actuator buses, and the robot has {expected}: log all of them, `candump -l` takes several interfaces"
+    )]
+    Buses {
+        /// Interfaces with frames of actuators.
+        found: usize,
+        /// Buses of the robot.
+        expected: usize,
+    },
+    /// The log of a link.
+    #[error(
+        "it is the log of the link, which has what motors measure but not what drives are commanded: log the actuator buses, or record with `rollwalk monitor --mcap RUN.mcap --library LIB.rwl`"
+    )]
+    LinkOnly,
+    /// A motor is missing.
+    #[error("no {what} of {name} is in it")]
+    Motor {
+        /// What is missing.
+        what: &'static str,
+        /// Name of the motor.
+        name: String,
+    },
+}
+
+const MEASURED: &str = "/joint_states";
+const PLANNED: &str = "/planned_joint_states";
+/// Longest time between planned states, which come with every status, and between setpoints of a drive, s.
+const PLANNED_GAP_S: f64 = 0.25;
+const SETPOINT_GAP_S: f64 = 0.1;
+
+/// Reads a file of `rollwalk monitor --mcap`, also one that was not ended.
+///
+/// # Errors
+/// What it lacks.
+pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<Traces, Unusable> {
+    let messages = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into())?;
+    let mut turns: BTreeMap<&str, Vec<(u64, JointStates)>> = BTreeMap::new();
+    for message in messages.map_while(Result::ok) {
+        let known = [MEASURED, PLANNED].into_iter().find(|topic| *topic == message.channel.topic);
+        let Some(topic) = known else { continue };
+        let states = serde_json::from_slice(&message.data);
+        let states = states.map_err(|_| Unusable::Message(topic.to_owned()))?;
+        turns.entry(topic).or_default().push((message.log_time, states));
+    }
+    let mut of = |topic, why| turns.remove(topic).ok_or(Unusable::Topic(topic, why));
+    let measured = of(MEASURED, "is it telemetry of a robot?")?;
+    let planned = of(
+        PLANNED,
+        "drives were commanded what nobody knows; record with `rollwalk monitor --mcap RUN.mcap --library LIB.rwl`",
+    )?;
+    let begin_ns = measured[0].0.min(planned[0].0);
+    let at_s = |ns: u64| ns.saturating_sub(begin_ns) as f64 * 1e-9;
+    let channel = |name: &str| {
+        let number = || name.strip_prefix("channel_")?.parse().ok();
+        let known = names.iter().position(|known| known == name).or_else(number);
+        known.filter(|&channel| channel < names.len())
+    };
+    let mut motors = vec![Motor::default(); names.len()];
+    for pair in measured.windows(2) {
+        // The channels have reported one after the other since the message before.
+        let (from_s, to_s) = (at_s(pair[0].0), at_s(pair[1].0));
+        let joints = &pair[1].1.joints;
+        for (place, joint) in joints.iter().enumerate() {
+            let time_s = from_s + (to_s - from_s) * place as f64 / joints.len() as f64;
+            let Some(channel) = channel(&joint.name) else { continue };
+            motors[channel].rad.extend(joint.position.map(|value| (time_s, value)));
+            motors[channel].rad_s.extend(joint.velocity.map(|value| (time_s, value)));
+        }
+    }
+    let mut commanded_s: Vec<[f64; 2]> = Vec::new();
+    for (at_ns, states) in &planned {
+        let time_s = at_s(*at_ns);
+        extend(&mut commanded_s, [time_s; 2], PLANNED_GAP_S);
+        for joint in &states.joints {
+            let Some(channel) = channel(&joint.name) else { continue };
+            motors[channel].target_rad.extend(joint.position.map(|value| (time_s, value)));
+            motors[channel].target_rad_s.extend(joint.velocity.map(|value| (time_s, value)));
+        }
+    }
+    for (motor, channel) in motors.iter_mut().zip(&config.channels) {
+        if channel.kind == ChannelKind::JointPosition {
+            motor.target_rad_s = slopes(&motor.target_rad);
+        }
+    }
+    Traces { motors, commanded_s }.whole(config, names)
+}
+
+/// Reads a log of all actuator buses of a robot, which speak the Rollwalk servo profile: of a robot with several, the interfaces in
+/// the order of their names. A link in the log does not matter.
+///
+/// # Errors
+/// What it lacks.
+pub fn of_candump(
+    entries: &[LogEntry],
+    config: &RobotConfig,
+    names: &[String],
+) -> Result<Traces, Unusable> {
+    let interfaces: BTreeSet<&str> = entries.iter().map(|entry| entry.interface.as_str()).collect();
+    let has_feedback = |interface: &&str| {
+        let own = entries.iter().filter(|entry| entry.interface == *interface);
+        // Frames of the link with identifiers of feedback are shorter.
+        own.filter_map(|entry| Feedback::decode(&entry.frame)).next().is_some()
+    };
+    let found: Vec<&str> = interfaces.into_iter().filter(has_feedback).collect();
+    let buses: BTreeSet<u8> = config.channels.iter().map(|channel| channel.bus).collect();
+    if found.len() != buses.len() {
+        let is_status = |entry: &LogEntry| {
+            matches!(FromController::decode(&entry.frame), Ok((_, FromController::Status(_))))
+        };
+        let is_link = found.is_empty() && entries.iter().any(is_status);
+        let counts = Unusable::Buses { found: found.len(), expected: buses.len() };
+        return Err(if is_link { Unusable::LinkOnly } else { counts });
+    }
+    let of_interface: BTreeMap<&str, u8> = found.into_iter().zip(buses).collect();
+    let of_address: BTreeMap<(u8, u8), usize> =
+        (0..).zip(&config.channels).map(|(number, of)| ((of.bus, of.id), number)).collect();
+    let begin_us = entries.first().map_or(0, |entry| entry.at_us);
+    let mut motors = vec![Motor::default(); config.channels.len()];
+    let mut setpoints: Vec<Vec<(f64, bool, [f64; 3])>> = vec![Vec::new(); motors.len()];
+    for LogEntry { at_us, interface, frame } in entries {
+        let Some(&bus) = of_interface.get(interface.as_str()) else { continue };
+        let channel = |id: u8| of_address.get(&(bus, id)).copied();
+        let time_s = at_us.saturating_sub(begin_us) as f64 * 1e-6;
+        if let Some((id, feedback)) = Feedback::decode(frame) {
+            let Some(channel) = channel(id) else { continue };
+            motors[channel].rad.push((time_s, feedback.position_rad.into()));
+            motors[channel].rad_s.push((time_s, feedback.velocity_rad_s.into()));
+        } else if let Some((id, of)) = JointSetpoint::decode(frame) {
+            let Some(channel) = channel(id) else { continue };
+            let all = [of.position_rad, of.velocity_rad_s, of.torque_nm].map(f64::from);
+            setpoints[channel].push((time_s, of.kp_nm_rad > 0.0, all));
+        } else if let Some((id, of)) = WheelSetpoint::decode(frame) {
+            let Some(channel) = channel(id) else { continue };
+            let all = [0.0, of.speed_rad_s, of.torque_nm].map(f64::from);
+            setpoints[channel].push((time_s, of.kd_nm_s_rad > 0.0, all));
+        }
+    }
+    let mut commanded_s = vec![[0.0, f64::INFINITY]];
+    for (motor, setpoints) in motors.iter_mut().zip(&setpoints) {
+        let mut own_s = Vec::new();
+        for pair in setpoints.windows(2) {
+            let ((from_s, is_on, values), (to_s, goes_on, _)) = (pair[0], pair[1]);
+            if !is_on || !goes_on || to_s - from_s > SETPOINT_GAP_S {
+                continue;
+            }
+            extend(&mut own_s, [from_s, to_s], 0.0);
+            // In force up to the next one. A line between such ends has, at the end of a step of the same length, the mean over the step.
+            let [angle, speed, torque] = values;
+            motor.target_rad.push((to_s, angle));
+            motor.target_rad_s.push((to_s, speed));
+            motor.feedforward_nm.push((to_s, torque));
+        }
+        commanded_s = both(&commanded_s, &own_s);
+    }
+    Traces { motors, commanded_s }.whole(config, names)
+}
+
+impl Traces {
+    /// Itself, if every drive is commanded and some motor measured.
+    fn whole(self, config: &RobotConfig, names: &[String]) -> Result<Self, Unusable> {
+        let all = self.motors.iter().zip(&config.channels).zip(names);
+        for ((motor, channel), name) in all {
+            let (target, what) = match channel.kind {
+                ChannelKind::JointPosition => (&motor.target_rad, "commanded angle"),
+                ChannelKind::WheelSpeed => (&motor.target_rad_s, "commanded speed"),
+            };
+            if target.is_empty() {
+                return Err(Unusable::Motor { what, name: name.clone() });
+            }
+        }
+        if self.motors.iter().all(|motor| motor.rad.is_empty()) {
+            let name = names.first().cloned().unwrap_or_default();
+            return Err(Unusable::Motor { what: "measured angle", name });
+        }
+        Ok(self)
+    }
+}
+
+/// Adds a stretch of time to the last one if it begins at most `gap_s` after that, or as another one.
+fn extend(stretches_s: &mut Vec<[f64; 2]>, [from_s, to_s]: [f64; 2], gap_s: f64) {
+    match stretches_s.last_mut() {
+        Some(last) if from_s - last[1] <= gap_s => last[1] = to_s,
+        _ => stretches_s.push([from_s, to_s]),
+    }
+}
+
+/// The times that are in both.
+fn both(ones: &[[f64; 2]], others: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let pairs = ones.iter().flat_map(|one| others.iter().map(move |other| (one, other)));
+    let common = pairs.map(|(one, other)| [one[0].max(other[0]), one[1].min(other[1])]);
+    common.filter(|[from_s, to_s]| from_s < to_s).collect()
+}
+
+/// Slopes of what was planned, over its neighbours; across a pause there is none.
+fn slopes(points: &[(f64, f64)]) -> Points {
+    let near = |one: usize, other: usize| points[other].0 - points[one].0 <= PLANNED_GAP_S;
+    let slope = |k: usize| {
+        let before = if k > 0 && near(k - 1, k) { k - 1 } else { k };
+        let after = if k + 1 < points.len() && near(k, k + 1) { k + 1 } else { k };
+        let (from, to) = (points[before], points[after]);
+        let slope = if after > before { (to.1 - from.1) / (to.0 - from.0) } else { 0.0 };
+        (points[k].0, slope)
+    };
+    (0..points.len()).map(slope).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalog::Catalog;
+    use crate::telemetry::{Known, Telemetry};
+    use rollwalk_protocol::actuator::ActuatorStatus;
+    use rollwalk_protocol::config::Channel;
+    use rollwalk_protocol::wire::{JointTelemetry, Node, State, Status};
+    use std::io::Cursor;
+
+    fn robot() -> (RobotConfig, Vec<String>) {
+        let channel = |kind, bus, id| Channel {
+            kind,
+            min: -1.0,
+            max: 1.0,
+            max_rate: 1.0,
+            max_torque_nm: 1.0,
+            kp_nm_rad: 10.0,
+            kd_nm_s_rad: 1.0,
+            bus,
+            id,
+        };
+        let (joint, wheel) = (ChannelKind::JointPosition, ChannelKind::WheelSpeed);
+        let channels = [channel(joint, 0, 1), channel(joint, 1, 1), channel(wheel, 1, 2)];
+        let config = RobotConfig { robot: 1, channels: channels.into_iter().collect() };
+        (config, ["hip", "knee", "wheel"].map(str::to_owned).to_vec())
+    }
+
+    fn angle(channel: usize, time_s: f64) -> f64 {
+        0.3 * (2.0 * time_s + channel as f64).sin()
+    }
+
+    fn near(points: &Points, of: impl Fn(f64) -> f64, within: f64) {
+        assert!(points.len() > 20);
+        for &(time_s, value) in points {
+            assert!((value - of(time_s)).abs() < within, "{value} at {time_s} s, {}", of(time_s));
+        }
+    }
+
+    #[test]
+    fn telemetry_has_what_was_planned_and_measured() {
+        let (config, names) = robot();
+        let catalog = Catalog::of_robot("three", 0, names.clone());
+        let node = Node::new(1).unwrap();
+        let mut file = Cursor::new(Vec::new());
+        let known = Known { catalog: &catalog, library: None };
+        let mut telemetry = Telemetry::new(&mut file, node, Some(known)).unwrap();
+        for k in 0..600_u64 {
+            let (at_us, channel) = (1_700_000_000_000_000 + k * 5000, (k % 3) as usize);
+            let position_rad = angle(channel, k as f64 * 0.005) as f32;
+            let measured = JointTelemetry {
+                channel: channel as u8,
+                position_rad,
+                velocity_rad_s: 0.0,
+                torque_nm: 0.0,
+                status: ActuatorStatus(1),
+            };
+            telemetry.on_frame(at_us, &measured.encode(node)).unwrap();
+        }
+        telemetry.finish().unwrap();
+        let bytes = file.into_inner();
+        let error = of_mcap(&bytes, &config, &names).unwrap_err().to_string();
+        assert!(error.contains("/planned_joint_states") && error.contains("--library"), "{error}");
+        // Planned states, as for a library, with a pause.
+        let planned = |k: u64| {
+            let time_s = k as f64 * 0.05;
+            let state = |name: &str, position: Option<f64>, velocity: Option<f64>| serde_json::json!({ "name": name, "position": position, "velocity": velocity });
+            let joints = [
+                state("hip", Some(angle(0, time_s)), None),
+                state("knee", Some(angle(1, time_s)), None),
+                state("wheel", None, Some(2.0)),
+            ];
+            serde_json::json!({ "timestamp": { "sec": 0, "nsec": 0 }, "joints": joints })
+        };
+        let mut file = Cursor::new(Vec::new());
+        let mut writer = mcap::Writer::new(&mut file).unwrap();
+        for message in MessageStream::new(&bytes).unwrap() {
+            writer.write(&message.unwrap()).unwrap();
+        }
+        for k in (0..20).chain(30..60) {
+            let schema = writer.add_schema("foxglove.JointStates", "jsonschema", b"{}").unwrap();
+            let channel = writer.add_channel(schema, PLANNED, "json", &BTreeMap::new()).unwrap();
+            let log_time = (1_700_000_000_000_000 + k * 50_000) * 1000;
+            let header = mcap::records::MessageHeader {
+                channel_id: channel,
+                sequence: 0,
+                log_time,
+                publish_time: log_time,
+            };
+            let data = serde_json::to_vec(&planned(k)).unwrap();
+            writer.write_to_known_channel(&header, &data).unwrap();
+        }
+        writer.finish().unwrap();
+        drop(writer);
+        let traces = of_mcap(&file.into_inner(), &config, &names).unwrap();
+        assert_eq!(traces.commanded_s.len(), 2);
+        assert!((traces.commanded_s[1][0] - 1.5).abs() < 1e-6);
+        for channel in 0..2 {
+            let motor = &traces.motors[channel];
+            // To the wire's step of 0.2 mrad: each at its own time, not when the last one had reported.
+            near(&motor.rad, |time_s| angle(channel, time_s), 1.1e-4);
+            near(&motor.target_rad, |time_s| angle(channel, time_s), 1e-9);
+            let slope = |time_s: f64| 0.6 * (2.0 * time_s + channel as f64).cos();
+            near(&motor.target_rad_s, slope, 0.04);
+        }
+        near(&traces.motors[2].target_rad_s, |_| 2.0, 1e-9);
+        assert!(of_mcap(b"time_s,x", &config, &names).is_err());
+    }
+
+    #[test]
+    fn logs_of_actuator_buses_have_setpoints_and_feedback() {
+        let (config, names) = robot();
+        let mut entries = Vec::new();
+        let mut add = |at_us: u64, interface: &str, frame| {
+            entries.push(LogEntry { at_us: 5_000_000 + at_us, interface: interface.into(), frame });
+        };
+        for k in 0..100_u64 {
+            let (at_us, time_s) = (k * 10_000, k as f64 * 0.01);
+            for (interface, id, channel) in [("can1", 1, 0), ("can2", 1, 1)] {
+                let position_rad = angle(channel, time_s) as f32;
+                // Limp in the middle.
+                let kp_nm_rad = if k == 60 && channel == 1 { 0.0 } else { 10.0 };
+                let torque_nm = if k > 30 { 0.5 } else { 0.0 };
+                let setpoint = JointSetpoint {
+                    position_rad,
+                    velocity_rad_s: 0.2,
+                    kp_nm_rad,
+                    kd_nm_s_rad: 1.0,
+                    torque_nm,
+                };
+                add(at_us, interface, setpoint.encode(id).unwrap());
+                let feedback = Feedback { position_rad, ..Feedback::default() };
+                add(at_us, interface, feedback.encode(id).unwrap());
+            }
+            let wheel = WheelSetpoint {
+                speed_rad_s: 3.0,
+                kd_nm_s_rad: 0.5,
+                torque_limit_nm: 1.0,
+                torque_nm: 0.0,
+            };
+            add(at_us, "can2", wheel.encode(2).unwrap());
+        }
+        let traces = of_candump(&entries, &config, &names).unwrap();
+        assert_eq!(traces.commanded_s, [[0.0, 0.59], [0.61, 0.99]]);
+        for channel in 0..2 {
+            let motor = &traces.motors[channel];
+            near(&motor.rad, |time_s| angle(channel, time_s), 1.1e-4);
+            near(&motor.target_rad, |time_s| angle(channel, time_s - 0.01), 1.1e-4);
+            near(&motor.feedforward_nm, |time_s| if time_s > 0.315 { 0.5 } else { 0.0 }, 3e-3);
+        }
+        near(&traces.motors[2].target_rad_s, |_| 3.0, 1e-4);
+        let fails = |entries: &[LogEntry]| of_candump(entries, &config, &names).unwrap_err();
+        let one: Vec<LogEntry> =
+            entries.iter().filter(|entry| entry.interface == "can1").cloned().collect();
+        assert!(matches!(fails(&one), Unusable::Buses { found: 1, expected: 2 }));
+        let status = Status {
+            state: State::Playing,
+            severity: rollwalk_protocol::faults::Severity::None,
+            faults: Default::default(),
+            clip: Some(0),
+            frame: 1,
+            counter: 0,
+            library: 1,
+        };
+        let frame = status.encode(Node::new(1).unwrap());
+        let link = LogEntry { at_us: 0, interface: "can0".into(), frame };
+        assert!(matches!(fails(std::slice::from_ref(&link)), Unusable::LinkOnly));
+        let with_link: Vec<LogEntry> = std::iter::once(link).chain(entries.clone()).collect();
+        assert_eq!(of_candump(&with_link, &config, &names).unwrap().motors.len(), 3);
+    }
+}
