@@ -142,9 +142,21 @@ pub struct SoftMaterial {
     pub viscosity_pa_s: f64,
 }
 
+/// Mass, moment and product of inertia of the simulated foot with a radius and a density of 1: of the masses of its 27 nodes.
+const UNIT_FOOT: [f64; 3] = [3.210_343_431_045_077, 1.768_443_930_146_581, -0.150_047_447_433_807];
+
 impl SoftMaterial {
     /// Mass of a ball of it, kg.
     pub fn ball_kg(&self, radius_m: f64) -> f64 {
         4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3) * self.density_kg_m3
+    }
+
+    /// Mass, kg, and inertia about its centre, kg·m², of the ball of few elements that the simulated world has for it: a part of its
+    /// link, in the link's axes.
+    pub fn simulated(&self, radius_m: f64) -> (f64, Matrix3<f64>) {
+        let [mass, on_axis, across] = UNIT_FOOT;
+        let mass_kg = mass * self.density_kg_m3 * radius_m.powi(3);
+        let shape = Matrix3::from_diagonal_element(on_axis - across) + Matrix3::repeat(across);
+        (mass_kg, shape * (self.density_kg_m3 * radius_m.powi(5)))
     }
 }

@@ -72,3 +72,23 @@ pub(super) fn inertia(end_effector: &EndEffector) -> Option<Inertia> {
     }
     Some(foot)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_robot::Robot;
+
+    #[test]
+    fn a_foot_is_what_the_rules_of_robot_files_take_it_for() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/legbot.toml");
+        let robot = Robot::from_toml("legbot", &std::fs::read_to_string(path).unwrap()).unwrap();
+        let foam =
+            SoftMaterial { young_pa: 1e5, poisson: 0.3, density_kg_m3: 80.0, viscosity_pa_s: 5.0 };
+        let foot = EndEffector { soft: Some(foam), ..robot.end_effectors[0].clone() };
+        let (mass_kg, about_com_kg_m2) = foam.simulated(foot.radius_m);
+        let found = inertia(&foot).unwrap();
+        assert!((found.mass_kg / mass_kg - 1.0).abs() < 1e-12);
+        let off = (found.about_com_kg_m2 - about_com_kg_m2).amax();
+        assert!(off < 1e-12 * about_com_kg_m2.amax(), "{off}");
+    }
+}

@@ -50,6 +50,10 @@ pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
         check.at(Place::Link(index), format!("link `{}`", link.name));
         check.link(index, link);
     }
+    for (index, link) in robot.links.iter().enumerate() {
+        check.at(Place::Link(index), format!("link `{}`", link.name));
+        check.rigid_rest(index, link);
+    }
     for (index, joint) in robot.joints.iter().enumerate() {
         check.at(Place::Joint(index), format!("joint `{}`", joint.name));
         check.joint(index, joint);
@@ -249,6 +253,48 @@ impl Check<'_> {
                     }
                 }
             }
+        }
+    }
+
+    /// What is left of a link without the balls of its soft feet.
+    fn rigid_rest(&mut self, index: usize, link: &Link) {
+        let on_link = self.robot.end_effectors.iter().filter(|of| of.link == index);
+        let feet: Vec<_> = on_link
+            .filter_map(|of| Some((of.center_in_link_m, of.soft?.simulated(of.radius_m))))
+            .collect();
+        let rest_kg = link.mass_kg - feet.iter().map(|(_, (foot_kg, _))| foot_kg).sum::<f64>();
+        let is_known = link
+            .inertia_in_link_kg_m2
+            .iter()
+            .chain(&link.com_in_link_m)
+            .all(|value| value.is_finite());
+        if feet.is_empty() || !is_known || !rest_kg.is_finite() {
+            return;
+        }
+        let lighter = "give its soft feet less density or radius, or the link more of its mass where they are";
+        if rest_kg < (1.0 - SOFT_SHARE) * link.mass_kg {
+            let help = format!("{rest_kg:.3} kg of {:.3} kg are rigid: {lighter}", link.mass_kg);
+            self.violated("mass_kg", "is hardly more than that of its soft feet", help);
+            return;
+        }
+        let about = |mass_kg: f64, arm: Vector3<f64>| {
+            (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * mass_kg
+        };
+        let of_feet = feet.iter().map(|(center, (foot_kg, _))| center * *foot_kg);
+        let com = (link.com_in_link_m * link.mass_kg - of_feet.sum::<Vector3<f64>>()) / rest_kg;
+        let mut rest = link.inertia_in_link_kg_m2 + about(link.mass_kg, link.com_in_link_m - com);
+        for (center, (foot_kg, inertia)) in &feet {
+            rest -= inertia + about(*foot_kg, center - com);
+        }
+        // The simulation needs positive moments. That none is above the sum of the others is not asked for: robot files have the mass of a
+        // rigid foot where that is, and not as a ball.
+        let moments = rest.symmetric_eigenvalues();
+        if moments.min() <= 0.0 {
+            let help = format!(
+                "without its soft feet its smallest principal moment is {:.3e} kg·m², and must be above 0: {lighter}",
+                moments.min()
+            );
+            self.violated("inertia_in_link_kg_m2", "does not hold its soft feet", help);
         }
     }
 

@@ -1,7 +1,7 @@
 //! Kinds of contact as they are read from robot files.
 
 use super::*;
-use rollwalk_robot::{Contact, RollingDrag};
+use rollwalk_robot::{Contact, RollingDrag, SoftMaterial};
 
 /// The tiny robot with another kind of contact in place of its foot.
 fn with_contact(lines: &str) -> Robot {
@@ -93,10 +93,37 @@ fn feet_can_be_soft_and_what_turns_cannot() {
     large.end_effectors[1].radius_m = 0.05;
     let heavy = large.validate().unwrap_err().to_string();
     assert!(heavy.contains("`density_kg_m3` is 500 kg/m³"), "{heavy}");
+    // A rod that ends in a ball: its mass would do, its inertia about the rod does not.
+    let mut rod = with_contact(&soft("2e5", "100.0"));
+    let foot_link = rod.end_effectors[1].link;
+    rod.end_effectors[1].radius_m = 0.03;
+    rod.links[foot_link].mass_kg = 0.05;
+    let thin = nalgebra::Vector3::new(5e-5, 5e-5, 2e-6);
+    rod.links[foot_link].inertia_in_link_kg_m2 = nalgebra::Matrix3::from_diagonal(&thin);
+    let hollow = rod.validate().unwrap_err();
+    let told: Vec<&str> = hollow.violations.iter().map(|of| of.field).collect();
+    assert_eq!(told, ["inertia_in_link_kg_m2"], "{hollow}");
+    assert!(hollow.violations[0].help.contains("without its soft feet"), "{hollow}");
     let wheel =
         "contact = \"passive_wheel\"\naxis_in_link = [0.0, 1.0, 0.0]\nrolling_resistance = 0.02";
     let wheel = faults(foot, &soft("2e5", "60.0").replace(foot, wheel));
     assert!(wheel[0].1.contains("soft"), "{wheel:?}");
     let less = faults(foot, &format!("{foot}\nsoft = {{ young_pa = 2e5 }}"));
     assert!(less[0].1.contains("poisson"), "{less:?}");
+}
+
+#[test]
+fn legbot_carries_feet_of_foam() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/legbot.toml");
+    let mut robot = Robot::from_toml("legbot", &std::fs::read_to_string(path).unwrap()).unwrap();
+    for foot in &mut robot.end_effectors {
+        // That of docs/retargeting.md.
+        foot.soft = Some(SoftMaterial {
+            young_pa: 1e5,
+            poisson: 0.3,
+            density_kg_m3: 80.0,
+            viscosity_pa_s: 5.0,
+        });
+    }
+    robot.validate().unwrap();
 }
