@@ -12,6 +12,7 @@ mod fronts;
 mod multipliers;
 pub mod normal;
 mod one_sided;
+pub mod optimum;
 pub mod penalty;
 mod progress;
 mod settings;

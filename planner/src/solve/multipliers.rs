@@ -17,13 +17,13 @@ pub struct Multipliers {
 
 impl Multipliers {
     /// Multipliers of rows in their order.
-    pub(super) fn of(rows: &Rows, shifts: Vec<f64>, penalty: f64) -> Self {
+    pub(crate) fn of(rows: &Rows, shifts: Vec<f64>, penalty: f64) -> Self {
         Self { shifts, families: rows.rows.iter().map(|row| row.family).collect(), penalty }
     }
 
     /// Shifts for other rows and another penalty, if the rows have the same pattern. The force of a multiplier is
     /// penalty × shift.
-    pub(super) fn carried(&self, rows: &Rows, penalty: f64) -> Option<Vec<f64>> {
+    pub(crate) fn carried(&self, rows: &Rows, penalty: f64) -> Option<Vec<f64>> {
         let same = self.families.iter().eq(rows.rows.iter().map(|row| &row.family));
         let scale = self.penalty / penalty;
         same.then(|| self.shifts.iter().map(|shift| shift * scale).collect())

@@ -62,23 +62,38 @@ impl NormalEquations {
 
     /// Assembles gradient and Gauss-Newton matrix.
     pub fn assemble(&mut self, rows: &Rows, shifts: &[f64], penalty: f64) {
-        while !self.assembled(rows, shifts, penalty) {
+        self.assemble_weighted(rows, |index, row| {
+            row.counts(shifts[index]).then(|| {
+                let [_, slope, curvature] = row_energy(row, shifts[index], penalty);
+                [slope, curvature]
+            })
+        });
+    }
+
+    /// Assembles Σ slope·∇r and Σ curvature·∇r∇rᵀ over the rows for which `weights` returns slope and curvature.
+    pub fn assemble_weighted(
+        &mut self,
+        rows: &Rows,
+        weights: impl Fn(usize, &Row) -> Option<[f64; 2]>,
+    ) {
+        while !self.assembled(rows, &weights) {
             self.fronts = Fronts::new(rows, &self.counts, &self.columns, &self.locals);
             self.places.fill(None);
             self.matrix.resize(self.fronts.len(), 0.0);
         }
     }
 
-    /// Assembles gradient and Gauss-Newton matrix if all rows that count fit into the fronts.
-    fn assembled(&mut self, rows: &Rows, shifts: &[f64], penalty: f64) -> bool {
+    /// Assembles gradient and matrix if all rows that count fit into the fronts.
+    fn assembled(
+        &mut self,
+        rows: &Rows,
+        weights: &impl Fn(usize, &Row) -> Option<[f64; 2]>,
+    ) -> bool {
         self.matrix.fill(0.0);
         self.gradient.fill(0.0);
         let mut fits = true;
-        for (index, (row, &shift)) in rows.rows.iter().zip(shifts).enumerate() {
-            if !row.counts(shift) {
-                continue;
-            }
-            let [_, slope, curvature] = row_energy(row, shift, penalty);
+        for (index, row) in rows.rows.iter().enumerate() {
+            let Some([slope, curvature]) = weights(index, row) else { continue };
             let columns = &rows.columns[row.entries.clone()];
             let derivatives = &rows.derivatives[row.entries.clone()];
             for (&column, d) in columns.iter().zip(derivatives) {
@@ -109,8 +124,18 @@ impl NormalEquations {
 
     /// Solves (H + λ·1) step = −gradient; `None` if the matrix is not positive definite.
     pub fn step(&mut self, damping: f64) -> Option<Vec<f64>> {
-        self.fronts.factorise(&self.matrix, damping)?;
+        self.factorise(damping)?;
         self.solve_factored(&self.gradient)
+    }
+
+    /// Factorises H + λ·1; `None` if it is not positive definite.
+    pub fn factorise(&mut self, damping: f64) -> Option<()> {
+        self.fronts.factorise(&self.matrix, damping)
+    }
+
+    /// Replaces a right-hand side by the solution with the matrix of the last factorisation.
+    pub fn solve(&self, right: &mut [f64]) {
+        self.fronts.solve(right);
     }
 
     /// Solves with the matrix of the last [`step`](Self::step) for −`gradient`.

@@ -1,0 +1,493 @@
+//! The optimum at which the multiplier iteration ends: found to rounding by Newton's method, and how it moves when its rows
+//! change (thesis 2.5.1, by the implicit function theorem).
+//!
+//! Multipliers s end at a fixed point. With φ(x) = x for equalities and φ = ψ′_ε/2 for inequalities it is
+//!
+//! ```text
+//! G = Σ_costs 2w r∇r + Σ 2ρ s∇g = 0        Φ = φ(g + s) − s = 0
+//! ```
+//!
+//! so that inequalities which push stay inside the band of ψ: none is merely active or not. With A = ∇g and b = φ′(g + s)
+//! its derivatives are
+//!
+//! ```text
+//! J = [ H   2ρAᵀ  ]     H = Σ_costs 2w (∇r∇rᵀ + r∇²r) + Σ 2ρ s∇²g
+//!     [ bA  b − 1 ]
+//! ```
+//!
+//! Second derivatives count: without them changes of a design are predicted wrong by 5 to 100 %. They are not assembled.
+//! Conjugate gradients take products H·v, differences of the exact G at fixed multipliers, and are preconditioned with the
+//! factor of the Gauss-Newton matrix with stiff constraints. What the finite stiffness leaves out, refinement puts in.
+
+use super::normal::{NormalEquations, row_energy};
+use crate::formulation::rows::{Columns, Role, Row, Rows};
+
+/// Stiffness b/(1 − b) of a constraint in the preconditioner, at most, in units of its penalty. From 1000 on rounding shows.
+const STIFFNESS_MAX: f64 = 100.0;
+/// Damping of the preconditioner: unknowns that nothing but second derivatives determines.
+const DAMPING: f64 = 1e-7;
+/// Longest step of a difference, scaled variables: central differences of rows that are curved over 0.1 and more.
+const DIFFERENCE: f64 = 2e-5;
+/// Products after which conjugate gradients end.
+const PRODUCTS_MAX: usize = 120;
+/// How exactly derivatives are solved for, and steps towards the optimum, each of which the next one corrects.
+const DERIVATIVE: Effort = Effort { leave: 1e-9, refinements: 10, curvature: 1.0 };
+const STEP: Effort = Effort { leave: 1e-6, refinements: 3, curvature: 1.0 };
+/// Parts of the second derivatives that steps take into account: away from the optimum the Hessian may be indefinite.
+const CURVATURES: [f64; 3] = [1.0, 0.5, 0.0];
+/// Squares of the conditions, in units of energy, that may be rounding.
+const ROUNDING: f64 = 1e-17;
+/// Shares of a Newton step that are tried.
+const SHARES: [f64; 6] = [1.0, 0.5, 0.25, 0.1, 0.03, 0.01];
+
+/// Rows as functions of a step from a base point, in scaled variables.
+pub trait Residuals {
+    /// Columns of the unknowns.
+    fn columns(&self) -> &Columns;
+    /// Penalty of every constraint.
+    fn penalty(&self) -> f64;
+    /// The rows after a step, with derivatives of those that count with these multipliers.
+    fn rows(&self, step: &[f64], shifts: &[f64], reuse: Rows) -> Rows;
+}
+
+/// What an optimum makes zero: G for every unknown, Φ for every row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conditions {
+    /// G.
+    pub gradient: Vec<f64>,
+    /// Φ, 0 for costs.
+    pub fixed_point: Vec<f64>,
+}
+
+impl Conditions {
+    /// Conditions of rows with multipliers.
+    pub fn of(rows: &Rows, shifts: &[f64], penalty: f64, columns: usize) -> Self {
+        let slopes = slopes(rows, shifts, penalty);
+        let fixed_point = rows.rows.iter().zip(shifts).map(|(row, &shift)| match row.role {
+            Role::Cost { .. } => 0.0,
+            _ => row_energy(row, shift, 1.0)[1] / 2.0 - shift,
+        });
+        Self {
+            gradient: weighted(rows, shifts, &slopes, columns),
+            fixed_point: fixed_point.collect(),
+        }
+    }
+
+    /// (`self` − `other`) × `by`.
+    pub fn minus(mut self, other: &Self, by: f64) -> Self {
+        let difference = |one: &mut Vec<f64>, other: &[f64]| {
+            one.iter_mut().zip(other).for_each(|(one, other)| *one = (*one - other) * by);
+        };
+        difference(&mut self.gradient, &other.gradient);
+        difference(&mut self.fixed_point, &other.fixed_point);
+        self
+    }
+
+    /// Sum of the products of all entries.
+    pub fn dot(&self, other: &Self) -> f64 {
+        dot(&self.gradient, &other.gradient) + dot(&self.fixed_point, &other.fixed_point)
+    }
+
+    fn negated(&self) -> Self {
+        let negated = |of: &[f64]| of.iter().map(|x| -x).collect();
+        Self { gradient: negated(&self.gradient), fixed_point: negated(&self.fixed_point) }
+    }
+
+    /// How far from an optimum: squares in units of energy.
+    fn squares(&self, penalty: f64) -> f64 {
+        dot(&self.gradient, &self.gradient) / penalty
+            + penalty * dot(&self.fixed_point, &self.fixed_point)
+    }
+}
+
+/// Change of an optimum.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// Of the unknowns, scaled variables.
+    pub unknowns: Vec<f64>,
+    /// Of the multipliers, as shifts of the rows.
+    pub shifts: Vec<f64>,
+}
+
+impl Change {
+    fn plus(&self, share: f64, other: &Self) -> Self {
+        Self {
+            unknowns: along(&self.unknowns, share, &other.unknowns),
+            shifts: along(&self.shifts, share, &other.shifts),
+        }
+    }
+}
+
+/// Reason for which there is no optimum, or none that can be differentiated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoOptimum {
+    /// Newton's method does not converge.
+    Diverges,
+    /// The energy is not minimal: it falls in some direction along the constraints.
+    Saddle,
+}
+
+/// How a linear system is solved.
+#[derive(Clone, Copy)]
+struct Effort {
+    /// Part of the residual that conjugate gradients leave, and part of the first solution at which refinement ends.
+    leave: f64,
+    /// Solutions that are added up at most.
+    refinements: usize,
+    /// Part of the second derivatives that is in the matrix.
+    curvature: f64,
+}
+
+/// An optimum, or a point near one.
+pub struct Optimum<'a> {
+    residuals: &'a dyn Residuals,
+    /// The point, as a step from the base point.
+    position: Vec<f64>,
+    rows: Rows,
+    shifts: Vec<f64>,
+    /// Unit vector along which the optimum does not move, because nothing determines where it is along it.
+    pin: Option<Vec<f64>>,
+    normal: NormalEquations,
+    /// b and 1 − b of every constraint, the latter with its limit of stiffness.
+    slack: Vec<[f64; 2]>,
+}
+
+impl<'a> Optimum<'a> {
+    /// Begins at the base point, with multipliers. `pin` is a unit vector along which the point stays where it is.
+    pub fn near(
+        residuals: &'a dyn Residuals,
+        mut shifts: Vec<f64>,
+        pin: Option<Vec<f64>>,
+    ) -> Result<Self, NoOptimum> {
+        let position = vec![0.0; residuals.columns().count];
+        let rows = residuals.rows(&position, &shifts, Rows::default());
+        drop_idle(&rows, &mut shifts);
+        let normal = NormalEquations::new(&rows, residuals.columns());
+        let slack = Vec::new();
+        let mut here = Self { residuals, position, rows, shifts, pin, normal, slack };
+        here.factorise()?;
+        Ok(here)
+    }
+
+    /// Goes to the optimum by Newton's method, until a step is this short.
+    ///
+    /// # Errors
+    /// It is not reached in `steps` steps.
+    pub fn polish(&mut self, steps: usize, length: f64) -> Result<(), NoOptimum> {
+        for _ in 0..steps {
+            let here = self.conditions(&self.rows, &self.shifts);
+            let step = CURVATURES
+                .into_iter()
+                .find_map(|curvature| self.solve(&here, Effort { curvature, ..STEP }).ok());
+            let Some(step) = step else { return Err(NoOptimum::Saddle) };
+            let last = norm(&step.unknowns);
+            let before = here.squares(self.penalty());
+            if !self.take(&step, before) {
+                // At the end rounding decides.
+                return if before < ROUNDING { Ok(()) } else { Err(NoOptimum::Diverges) };
+            }
+            self.factorise()?;
+            if last < length {
+                return Ok(());
+            }
+        }
+        Err(NoOptimum::Diverges)
+    }
+
+    /// Takes the largest share of a step that brings the conditions nearer to zero.
+    fn take(&mut self, step: &Change, before: f64) -> bool {
+        for share in SHARES {
+            let position = along(&self.position, share, &step.unknowns);
+            let mut shifts = along(&self.shifts, share, &step.shifts);
+            for (row, shift) in self.rows.rows.iter().zip(&mut shifts) {
+                if matches!(row.role, Role::Inequality { .. }) {
+                    *shift = shift.max(0.0);
+                }
+            }
+            let rows = self.evaluate(&position, &shifts);
+            drop_idle(&rows, &mut shifts);
+            if self.conditions(&rows, &shifts).squares(self.penalty()) < before {
+                (self.position, self.rows, self.shifts) = (position, rows, shifts);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// The point, as a step from the base point.
+    pub fn position(&self) -> &[f64] {
+        &self.position
+    }
+
+    /// The rows at the point.
+    pub fn rows(&self) -> &Rows {
+        &self.rows
+    }
+
+    /// The multipliers, as shifts of the rows.
+    pub fn shifts(&self) -> &[f64] {
+        &self.shifts
+    }
+
+    /// Conditions of rows of this pattern, with the pinned direction left out.
+    pub fn conditions(&self, rows: &Rows, shifts: &[f64]) -> Conditions {
+        Conditions::of(rows, shifts, self.penalty(), self.position.len())
+    }
+
+    /// Change of the optimum by a change of its conditions: −J⁻¹·`conditions`.
+    ///
+    /// # Errors
+    /// The point is not a minimum.
+    pub fn change(&self, conditions: &Conditions) -> Result<Change, NoOptimum> {
+        self.solve(conditions, DERIVATIVE)
+    }
+
+    /// −J⁻¹·`conditions`: a solution with stiff constraints, and generalised conjugate residuals for what that leaves.
+    fn solve(&self, conditions: &Conditions, effort: Effort) -> Result<Change, NoOptimum> {
+        let right = conditions.negated();
+        let mut sum = self.solve_stiff(&right, effort)?;
+        let enough = effort.leave * norm(&sum.unknowns);
+        // The first rows of the system hold exactly, so that only Φ is left.
+        let mut left = self.left_by(&sum);
+        let mut known: Vec<(Change, Vec<f64>)> = Vec::new();
+        for _ in 1..effort.refinements {
+            let gradient = vec![0.0; sum.unknowns.len()];
+            let right = Conditions { gradient, fixed_point: left.clone() };
+            let mut step = self.solve_stiff(&right, effort)?;
+            let mut image = along(&left, -1.0, &self.left_by(&step));
+            for (other, of_other) in &known {
+                let part = -dot(&image, of_other) / dot(of_other, of_other);
+                step = step.plus(part, other);
+                image = along(&image, part, of_other);
+            }
+            let squares = dot(&image, &image);
+            if squares == 0.0 {
+                break;
+            }
+            let share = dot(&left, &image) / squares;
+            sum = sum.plus(share, &step);
+            left = along(&left, -share, &image);
+            if share.abs() * norm(&step.unknowns) <= enough {
+                break;
+            }
+            known.push((step, image));
+        }
+        Ok(sum)
+    }
+
+    /// What a solution with stiff constraints leaves of Φ.
+    fn left_by(&self, step: &Change) -> Vec<f64> {
+        let left = |(shift, [b, open]): (&f64, &[f64; 2])| {
+            if *b > 0.0 { (1.0 - b - open) * shift } else { 0.0 }
+        };
+        step.shifts.iter().zip(&self.slack).map(left).collect()
+    }
+
+    /// Multipliers (y, z) of an objective with this gradient: by way of the optimum it changes by −y·∂G/∂p − z·∂Φ/∂p with
+    /// any parameter p.
+    ///
+    /// # Errors
+    /// The point is not a minimum.
+    pub fn adjoint(&self, gradient: &[f64]) -> Result<Conditions, NoOptimum> {
+        let fixed_point = vec![0.0; self.shifts.len()];
+        let conditions =
+            Conditions { gradient: gradient.iter().map(|g| -g).collect(), fixed_point };
+        let Change { unknowns, shifts } = self.change(&conditions)?;
+        let scaled = shifts.iter().zip(&self.slack);
+        let of_row = |(shift, [b, _]): (&f64, &[f64; 2])| {
+            if *b > 0.0 { shift * 2.0 * self.penalty() / b } else { 0.0 }
+        };
+        Ok(Conditions { fixed_point: scaled.map(of_row).collect(), gradient: unknowns })
+    }
+
+    fn penalty(&self) -> f64 {
+        self.residuals.penalty()
+    }
+
+    fn evaluate(&self, position: &[f64], shifts: &[f64]) -> Rows {
+        self.residuals.rows(position, shifts, Rows::default())
+    }
+
+    /// Factorises the preconditioner at the present point.
+    fn factorise(&mut self) -> Result<(), NoOptimum> {
+        let penalty = self.penalty();
+        let slack = self.rows.rows.iter().zip(&self.shifts).map(|(row, &shift)| match row.role {
+            Role::Cost { .. } => [0.0, 1.0],
+            _ if !row.counts(shift) => [0.0, 1.0],
+            _ => {
+                let b = row_energy(row, shift, 1.0)[2] / 2.0;
+                [b, (1.0 - b).max(b / STIFFNESS_MAX)]
+            }
+        });
+        self.slack = slack.collect();
+        let slack = &self.slack;
+        self.normal.assemble_weighted(&self.rows, |index, row| match row.role {
+            Role::Cost { weight } => Some([0.0, 2.0 * weight]),
+            _ => {
+                let [b, open] = slack[index];
+                (b > 0.0).then_some([0.0, 2.0 * penalty * b / open])
+            }
+        });
+        self.normal.factorise(DAMPING).ok_or(NoOptimum::Saddle)
+    }
+
+    /// Solves J·x = `right` with the limits of stiffness.
+    fn solve_stiff(&self, right: &Conditions, effort: Effort) -> Result<Change, NoOptimum> {
+        let penalty = self.penalty();
+        let pull: Vec<f64> = self
+            .slack
+            .iter()
+            .zip(&right.fixed_point)
+            .map(|([b, open], right)| if *b > 0.0 { 2.0 * penalty * right / open } else { 0.0 })
+            .collect();
+        let mut gradient = weighted(&self.rows, &self.shifts, &pull, self.position.len());
+        gradient.iter_mut().zip(&right.gradient).for_each(|(g, right)| *g += right);
+        let unknowns = self.conjugate_gradients(gradient, effort)?;
+        let shifts = self
+            .rows
+            .rows
+            .iter()
+            .enumerate()
+            .map(|(index, row)| {
+                let [b, open] = self.slack[index];
+                match row.role {
+                    Role::Cost { .. } => 0.0,
+                    _ if b > 0.0 => {
+                        (b * change_of(&self.rows, row, &unknowns) - right.fixed_point[index])
+                            / open
+                    }
+                    _ => -right.fixed_point[index],
+                }
+            })
+            .collect();
+        Ok(Change { unknowns, shifts })
+    }
+
+    /// Solves (H + 2ρΣ b/(1−b) AᵀA)·x = `right`.
+    fn conjugate_gradients(
+        &self,
+        mut right: Vec<f64>,
+        effort: Effort,
+    ) -> Result<Vec<f64>, NoOptimum> {
+        self.without_pin(&mut right);
+        let mut x = vec![0.0; right.len()];
+        let preconditioned = |right: &[f64]| {
+            let mut step = right.to_vec();
+            self.normal.solve(&mut step);
+            self.without_pin(&mut step);
+            step
+        };
+        let mut z = preconditioned(&right);
+        let mut direction = z.clone();
+        let mut size = dot(&right, &z);
+        let enough = size * effort.leave * effort.leave;
+        for _ in 0..PRODUCTS_MAX {
+            if size <= enough {
+                break;
+            }
+            let product = self.product(&direction, effort.curvature);
+            let curvature = dot(&direction, &product);
+            if curvature.is_nan() || curvature <= 0.0 {
+                return Err(NoOptimum::Saddle);
+            }
+            let share = size / curvature;
+            x = along(&x, share, &direction);
+            right = along(&right, -share, &product);
+            z = preconditioned(&right);
+            let next = dot(&right, &z);
+            direction = along(&z, next / size, &direction);
+            size = next;
+        }
+        Ok(x)
+    }
+
+    /// (H + 2ρΣ b/(1−b) AᵀA)·v.
+    fn product(&self, v: &[f64], curvature: f64) -> Vec<f64> {
+        let penalty = self.penalty();
+        let Self { rows, shifts, position, slack, .. } = self;
+        let pulls: Vec<f64> = rows
+            .rows
+            .iter()
+            .zip(slack)
+            .map(|(row, [b, open])| match row.role {
+                Role::Cost { weight } => 2.0 * weight * change_of(rows, row, v),
+                _ if *b > 0.0 => 2.0 * penalty * b / open * change_of(rows, row, v),
+                _ => 0.0,
+            })
+            .collect();
+        let mut product = weighted(rows, shifts, &pulls, v.len());
+        self.without_pin(&mut product);
+        if curvature == 0.0 {
+            return product;
+        }
+        let slopes = slopes(rows, shifts, penalty);
+        let length = DIFFERENCE / v.iter().fold(f64::MIN_POSITIVE, |most, x| x.abs().max(most));
+        let [ahead, behind] = [length, -length].map(|length| {
+            let rows = self.evaluate(&along(position, length, v), shifts);
+            weighted(&rows, shifts, &slopes, v.len())
+        });
+        for ((product, ahead), behind) in product.iter_mut().zip(ahead).zip(behind) {
+            *product += curvature * (ahead - behind) / (2.0 * length);
+        }
+        self.without_pin(&mut product);
+        product
+    }
+
+    /// Takes the part along the pinned direction out of a vector.
+    fn without_pin(&self, vector: &mut [f64]) {
+        if let Some(pin) = &self.pin {
+            let part = dot(pin, vector);
+            vector.iter_mut().zip(pin).for_each(|(v, pin)| *v -= part * pin);
+        }
+    }
+}
+
+/// Sets multipliers of rows that do not count to 0.
+fn drop_idle(rows: &Rows, shifts: &mut [f64]) {
+    for (row, shift) in rows.rows.iter().zip(shifts) {
+        if matches!(row.role, Role::Cost { .. }) || !row.counts(*shift) {
+            *shift = 0.0;
+        }
+    }
+}
+
+/// ∂(energy)/∂r of every row: 2w r of costs, 2ρ s of constraints.
+fn slopes(rows: &Rows, shifts: &[f64], penalty: f64) -> Vec<f64> {
+    let slope = |(row, shift): (&Row, &f64)| match row.role {
+        Role::Cost { weight } => 2.0 * weight * row.value,
+        _ => 2.0 * penalty * shift,
+    };
+    rows.rows.iter().zip(shifts).map(slope).collect()
+}
+
+/// Σ slope·∇r over the rows that count.
+fn weighted(rows: &Rows, shifts: &[f64], slopes: &[f64], columns: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; columns];
+    for ((row, &shift), &slope) in rows.rows.iter().zip(shifts).zip(slopes) {
+        if slope != 0.0 && row.counts(shift) {
+            let entries = row.entries.clone();
+            entries.for_each(|k| sum[rows.columns[k]] += slope * rows.derivatives[k]);
+        }
+    }
+    sum
+}
+
+/// ∇r·v.
+fn change_of(rows: &Rows, row: &Row, v: &[f64]) -> f64 {
+    row.entries.clone().map(|k| rows.derivatives[k] * v[rows.columns[k]]).sum()
+}
+
+fn along(from: &[f64], share: f64, step: &[f64]) -> Vec<f64> {
+    from.iter().zip(step).map(|(from, step)| from + share * step).collect()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn norm(a: &[f64]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+#[cfg(test)]
+mod tests;
