@@ -4,7 +4,8 @@
 //! A pure library: no clock, no file access, no threads, so that it also builds for the browser.
 //!
 //! The optimiser is built in layers, each of which knows those before it only (`tests/layers.rs`): [`families`],
-//! `problem`, `formulation`, `solve`, then `start` and `diagnose`, and on top `planning`.
+//! `problem`, `formulation`, `solve`, then `start` and `diagnose`, on top of them `planning`, and [`sensitivity`], which says how plans
+//! change with the robot.
 
 mod diagnose;
 pub mod export;
@@ -21,6 +22,7 @@ pub mod plot;
 mod problem;
 pub mod report;
 pub mod sample;
+pub mod sensitivity;
 mod solve;
 pub mod start;
 #[cfg(test)]

@@ -18,6 +18,7 @@ mod trials;
 mod write;
 
 pub use replan::{ReplanError, replan};
+pub(crate) use replan::{from_near, same_structure};
 pub use search::Search;
 pub use transition::{TransitionError, optimise_transition};
 

@@ -16,6 +16,7 @@ const LAYERS: &[&[&str]] = &[
     &["solve"],
     &["start", "diagnose", "report"],
     &["planning"],
+    &["sensitivity"],
     &["export", "library", "library_file", "plot"],
     &["lib", "test_plans", "test_robots"],
 ];

@@ -11,7 +11,7 @@ use super::trials::OwnEnds;
 use super::{Options, Request, Solution, candidates, optimise_solution, refine};
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, StartKind, Started, Status};
-use crate::problem::Problem;
+use crate::problem::{Problem, Unknowns};
 use crate::solve::{Begin, Multipliers, Progress};
 use crate::start::{self, Start};
 use rollwalk_multibody::euler::Model;
@@ -149,12 +149,24 @@ pub(super) fn from(
     }
     let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
     let unknowns = start::neighbour(&problem, previous);
-    let solved = solve(&problem, unknowns, Begin::Near(multipliers), &options.settings, progress);
-    Ok(solved.write(&problem, motion, Started { kind: StartKind::Neighbour, seed: 0 }))
+    Ok(from_near(&problem, motion, unknowns, multipliers, options, progress))
+}
+
+/// Optimises from unknowns near an optimum.
+pub(crate) fn from_near(
+    problem: &Problem,
+    motion: &Motion,
+    unknowns: Unknowns,
+    multipliers: Option<&Multipliers>,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Solution {
+    let solved = solve(problem, unknowns, Begin::Near(multipliers), &options.settings, progress);
+    solved.write(problem, motion, Started { kind: StartKind::Neighbour, seed: 0 })
 }
 
 /// Whether two robots have the same variables: the same joints by name, the same end effectors by name and kind.
-fn same_structure(one: &Robot, other: &Robot) -> bool {
+pub(crate) fn same_structure(one: &Robot, other: &Robot) -> bool {
     let joints = |robot: &'_ Robot| robot.joints.iter().map(|j| j.name.clone()).collect::<Vec<_>>();
     let ends = one.end_effectors.iter().zip(&other.end_effectors);
     joints(one) == joints(other)

@@ -1,0 +1,327 @@
+//! How a plan changes with its robot and its goal (thesis 2.5.1): derivatives of the optimum, and plans of neighbours from them.
+//!
+//! A plan as the solver leaves it is good enough to be played and not to be differentiated: it meets its constraints, but its
+//! costs still fall along them. [`Optimal`] takes it to the optimum first. Parameters are pairs of neighbouring robots and
+//! motions, so that whatever can be changed in a robot file or a motion file can be one: the whole problem is built at either
+//! side, standing pose, masses and limits included.
+
+mod objective;
+mod time_shift;
+
+pub use objective::Objective;
+
+use crate::formulation::System;
+use crate::formulation::rows::{Columns, Differentiated, Role, Row, Rows};
+use crate::motion::{Ends, Motion};
+use crate::plan::{Plan, Status};
+use crate::planning::{Options, ReplanError, Solution, from_near, same_structure};
+use crate::problem::variables::Layout;
+use crate::problem::{Problem, Unknowns};
+use crate::solve::optimum::{Conditions, NoOptimum, Optimum, Residuals};
+use crate::solve::{Multipliers, Progress};
+use crate::start;
+use rollwalk_multibody::euler::Model;
+use rollwalk_robot::Robot;
+use std::ops::ControlFlow;
+use thiserror::Error;
+
+pub use crate::solve::optimum::Change;
+
+/// Newton steps to the optimum from a plan that is near it, and from any; and the length of the last, scaled variables.
+const POLISH_NEAR: usize = 4;
+const POLISH_STEPS: usize = 25;
+const POLISHED: f64 = 1e-7;
+/// Goal of the iterations that are added where a plan is too far from its optimum for Newton's method.
+const TAIL_LEVEL: f64 = 1e-3;
+const TAIL_FLAT: f64 = 1e-7;
+const TAIL_ITERATIONS: usize = 100;
+
+/// Reason for which a plan has no derivatives.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum NotOptimal {
+    /// It did not converge: there is no optimum to differentiate.
+    #[error(
+        "the plan of `{motion}` is {status}, so that it has no derivatives; plan it again, or change the design by hand"
+    )]
+    NotConverged {
+        /// Name of the motion.
+        motion: String,
+        /// Status of the plan.
+        status: Status,
+    },
+    /// Newton's method does not find the optimum.
+    #[error("the plan of `{motion}` cannot be taken to its optimum: {reason}")]
+    NoOptimum {
+        /// Name of the motion.
+        motion: String,
+        /// Reason.
+        reason: &'static str,
+    },
+    /// The neighbour's problem is another one.
+    #[error("{0}")]
+    OtherProblem(#[from] ReplanError),
+    /// The neighbour has rows that the plan has not, or the other way round.
+    #[error(
+        "the parameter changes which constraints `{motion}` has, so that nothing can be differentiated by it"
+    )]
+    OtherRows {
+        /// Name of the motion.
+        motion: String,
+    },
+}
+
+/// A robot and a motion.
+#[derive(Clone, Copy, Debug)]
+pub struct Design<'a> {
+    /// The robot.
+    pub robot: &'a Robot,
+    /// The motion.
+    pub motion: &'a Motion,
+}
+
+/// A parameter at a plan's design: neighbours on either side of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameter<'a> {
+    /// Where the parameter is larger.
+    pub ahead: Design<'a>,
+    /// Where it is smaller.
+    pub behind: Design<'a>,
+    /// By how much they differ, in the parameter's unit.
+    pub apart: f64,
+}
+
+/// A plan at its optimum.
+#[derive(Clone, Debug)]
+pub struct Optimal {
+    problem: Problem,
+    motion: Motion,
+    unknowns: Unknowns,
+    shifts: Vec<f64>,
+    /// Direction along which nothing determines where the plan is.
+    pin: Option<Vec<f64>>,
+}
+
+/// Rows of a system around a point.
+struct Around<'a> {
+    system: &'a System<'a>,
+    unknowns: &'a Unknowns,
+}
+
+impl Residuals for Around<'_> {
+    fn columns(&self) -> &Columns {
+        self.system.columns()
+    }
+
+    fn penalty(&self) -> f64 {
+        self.system.penalty()
+    }
+
+    fn rows(&self, step: &[f64], shifts: &[f64], reuse: Rows) -> Rows {
+        let unknowns = self.system.moved(self.unknowns, step);
+        let mut rows = self.system.values(&unknowns, reuse);
+        if rows.differentiated == Differentiated::None {
+            self.system.differentiate(&unknowns, &mut rows, shifts);
+        }
+        rows
+    }
+}
+
+impl Optimal {
+    /// Takes a solution to its optimum.
+    ///
+    /// # Errors
+    /// The solution did not converge, or Newton's method finds no optimum near it.
+    pub fn of(
+        solution: &Solution,
+        options: &Options,
+        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Self, NotOptimal> {
+        let Plan { robot, motion, solve, .. } = &solution.plan;
+        let is_good = matches!(solve.status, Status::Converged | Status::FailsAsPlayed);
+        if !is_good || motion.ends == Ends::Prescribed {
+            let (motion, status) = (motion.name.clone(), solve.status);
+            return Err(NotOptimal::NotConverged { motion, status });
+        }
+        let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
+        let mut unknowns = start::neighbour(&problem, &solution.plan);
+        problem.add_up(&mut unknowns);
+        let multipliers = Some(&solution.multipliers);
+        Self::near(problem.clone(), motion, unknowns, multipliers, POLISH_NEAR).or_else(|_| {
+            let mut longer = Options { refine: false, ..options.clone() };
+            longer.settings.target_level = TAIL_LEVEL;
+            longer.settings.flat = TAIL_FLAT;
+            longer.settings.iterations = TAIL_ITERATIONS;
+            let solution = solution.replan(robot, motion, &longer, progress)?;
+            let mut unknowns = start::neighbour(&problem, &solution.plan);
+            problem.add_up(&mut unknowns);
+            let multipliers = Some(&solution.multipliers);
+            Self::near(problem, motion, unknowns, multipliers, POLISH_STEPS)
+        })
+    }
+
+    fn near(
+        problem: Problem,
+        motion: &Motion,
+        mut unknowns: Unknowns,
+        multipliers: Option<&Multipliers>,
+        steps: usize,
+    ) -> Result<Self, NotOptimal> {
+        let failed = |reason| failed(motion, reason);
+        let system = System::selected(&problem, Default::default());
+        let rows = system.rows(&unknowns, Rows::default());
+        let shifts = multipliers.and_then(|known| known.carried(&rows, system.penalty()));
+        let shifts = shifts.unwrap_or_else(|| vec![0.0; rows.rows.len()]);
+        let pin = time_shift::free(&problem, &unknowns, system.columns());
+        let around = Around { system: &system, unknowns: &unknowns };
+        let mut optimum = Optimum::near(&around, shifts, pin.clone()).map_err(failed)?;
+        optimum.polish(steps, POLISHED).map_err(failed)?;
+        let (position, shifts) = (optimum.position().to_vec(), optimum.shifts().to_vec());
+        drop(optimum);
+        unknowns = system.moved(&unknowns, &position);
+        drop(system);
+        Ok(Self { problem, motion: motion.clone(), unknowns, shifts, pin })
+    }
+
+    /// How the optimum changes with parameters, per unit of each.
+    ///
+    /// # Errors
+    /// A parameter changes what the problem is made of, or the optimum is not a minimum.
+    pub fn changes(&self, parameters: &[Parameter<'_>]) -> Result<Vec<Change>, NotOptimal> {
+        self.linearised(|optimum| {
+            let change = |parameter| {
+                let by = self.conditions_by(optimum, parameter)?;
+                optimum.change(&by).map_err(|reason| self.failed(reason))
+            };
+            parameters.iter().map(change).collect()
+        })
+    }
+
+    /// Value of an objective, and how it changes with parameters, per unit of each: one adjoint solve for all of them
+    /// (thesis Eq. 2.24, with the part that does not go through the motion, which it leaves out).
+    ///
+    /// # Errors
+    /// As [`changes`](Self::changes).
+    pub fn gradient(
+        &self,
+        objective: Objective,
+        parameters: &[Parameter<'_>],
+    ) -> Result<(f64, Vec<f64>), NotOptimal> {
+        self.linearised(|optimum| {
+            let system = System::selected(&self.problem, Default::default());
+            let rows = system.rows(&self.unknowns, Rows::default());
+            let adjoint = optimum
+                .adjoint(&objective.gradient(&rows, system.columns().count))
+                .map_err(|reason| self.failed(reason))?;
+            let slope = |parameter: &Parameter<'_>| {
+                let by = self.conditions_by(optimum, parameter)?;
+                let [ahead, behind] = [parameter.ahead, parameter.behind].map(|design| {
+                    let problem = self.neighbour(&design)?;
+                    let system = System::selected(&problem, Default::default());
+                    Ok::<_, NotOptimal>(
+                        objective.value(&system.values(&self.unknowns, Rows::default())),
+                    )
+                });
+                Ok((ahead? - behind?) / parameter.apart - adjoint.dot(&by))
+            };
+            let slopes: Result<Vec<f64>, NotOptimal> = parameters.iter().map(slope).collect();
+            Ok((objective.value(&rows), slopes?))
+        })
+    }
+
+    /// Plans a neighbouring design from where this optimum goes: `by` is the change of parameters and the change of the
+    /// optimum per unit of each ([`changes`](Self::changes)).
+    ///
+    /// # Errors
+    /// The design has another structure.
+    pub fn replan(
+        &self,
+        design: Design<'_>,
+        by: &[(f64, &Change)],
+        options: &Options,
+        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Solution, NotOptimal> {
+        let mut problem = self.neighbour(&design)?;
+        let system = System::selected(&self.problem, Default::default());
+        let (mut unknowns, mut shifts) = (self.unknowns.clone(), self.shifts.clone());
+        for (amount, change) in by {
+            let step: Vec<f64> = change.unknowns.iter().map(|x| amount * x).collect();
+            unknowns = system.moved(&unknowns, &step);
+            shifts.iter_mut().zip(&change.shifts).for_each(|(s, change)| *s += amount * change);
+        }
+        let rows = system.values(&self.unknowns, Rows::default());
+        for (row, shift) in rows.rows.iter().zip(&mut shifts) {
+            if matches!(row.role, Role::Inequality { .. }) {
+                *shift = shift.max(0.0);
+            }
+        }
+        let multipliers = Multipliers::of(&rows, shifts, system.penalty());
+        let options = Options { weights: self.problem.weights.clone(), ..options.clone() };
+        problem.layout = Layout::new(&problem.model);
+        Ok(from_near(&problem, design.motion, unknowns, Some(&multipliers), &options, progress))
+    }
+
+    /// ∂G/∂p and ∂Φ/∂p at fixed unknowns and multipliers, by central differences of the whole problem.
+    fn conditions_by(
+        &self,
+        optimum: &Optimum<'_>,
+        parameter: &Parameter<'_>,
+    ) -> Result<Conditions, NotOptimal> {
+        let Parameter { ahead, behind, apart } = parameter;
+        let [ahead, behind] = [ahead, behind].map(|design| {
+            let problem = self.neighbour(design)?;
+            let system = System::selected(&problem, Default::default());
+            let rows = system.rows(&self.unknowns, Rows::default());
+            if !same_pattern(&rows, optimum.rows()) {
+                return Err(NotOptimal::OtherRows { motion: self.motion.name.clone() });
+            }
+            Ok(optimum.conditions(&rows, &self.shifts))
+        });
+        Ok(ahead?.minus(&behind?, 1.0 / apart))
+    }
+
+    /// The problem of a neighbouring design, its unknowns scaled as those of this one.
+    fn neighbour(&self, design: &Design<'_>) -> Result<Problem, NotOptimal> {
+        let Design { robot, motion } = *design;
+        if !same_structure(self.problem.model.robot(), robot) {
+            return Err(NotOptimal::OtherProblem(ReplanError::OtherStructure {
+                motion: self.motion.name.clone(),
+                planned: self.problem.model.robot().name.clone(),
+                wanted: robot.name.clone(),
+            }));
+        }
+        let mut problem = Problem::new(Model::new(robot), motion, self.problem.weights.clone());
+        problem.layout.scale = self.problem.layout.scale.clone();
+        Ok(problem)
+    }
+
+    /// Lends the optimum with its factor.
+    fn linearised<T>(
+        &self,
+        work: impl FnOnce(&Optimum<'_>) -> Result<T, NotOptimal>,
+    ) -> Result<T, NotOptimal> {
+        let system = System::selected(&self.problem, Default::default());
+        let around = Around { system: &system, unknowns: &self.unknowns };
+        let optimum = Optimum::near(&around, self.shifts.clone(), self.pin.clone());
+        work(&optimum.map_err(|reason| self.failed(reason))?)
+    }
+
+    fn failed(&self, reason: NoOptimum) -> NotOptimal {
+        failed(&self.motion, reason)
+    }
+}
+
+fn failed(motion: &Motion, reason: NoOptimum) -> NotOptimal {
+    let reason = match reason {
+        NoOptimum::Diverges => "Newton's method does not converge",
+        NoOptimum::Saddle => "its costs fall in a direction that no constraint forbids",
+    };
+    NotOptimal::NoOptimum { motion: motion.name.clone(), reason }
+}
+
+fn same_pattern(one: &Rows, other: &Rows) -> bool {
+    let families = |row: &Row| (row.family, row.entries.clone());
+    one.rows.iter().map(families).eq(other.rows.iter().map(families))
+}
+
+#[cfg(test)]
+mod tests;

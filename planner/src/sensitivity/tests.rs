@@ -1,0 +1,197 @@
+//! Derivatives of plans against plans of neighbours that were optimised again.
+
+use super::*;
+use crate::optimise_solution;
+use std::fs;
+use std::path::Path;
+
+fn read(motion: &str) -> (Robot, Motion) {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../motions").join(motion);
+    let text = fs::read_to_string(&file).unwrap();
+    let path = file.parent().unwrap().join(Motion::robot_path_in_toml(motion, &text).unwrap());
+    let robot = Robot::from_toml(&path.display().to_string(), &fs::read_to_string(&path).unwrap());
+    let robot = robot.unwrap();
+    let motion = Motion::from_toml(motion, &text, &robot).unwrap();
+    (robot, motion)
+}
+
+fn on(_: &Progress) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+fn planned(robot: &Robot, motion: &Motion) -> Solution {
+    let options = Options { refine: false, ..Options::default() };
+    optimise_solution(robot, motion, &options, &mut on)
+}
+
+/// A measure of a robot, changed by a length, m.
+type Measure = fn(&Robot, f64) -> Robot;
+
+/// The radius of all feet and wheels.
+fn radius(robot: &Robot, by_m: f64) -> Robot {
+    let mut robot = robot.clone();
+    robot.end_effectors.iter_mut().for_each(|ee| ee.radius_m += by_m);
+    robot
+}
+
+/// The length of all links between joints.
+fn length(robot: &Robot, by_m: f64) -> Robot {
+    let mut robot = robot.clone();
+    for joint in robot.joints.iter_mut().filter(|joint| joint.parent != 0) {
+        let z = &mut joint.parent_from_joint.translation.z;
+        *z += if *z == 0.0 { 0.0 } else { z.signum() * by_m };
+    }
+    robot
+}
+
+/// How far the limbs of both sides are from the middle of the body.
+fn track(robot: &Robot, by_m: f64) -> Robot {
+    let mut robot = robot.clone();
+    for joint in robot.joints.iter_mut().filter(|joint| joint.parent == 0) {
+        let y = &mut joint.parent_from_joint.translation.y;
+        *y += if *y == 0.0 { 0.0 } else { y.signum() * by_m };
+    }
+    robot
+}
+
+fn norm(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+fn combined(a: f64, one: &[f64], b: f64, other: &[f64]) -> Vec<f64> {
+    one.iter().zip(other).map(|(one, other)| a * one + b * other).collect()
+}
+
+impl Optimal {
+    /// The optimum of a neighbouring robot by Newton's method, from where this one is said to go. The step is in scaled
+    /// variables of this problem.
+    fn again(&self, robot: &Robot, by: f64, change: &Change) -> (Vec<f64>, Optimal) {
+        let problem = self.neighbour(&Design { robot, motion: &self.motion }).unwrap();
+        let system = System::selected(&problem, Default::default());
+        let guess: Vec<f64> = change.unknowns.iter().map(|x| by * x).collect();
+        let shifts = combined(1.0, &self.shifts, by, &change.shifts);
+        let unknowns = system.moved(&self.unknowns, &guess);
+        let around = Around { system: &system, unknowns: &unknowns };
+        let mut optimum = Optimum::near(&around, shifts, self.pin.clone()).unwrap();
+        optimum.polish(POLISH_STEPS, POLISHED).unwrap();
+        let step = combined(1.0, &guess, 1.0, optimum.position());
+        let unknowns = system.moved(&unknowns, optimum.position());
+        let shifts = optimum.shifts().to_vec();
+        drop(optimum);
+        drop(system);
+        let pin = self.pin.clone();
+        (step, Self { problem, motion: self.motion.clone(), unknowns, shifts, pin })
+    }
+
+    fn value(&self, objective: Objective) -> f64 {
+        let system = System::selected(&self.problem, Default::default());
+        objective.value(&system.values(&self.unknowns, Rows::default()))
+    }
+}
+
+const OBJECTIVES: [Objective; 3] =
+    [Objective::PlanCost, Objective::PeakJointSpeed, Objective::JointTorque];
+
+/// Compares changes and gradients with differences of optima: central ones at 0.1 and 0.2 mm, extrapolated. Where an optimum
+/// is too curved for them they show as much as they can: extrapolating leaves a tenth of what it takes away.
+fn compare(motion: &str, measures: &[Measure]) {
+    let (robot, motion) = read(motion);
+    let name = &motion.name;
+    let optimal = Optimal::of(&planned(&robot, &motion), &Options::default(), &mut on).unwrap();
+    for (index, measure) in measures.iter().enumerate() {
+        let [ahead, behind] = [1e-5, -1e-5].map(|by_m| measure(&robot, by_m));
+        let design = |robot| Design { robot, motion: &motion };
+        let parameter = Parameter { ahead: design(&ahead), behind: design(&behind), apart: 2e-5 };
+        let change = optimal.changes(&[parameter]).unwrap().remove(0);
+        let at = |by_m: f64| {
+            let (step, there) = optimal.again(&measure(&robot, by_m), by_m, &change);
+            (step, OBJECTIVES.map(|objective| there.value(objective)))
+        };
+        let [[ahead, behind], [far_ahead, far_behind]] =
+            [1e-4, 2e-4].map(|by_m| [at(by_m), at(-by_m)]);
+        let check = |what: &str, found: &[f64], all: [&[f64]; 4], floor: f64| {
+            let near = combined(0.5e4, all[0], -0.5e4, all[1]);
+            let far = combined(0.25e4, all[2], -0.25e4, all[3]);
+            let best = combined(4.0 / 3.0, &near, -1.0 / 3.0, &far);
+            let doubt = norm(&combined(1.0, &best, -1.0, &near));
+            let error = norm(&combined(1.0, &best, -1.0, found));
+            let allowed = 1e-4 * norm(&best) + 0.1 * doubt + floor;
+            assert!(error < allowed, "{name}, {index}, {what}: {error:e} of {:e}", norm(&best));
+        };
+        assert!(norm(&change.unknowns) > 1.0, "{name}: {index} changes nothing");
+        let steps = [&ahead.0, &behind.0, &far_ahead.0, &far_behind.0].map(Vec::as_slice);
+        check("change", &change.unknowns, steps, 0.0);
+        for (k, objective) in OBJECTIVES.into_iter().enumerate() {
+            let (value, slopes) = optimal.gradient(objective, &[parameter]).unwrap();
+            let values =
+                [&ahead, &behind, &far_ahead, &far_behind].map(|(_, values)| &values[k..=k]);
+            check(&format!("{objective:?}"), &slopes, values, 1e-6 * value);
+        }
+    }
+}
+
+#[test]
+fn plans_on_driven_wheels_change_as_they_are_optimised_again() {
+    compare("turn_in_place.toml", &[radius, length, track]);
+    compare("drive_1m.toml", &[radius, length]);
+    compare("trot.toml", &[length]);
+    compare("pup_drive.toml", &[radius, length]);
+    compare("anymal_turn.toml", &[radius, length]);
+    compare("test_leg_roll.toml", &[radius, length]);
+}
+
+#[test]
+fn plans_on_free_wheels_whose_phase_is_free_change_as_they_are_optimised_again() {
+    compare("swizzlebot_forward.toml", &[radius, length, track]);
+    compare("table_2_1/brainbot_turn.toml", &[radius, track]);
+}
+
+#[test]
+fn plans_on_feet_and_skates_change_as_they_are_optimised_again() {
+    compare("legbot_walk.toml", &[radius]);
+    compare("table_2_1/creature3_fast_walk.toml", &[length]);
+    compare("table_2_1/skatebot_skating.toml", &[length]);
+    compare("table_2_1/dinobot_skating.toml", &[radius]);
+}
+
+#[test]
+fn an_edit_is_planned_from_where_the_optimum_goes() {
+    let (robot, motion) = read("trot.toml");
+    let from_scratch = planned(&robot, &motion);
+    let optimal = Optimal::of(&from_scratch, &Options::default(), &mut on).unwrap();
+    let [ahead, behind] = [1e-5, -1e-5].map(|by_m| length(&robot, by_m));
+    fn design<'a>(robot: &'a Robot, motion: &'a Motion) -> Design<'a> {
+        Design { robot, motion }
+    }
+    let (ahead, behind) = (design(&ahead, &motion), design(&behind, &motion));
+    let change = optimal.changes(&[Parameter { ahead, behind, apart: 2e-5 }]).unwrap().remove(0);
+    // The prediction is of first order: what is left to the solver grows with the square of the edit.
+    let level = |by_m: f64| {
+        let edited = length(&robot, by_m);
+        let mut options = Options { refine: false, ..Options::default() };
+        options.settings.iterations = 0;
+        let by = [(by_m, &change)];
+        let predicted = optimal.replan(design(&edited, &motion), &by, &options, &mut on).unwrap();
+        predicted.plan.solve.worst_level
+    };
+    let (near, far) = (level(0.005), level(0.01));
+    assert!((3.0..5.0).contains(&(far / near)), "{near} {far}");
+    let edited = length(&robot, 0.01);
+    let options = Options { refine: false, ..Options::default() };
+    let by = [(0.01, &change)];
+    let plan = optimal.replan(design(&edited, &motion), &by, &options, &mut on).unwrap().plan;
+    assert_eq!(plan.solve.status, Status::Converged);
+    let iterations = [plan.solve.iterations, planned(&edited, &motion).plan.solve.iterations];
+    assert!(iterations[0] <= 5 && iterations[0] < iterations[1], "{iterations:?}");
+}
+
+#[test]
+fn plans_that_did_not_converge_have_no_derivatives() {
+    let (robot, motion) = read("walk.toml");
+    let mut options = Options { refine: false, ..Options::default() };
+    options.settings.iterations = 2;
+    options.start = start::Start::Standing;
+    let solution = optimise_solution(&robot, &motion, &options, &mut on);
+    let found = Optimal::of(&solution, &options, &mut on).unwrap_err();
+    assert!(matches!(found, NotOptimal::NotConverged { .. }), "{found}");
+}
