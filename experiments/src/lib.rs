@@ -16,6 +16,7 @@
 //! | `landscape` | the objective of a toss by its velocity (Fig. 4.2) |
 //! | `backspin` | a ball that backspin stops (Fig. 4.12b) |
 //! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
+//! | `stiff_cube` | a stiff cube thrown with ever stiffer contacts (Fig. A.5) |
 //! | `sdf` | solids on a grid, and what falls on them (Fig. 4.6) |
 //! | `gripper`, `cube_drag`, `coupled_cubes` | a gripper optimised step by step; a cube that it drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
 //! | `cloth`, `sheet_flip` | cloth moved by its corners; a sheet that is turned over (Fig. 4.17) |
@@ -38,6 +39,7 @@ mod recovery;
 mod restitution_points;
 mod sdf;
 mod sheet_flip;
+mod stiff_cube;
 mod throw_controller;
 mod throwing;
 mod tori;
@@ -151,6 +153,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. A.3",
         about: "computing time by the number of bodies",
         run: chain::run,
+    },
+    Experiment {
+        name: "stiff-cube",
+        source: "Fig. A.5",
+        about: "a stiff cube that slides to a target, with ever stiffer contacts",
+        run: stiff_cube::run,
     },
 ];
 

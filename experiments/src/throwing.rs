@@ -1,10 +1,13 @@
 //! Soft bodies thrown at a target: what the experiments of the thesis's section 4.7.4.1 have in common.
 
+use crate::Watch;
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_physics::friction::{Friction, Model};
 use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_physics::sensitivity::lbfgs::{self, Evaluation, Minimum, Options};
+use rollwalk_physics::sensitivity::objective::cost;
 use rollwalk_physics::sensitivity::parameter::{Freedom, Initial};
-use rollwalk_physics::sensitivity::{Parameter, Recorder, Rollout};
+use rollwalk_physics::sensitivity::{Parameter, Recorder, Residual, Rollout};
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
 use rollwalk_physics::{Assembly, ContactChange, Scheme, Settings, System};
 use std::ops::Range;
@@ -142,6 +145,53 @@ impl Throw {
         }
         bounces
     }
+}
+
+/// What a throw is to come to, and how it may be changed to that end.
+pub struct Aim<'a> {
+    pub freedoms: &'a [(Freedom, usize)],
+    /// What is to be 0.
+    pub residuals: &'a dyn Fn(&Rollout) -> Vec<Residual>,
+    pub watch: &'a dyn Watch,
+}
+
+impl Aim<'_> {
+    /// L-BFGS from a start; none if it is interrupted, or if the throw fails there.
+    pub fn descend(&self, throw: &Throw, start: &[f64], options: &Options) -> Option<Minimum> {
+        let evaluate = |by: &[f64]| {
+            (!self.watch.interrupted()).then_some(())?;
+            let rollout = throw.run(self.freedoms, by)?;
+            let residuals = (self.residuals)(&rollout);
+            let stiffness = throw.node_stiffness_n_m;
+            self.watch.say(&format!("k_n {stiffness}: objective {:.3e}", cost(&residuals)));
+            Some(Evaluation::from((rollout, residuals)))
+        };
+        let found = lbfgs::minimise(start, options, evaluate)?;
+        (!self.watch.interrupted()).then_some(found)
+    }
+
+    /// The same with ever stiffer contacts, N/m for a node, each from where the one before has come to.
+    pub fn stiffen(
+        &self,
+        throw: &Throw,
+        stages_n_m: &[f64],
+        start: &[f64],
+        options: &Options,
+    ) -> Option<Vec<Minimum>> {
+        let mut stages: Vec<Minimum> = Vec::with_capacity(stages_n_m.len());
+        for &node_stiffness_n_m in stages_n_m {
+            let throw = Throw { node_stiffness_n_m, ..throw.clone() };
+            let from = stages.last().map_or(start, |before| &before.parameters);
+            stages.push(self.descend(&throw, from, options)?);
+        }
+        Some(stages)
+    }
+}
+
+/// Best objective by number of simulations, over stages one after the other, by the first objective of all.
+pub fn convergence(stages: &[Minimum]) -> Vec<(f64, f64)> {
+    let all = stages.iter().flat_map(|stage| &stage.best);
+    all.zip(1..).map(|(best, at)| (f64::from(at), best / stages[0].best[0])).collect()
 }
 
 /// Steps without a contact after which the next is another bounce: a soft surface lets go and touches again while it swings.
