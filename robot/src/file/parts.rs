@@ -52,6 +52,8 @@ pub(super) fn read(part: Table<'_>) -> MassProperties {
             None
         }
     };
+    // Says how designs change it, and nothing about the robot as it is.
+    part.given("stretches", Table::boolean);
     part.done();
     let inertia_kg_m2 = Matrix3::from_diagonal(&(diagonal_per_kg.unwrap_or_default() * mass_kg));
     MassProperties { mass_kg, com_m, inertia_kg_m2 }

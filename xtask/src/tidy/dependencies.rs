@@ -13,6 +13,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rollwalk-physics", &["rollwalk-multibody", "rollwalk-robot"]),
     ("rollwalk-planner", &["rollwalk-multibody", "rollwalk-protocol", "rollwalk-robot"]),
     ("rollwalk-simulate", &["rollwalk-physics", "rollwalk-planner", "rollwalk-robot"]),
+    ("rollwalk-design", &["rollwalk-planner", "rollwalk-robot"]),
     ("rollwalk-bus", &["rollwalk-protocol"]),
     ("rollwalk-host", &["rollwalk-bus", "rollwalk-protocol"]),
     // It builds and runs the others as processes, so that its own checks need none of them.

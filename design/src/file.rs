@@ -1,0 +1,207 @@
+//! Design files: what may change about a robot, within which bounds, beside its robot file.
+//!
+//! ```toml
+//! name = "agilebot_legs"
+//! robot = "../robots/agilebot.toml"
+//! motions = [ { file = "walk.toml" }, { file = "turn_in_place.toml", weight = 0.5 } ]
+//!
+//! [[parameter]]
+//! name = "thigh"
+//! length_of = "leg/*_thigh"   # template/link; other keys: parameter.rs
+//! min_m = 0.09
+//! max_m = 0.16
+//! step_m = 0.001              # of what can be made
+//!
+//! [[parameter]]
+//! name = "track"
+//! mount = "leg.y"             # template.coordinate: all its limbs move away from the middle
+//! min_m = 0.07
+//! max_m = 0.12
+//! ```
+
+use crate::parameter::{Axis, Kind, Place};
+use crate::text::{Nothing, RobotText};
+use rollwalk_robot::document::{Document, DocumentError, Table};
+
+/// Most parameters of a design.
+const PARAMETERS_MAX: usize = 64;
+/// Most motions of a design.
+const MOTIONS_MAX: usize = 32;
+
+/// What may change about a robot, and for which motions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DesignFile {
+    /// Name of the design.
+    pub name: String,
+    /// Path of the robot file, relative to the design file.
+    pub robot: String,
+    /// The motions.
+    pub motions: Vec<WeightedMotion>,
+    /// The parameters; never empty.
+    pub parameters: Vec<Parameter>,
+}
+
+/// A motion that a design is for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightedMotion {
+    /// Path of its file, relative to the design file.
+    pub file: String,
+    /// Its weight in objectives.
+    pub weight: f64,
+}
+
+/// A parameter with its bounds, in its kind's unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// What the maker calls it.
+    pub name: String,
+    /// What it changes.
+    pub place: Place,
+    /// Least value.
+    pub min: f64,
+    /// Largest value.
+    pub max: f64,
+    /// Step of what can be made; results are rounded to it.
+    pub step: Option<f64>,
+}
+
+impl DesignFile {
+    /// Reads a design file. `file_name` is for messages only.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the file itself.
+    pub fn from_toml(file_name: &str, text: &str) -> Result<Self, DocumentError> {
+        let document = Document::parse(file_name, text)?;
+        let design = design(&document);
+        document.finish(design)
+    }
+
+    /// Checks the parameters against a robot file: every one changes something of it, no two the same, and its values are
+    /// within the bounds.
+    ///
+    /// # Errors
+    /// Parameters that do not fit the robot.
+    pub fn check(
+        &self,
+        file_name: &str,
+        text: &str,
+        robot: &mut RobotText,
+    ) -> Result<Vec<f64>, DocumentError> {
+        let document = Document::parse(file_name, text)?;
+        let mut values = Vec::new();
+        let tables = document.root().tables("parameter");
+        for (index, (parameter, table)) in self.parameters.iter().zip(&tables).enumerate() {
+            let Parameter { name, place, min, max, .. } = parameter;
+            let key = place.kind.key();
+            match robot.value(place) {
+                Err(Nothing { problem, help }) => {
+                    table.fault(
+                        key,
+                        format_args!("of parameter `{name}`: {problem}"),
+                        "not in the robot file",
+                        help,
+                    );
+                }
+                Ok(value) if !(*min..=*max).contains(&value) => {
+                    let unit = place.kind.unit().0;
+                    let help = format!("the robot file has {value} {unit}: include it");
+                    let problem = format_args!(
+                        "of parameter `{name}` is {value} {unit}, outside its bounds {min} to {max}"
+                    );
+                    table.fault(key, problem, "outside its bounds", help);
+                }
+                Ok(value) => values.push(value),
+            }
+            if let Some(other) = self.parameters[..index].iter().find(|other| other.place == *place)
+            {
+                let problem =
+                    format_args!("of parameter `{name}` changes what `{}` changes", other.name);
+                table.fault(key, problem, "again", "leave one of them out");
+            }
+        }
+        document.finish(Some(values))
+    }
+}
+
+fn design(document: &Document<'_>) -> Option<DesignFile> {
+    let root = document.root();
+    let name = root.string("name");
+    let robot = root.string("robot");
+    let motions =
+        root.tables_up_to("motions", MOTIONS_MAX).iter().map(motion).collect::<Option<_>>();
+    let tables = root.tables_up_to("parameter", PARAMETERS_MAX);
+    if tables.is_empty() {
+        root.fault("parameter", "is missing", "nothing may change", "write [[parameter]] tables");
+    }
+    let parameters = tables.into_iter().map(parameter).collect::<Vec<_>>();
+    root.done();
+    Some(DesignFile {
+        name: name?,
+        robot: robot?,
+        motions: motions?,
+        parameters: parameters.into_iter().collect::<Option<_>>()?,
+    })
+}
+
+fn motion(table: &Table<'_>) -> Option<WeightedMotion> {
+    let file = table.string("file");
+    let weight =
+        if table.has("weight") { table.number_in("weight", 1e-6..=1e6, "") } else { Some(1.0) };
+    table.done();
+    Some(WeightedMotion { file: file?, weight: weight? })
+}
+
+fn parameter(mut table: Table<'_>) -> Option<Parameter> {
+    let name = table.string("name")?;
+    table.call(format!("parameter `{name}`"));
+    let given: Vec<Kind> = Kind::ALL.into_iter().filter(|kind| table.has(kind.key())).collect();
+    let [kind] = given[..] else {
+        let keys: Vec<&str> = Kind::ALL.iter().map(|kind| kind.key()).collect();
+        let problem = if given.is_empty() { "changes nothing" } else { "changes several things" };
+        let help = format!("give one of {}", keys.join(", "));
+        table.fault("name", problem, "one kind of change", help);
+        return None;
+    };
+    let place = place(&table, kind);
+    let [min, max, step] = kind.unit().1;
+    let bounds = [min, max].map(|key| table.number(key));
+    let step_given = if table.has(step) { Some(table.number(step)?) } else { None };
+    table.done();
+    let [min_value, max_value] = [bounds[0]?, bounds[1]?];
+    if min_value >= max_value {
+        let problem = format_args!("is {max_value}, not above `{min}` = {min_value}");
+        table.fault(max, problem, "no room", "give the least value first");
+    }
+    if step_given.is_some_and(|step| step <= 0.0) {
+        table.fault(step, "must be above 0", "no step", "the smallest change that can be made");
+    }
+    Some(Parameter { name, place: place?, min: min_value, max: max_value, step: step_given })
+}
+
+fn place(table: &Table<'_>, kind: Kind) -> Option<Place> {
+    let key = kind.key();
+    let given = table.string(key)?;
+    let (part, axis) = match (kind.has_axis(), given.rsplit_once('.')) {
+        (false, _) => (given.as_str(), None),
+        (true, Some((part, letter))) if Axis::of(letter).is_some() => (part, Axis::of(letter)),
+        (true, _) => {
+            let help = format!("add the coordinate, `{given}.x`, `.y` or `.z`");
+            table.fault(key, format_args!("is \"{given}\", without a coordinate"), "which?", help);
+            return None;
+        }
+    };
+    let (template, name) = match part.split_once('/') {
+        Some((template, name)) => (Some(template.to_owned()), name.to_owned()),
+        None => (None, part.to_owned()),
+    };
+    let limbs = if kind == Kind::Mount && table.has("limbs") {
+        table.strings("limbs")?
+    } else {
+        Vec::new()
+    };
+    let limbs = limbs.into_iter().map(|(limb, _)| limb.to_owned()).collect();
+    Some(Place { kind, template, name, axis, limbs })
+}
+
+#[cfg(test)]
+mod tests;

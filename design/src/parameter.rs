@@ -1,0 +1,113 @@
+//! Kinds of parameters, in one table: key in a design file, unit, and what they change.
+
+/// A coordinate axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// Forward.
+    X,
+    /// Left; mirrored on right limbs.
+    Y,
+    /// Up.
+    Z,
+}
+
+impl Axis {
+    /// The axis of a letter.
+    pub fn of(letter: &str) -> Option<Self> {
+        Some(match letter {
+            "x" => Self::X,
+            "y" => Self::Y,
+            "z" => Self::Z,
+            _ => return None,
+        })
+    }
+
+    /// Its index in a vector.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+}
+
+/// What a parameter changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Length of a link, from joint to next joint, or to its foot or wheel.
+    Length,
+    /// A coordinate of a joint in its parent link.
+    Joint,
+    /// A coordinate of where limbs are mounted.
+    Mount,
+    /// A coordinate of the centre of a foot or wheel in its link.
+    Center,
+    /// Radius of a foot or wheel.
+    Radius,
+    /// Tilt of a wheel's axis about the link's x.
+    Tilt,
+    /// Speed limit of a servo.
+    Speed,
+    /// Torque limit of a servo.
+    Torque,
+    /// Mass of a link, by its heaviest part.
+    Mass,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [Self; 9] = [
+        Self::Length,
+        Self::Joint,
+        Self::Mount,
+        Self::Center,
+        Self::Radius,
+        Self::Tilt,
+        Self::Speed,
+        Self::Torque,
+        Self::Mass,
+    ];
+
+    /// Key in a design file.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Length => "length_of",
+            Self::Joint => "joint",
+            Self::Mount => "mount",
+            Self::Center => "center_of",
+            Self::Radius => "radius_of",
+            Self::Tilt => "tilt_of",
+            Self::Speed => "speed_of",
+            Self::Torque => "torque_of",
+            Self::Mass => "mass_of",
+        }
+    }
+
+    /// Unit, and the keys of the least and the largest value and of the step of what is made.
+    pub const fn unit(self) -> (&'static str, [&'static str; 3]) {
+        match self {
+            Self::Tilt => ("rad", ["min_rad", "max_rad", "step_rad"]),
+            Self::Speed => ("rad/s", ["min_rad_s", "max_rad_s", "step_rad_s"]),
+            Self::Torque => ("N·m", ["min_nm", "max_nm", "step_nm"]),
+            Self::Mass => ("kg", ["min_kg", "max_kg", "step_kg"]),
+            _ => ("m", ["min_m", "max_m", "step_m"]),
+        }
+    }
+
+    /// Whether its value is a coordinate, which a design file names with a dot: `leg/*_knee.z`.
+    pub const fn has_axis(self) -> bool {
+        matches!(self, Self::Joint | Self::Mount | Self::Center)
+    }
+}
+
+/// What a parameter changes, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// What.
+    pub kind: Kind,
+    /// Template of the link, joint or end effector; none for the robot's own, and for servos.
+    pub template: Option<String>,
+    /// Name of the link, joint, end effector or servo.
+    pub name: String,
+    /// Coordinate, of kinds that have one.
+    pub axis: Option<Axis>,
+    /// Limbs that are mounted elsewhere; empty for all of the template, and for other kinds.
+    pub limbs: Vec<String>,
+}

@@ -1,0 +1,348 @@
+//! A robot file in which parameters change numbers, its comments and its order as they were.
+
+use crate::parameter::{Kind, Place};
+use nalgebra::Vector3;
+use std::fmt;
+use toml_edit::{DocumentMut, Item, TableLike, Value};
+
+/// The text of a robot file.
+#[derive(Clone, Debug)]
+pub struct RobotText {
+    document: DocumentMut,
+}
+
+/// Reason for which a parameter changes nothing in a robot file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Nothing {
+    /// What is not there.
+    pub problem: String,
+    /// What is.
+    pub help: String,
+}
+
+impl fmt::Display for RobotText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.document.fmt(f)
+    }
+}
+
+impl RobotText {
+    /// Of the text of a robot file that has been read.
+    ///
+    /// # Errors
+    /// It is no TOML.
+    pub fn new(text: &str) -> Result<Self, toml_edit::TomlError> {
+        Ok(Self { document: text.parse()? })
+    }
+
+    /// Present value of a parameter.
+    ///
+    /// # Errors
+    /// The robot has no such part.
+    pub fn value(&mut self, place: &Place) -> Result<f64, Nothing> {
+        match place.kind {
+            Kind::Length => Ok(self.reach(place)?.norm()),
+            Kind::Speed | Kind::Torque => {
+                let key = limit_key(place.kind);
+                self.servo(place)?.get(key).and_then(number_of).ok_or_else(|| nothing(place, &[]))
+            }
+            Kind::Mount => {
+                let axis = place.axis.map_or(0, |axis| axis.index());
+                let limbs = self.mounts(place)?;
+                let value = limbs.first().and_then(|limb| vector(*limb, "origin_in_parent_m"));
+                Ok(value.ok_or_else(|| nothing(place, &[]))?[axis].abs())
+            }
+            Kind::Joint | Kind::Center => {
+                let (table, key) = self.vector_of(place)?;
+                let axis = place.axis.map_or(0, |axis| axis.index());
+                Ok(vector(table, key).ok_or_else(|| nothing(place, &[]))?[axis])
+            }
+            Kind::Radius => {
+                let table = self.named(place, "end_effector")?;
+                table.get("radius_m").and_then(number_of).ok_or_else(|| nothing(place, &[]))
+            }
+            Kind::Tilt => {
+                let table = self.named(place, "end_effector")?;
+                let axis = vector(table, "axis_in_link").ok_or_else(|| nothing(place, &[]))?;
+                Ok(axis.z.atan2(axis.y))
+            }
+            Kind::Mass => {
+                let table = self.named(place, "link")?;
+                let mass = heaviest(table).and_then(|mass| mass.as_float());
+                mass.ok_or_else(|| nothing(place, &[]))
+            }
+        }
+    }
+
+    /// Sets a parameter.
+    ///
+    /// # Errors
+    /// The robot has no such part.
+    pub fn set(&mut self, place: &Place, to: f64) -> Result<(), Nothing> {
+        let by = to - self.value(place)?;
+        match place.kind {
+            Kind::Length => self.stretch(place, to)?,
+            Kind::Speed | Kind::Torque => {
+                let key = limit_key(place.kind);
+                set_number(self.servo(place)?.get_mut(key), to);
+            }
+            Kind::Mount => {
+                let axis = place.axis.map_or(0, |axis| axis.index());
+                for limb in self.mounts(place)? {
+                    if let Some(mut origin) = vector(limb, "origin_in_parent_m") {
+                        // Away from the middle of the robot on either side and at either end.
+                        if origin[axis] != 0.0 {
+                            origin[axis] += by * origin[axis].signum();
+                        }
+                        set_vector(limb, "origin_in_parent_m", origin);
+                    }
+                }
+            }
+            Kind::Joint | Kind::Center => {
+                let axis = place.axis.map_or(0, |axis| axis.index());
+                let (table, key) = self.vector_of(place)?;
+                if let Some(mut at) = vector(table, key) {
+                    at[axis] = to;
+                    set_vector(table, key, at);
+                }
+            }
+            Kind::Radius => set_number(self.named(place, "end_effector")?.get_mut("radius_m"), to),
+            Kind::Tilt => {
+                let table = self.named(place, "end_effector")?;
+                if let Some(axis) = vector(table, "axis_in_link") {
+                    let across = axis.y.hypot(axis.z);
+                    let turned = Vector3::new(axis.x, across * to.cos(), across * to.sin());
+                    set_vector(table, "axis_in_link", turned);
+                }
+            }
+            Kind::Mass => {
+                if let Some(mass) = heaviest(self.named(place, "link")?) {
+                    replace(mass, to);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// From a link's joint to its next joint, or to its foot or wheel, in its frame.
+    fn reach(&mut self, place: &Place) -> Result<Vector3<f64>, Nothing> {
+        self.named(place, "link")?;
+        let ends = [
+            ("joint", "parent", "origin_in_parent_m"),
+            ("end_effector", "link", "center_in_link_m"),
+        ];
+        for (kind, of, key) in ends {
+            let found = self
+                .tables(place, kind)
+                .into_iter()
+                .filter(|table| text_of(*table, of) == place.name)
+                .find_map(|table| vector(table, key).filter(|at| at.norm() > 0.0));
+            if let Some(at) = found {
+                return Ok(at);
+            }
+        }
+        Err(Nothing {
+            problem: format!("link `{}` has no length: nothing is at its far end", place.name),
+            help: "name a link that carries a joint, a foot or a wheel away from its own joint"
+                .into(),
+        })
+    }
+
+    /// Moves everything along a link in proportion; parts that stretch grow with it, at constant section.
+    fn stretch(&mut self, place: &Place, length_m: f64) -> Result<(), Nothing> {
+        let reach = self.reach(place)?;
+        let along = reach.normalize();
+        let more = length_m / reach.norm() - 1.0;
+        let moved = |at: Vector3<f64>| at + along * (at.dot(&along) * more);
+        let longest = along.iamax();
+        let ends = [
+            ("joint", "parent", "origin_in_parent_m"),
+            ("end_effector", "link", "center_in_link_m"),
+        ];
+        for (kind, of, key) in ends {
+            for table in self.tables(place, kind) {
+                if text_of(table, of) == place.name {
+                    move_vector(table, key, moved);
+                }
+            }
+        }
+        let link = self.named(place, "link")?;
+        move_vector(link, "com_in_link_m", moved);
+        for part in inner(link, "parts") {
+            move_vector(part, "at_m", moved);
+            if part.get("stretches").and_then(Item::as_bool) == Some(true) {
+                scale(part.get_mut("mass_kg").and_then(Item::as_value_mut), 1.0 + more);
+                scale(size_along(part, longest), 1.0 + more);
+            }
+        }
+        for shape in inner(link, "shapes") {
+            for key in ["at_m", "from_m", "to_m"] {
+                move_vector(shape, key, moved);
+            }
+            let sides = shape.get_mut("box_m").and_then(Item::as_array_mut);
+            scale(sides.and_then(|sides| sides.get_mut(longest)), 1.0 + more);
+        }
+        Ok(())
+    }
+
+    /// Tables of a kind in the place's template, or the robot's own.
+    fn tables(&mut self, place: &Place, kind: &str) -> Vec<&mut dyn TableLike> {
+        let group: Option<&mut dyn TableLike> = match &place.template {
+            Some(template) => {
+                let all = self.document.get_mut("template").and_then(Item::as_table_like_mut);
+                all.and_then(|all| all.get_mut(template)).and_then(Item::as_table_like_mut)
+            }
+            None => Some(self.document.as_table_mut()),
+        };
+        group.map_or_else(Vec::new, |group| inner(group, kind))
+    }
+
+    /// The table of a kind with the place's name.
+    fn named(&mut self, place: &Place, kind: &str) -> Result<&mut dyn TableLike, Nothing> {
+        let tables = self.tables(place, kind);
+        let known: Vec<String> =
+            tables.iter().map(|table| text_of(&**table, "name").to_owned()).collect();
+        let found = tables.into_iter().find(|table| text_of(&**table, "name") == place.name);
+        found.ok_or_else(|| nothing(place, &known))
+    }
+
+    fn vector_of(&mut self, place: &Place) -> Result<(&mut dyn TableLike, &'static str), Nothing> {
+        let (kind, key) = match place.kind {
+            Kind::Joint => ("joint", "origin_in_parent_m"),
+            _ => ("end_effector", "center_in_link_m"),
+        };
+        Ok((self.named(place, kind)?, key))
+    }
+
+    fn servo(&mut self, place: &Place) -> Result<&mut dyn TableLike, Nothing> {
+        let all = self.document.get_mut("actuator").and_then(Item::as_table_like_mut);
+        let known: Vec<String> = all
+            .as_ref()
+            .map(|all| all.iter().map(|(name, _)| name.to_owned()).collect())
+            .unwrap_or_default();
+        let found = all.and_then(|all| all.get_mut(&place.name)).and_then(Item::as_table_like_mut);
+        found.ok_or_else(|| nothing(place, &known))
+    }
+
+    /// Tables of the limbs that a place names, or of all limbs of its template.
+    fn mounts(&mut self, place: &Place) -> Result<Vec<&mut dyn TableLike>, Nothing> {
+        let limbs = inner(self.document.as_table_mut(), "limb");
+        let known: Vec<String> =
+            limbs.iter().map(|table| text_of(&**table, "name").to_owned()).collect();
+        let is_meant = |limb: &&mut dyn TableLike| {
+            let name = text_of(&**limb, "name");
+            if place.limbs.is_empty() {
+                text_of(&**limb, "template") == place.name
+            } else {
+                place.limbs.iter().any(|limb| limb == name)
+            }
+        };
+        let found: Vec<_> = limbs.into_iter().filter(is_meant).collect();
+        if found.is_empty() { Err(nothing(place, &known)) } else { Ok(found) }
+    }
+}
+
+fn nothing(place: &Place, known: &[String]) -> Nothing {
+    let template = place.template.as_ref().map_or(String::new(), |of| format!("{of}/"));
+    let problem = format!("the robot has no `{template}{}` to change", place.name);
+    let help = if known.is_empty() {
+        "name a part of the robot file".into()
+    } else {
+        format!("there are {}", known.join(", "))
+    };
+    Nothing { problem, help }
+}
+
+fn limit_key(kind: Kind) -> &'static str {
+    if kind == Kind::Speed { "speed_max_rad_s" } else { "torque_max_nm" }
+}
+
+/// Tables of an array, written as `[[name]]` or in one line.
+fn inner<'t>(table: &'t mut dyn TableLike, key: &str) -> Vec<&'t mut dyn TableLike> {
+    match table.get_mut(key) {
+        Some(Item::ArrayOfTables(tables)) => {
+            tables.iter_mut().map(|table| table as &mut dyn TableLike).collect()
+        }
+        Some(Item::Value(Value::Array(values))) => values
+            .iter_mut()
+            .filter_map(Value::as_inline_table_mut)
+            .map(|table| table as &mut dyn TableLike)
+            .collect(),
+        _ => Vec::new(),
+    }
+}
+
+fn text_of<'t>(table: &'t dyn TableLike, key: &str) -> &'t str {
+    table.get(key).and_then(Item::as_str).unwrap_or_default()
+}
+
+fn number_of(item: &Item) -> Option<f64> {
+    item.as_float().or_else(|| item.as_integer().map(|whole| whole as f64))
+}
+
+fn vector(table: &dyn TableLike, key: &str) -> Option<Vector3<f64>> {
+    let array = table.get(key)?.as_array()?;
+    let numbers: Option<Vec<f64>> = array
+        .iter()
+        .map(|value| value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64)))
+        .collect();
+    (array.len() == 3).then(|| numbers.map(|numbers| Vector3::from_column_slice(&numbers)))?
+}
+
+fn set_vector(table: &mut dyn TableLike, key: &str, to: Vector3<f64>) {
+    let Some(array) = table.get_mut(key).and_then(Item::as_array_mut) else { return };
+    for (value, to) in array.iter_mut().zip(to.iter()) {
+        if value.as_float() != Some(*to) {
+            replace(value, *to);
+        }
+    }
+}
+
+fn move_vector(table: &mut dyn TableLike, key: &str, moved: impl Fn(Vector3<f64>) -> Vector3<f64>) {
+    if let Some(at) = vector(table, key) {
+        set_vector(table, key, moved(at));
+    }
+}
+
+fn set_number(item: Option<&mut Item>, to: f64) {
+    if let Some(value) = item.and_then(Item::as_value_mut) {
+        replace(value, to);
+    }
+}
+
+/// Size of a part along a coordinate axis: a side of its box, or the length of its cylinder.
+fn size_along(part: &mut dyn TableLike, axis: usize) -> Option<&mut Value> {
+    const CYLINDERS: [&str; 3] = ["cylinder_x_m", "cylinder_y_m", "cylinder_z_m"];
+    let (key, index) =
+        if part.contains_key("box_m") { ("box_m", axis) } else { (CYLINDERS[axis], 1) };
+    part.get_mut(key)?.as_array_mut()?.get_mut(index)
+}
+
+/// Mass of a link's heaviest part, or its own.
+fn heaviest(link: &mut dyn TableLike) -> Option<&mut Value> {
+    if link.contains_key("mass_kg") {
+        return link.get_mut("mass_kg")?.as_value_mut();
+    }
+    let masses = inner(link, "parts").into_iter().filter_map(|part| part.get_mut("mass_kg"));
+    masses
+        .filter_map(Item::as_value_mut)
+        .max_by(|a, b| a.as_float().unwrap_or(0.0).total_cmp(&b.as_float().unwrap_or(0.0)))
+}
+
+fn scale(value: Option<&mut Value>, by: f64) {
+    if let Some(value) = value
+        && let Some(before) = value.as_float()
+    {
+        replace(value, before * by);
+    }
+}
+
+/// Puts a number in the place of another one, with its comments.
+fn replace(value: &mut Value, number: f64) {
+    let decor = value.decor().clone();
+    *value = Value::from(number);
+    *value.decor_mut() = decor;
+}
+
+#[cfg(test)]
+mod tests;

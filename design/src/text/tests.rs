@@ -1,0 +1,108 @@
+//! Numbers of robot files, changed by parameters of every kind.
+
+use super::*;
+use crate::parameter::Axis;
+use rollwalk_robot::Robot;
+
+fn agilebot() -> RobotText {
+    RobotText::new(include_str!("../../../robots/agilebot.toml")).unwrap()
+}
+
+fn place(kind: Kind, template: Option<&str>, name: &str, axis: Option<Axis>) -> Place {
+    let template = template.map(str::to_owned);
+    Place { kind, template, name: name.to_owned(), axis, limbs: Vec::new() }
+}
+
+fn read(text: &RobotText) -> Robot {
+    Robot::from_toml("changed", &text.to_string()).unwrap()
+}
+
+#[test]
+fn a_longer_link_carries_what_is_along_it() {
+    let mut text = agilebot();
+    let before = read(&text);
+    let thigh = place(Kind::Length, Some("leg"), "*_thigh", None);
+    assert_eq!(text.value(&thigh), Ok(0.12));
+    text.set(&thigh, 0.15).unwrap();
+    assert!((text.value(&thigh).unwrap() - 0.15).abs() < 1e-12);
+    let after = read(&text);
+    for (before, after) in before.joints.iter().zip(&after.joints) {
+        let [from, to] = [before, after].map(|joint| joint.parent_from_joint.translation.vector);
+        let grown = if before.name.ends_with("knee") {
+            Vector3::new(0.0, 0.0, -0.03)
+        } else {
+            Vector3::zeros()
+        };
+        assert!((to - from - grown).norm() < 1e-12, "{}", before.name);
+    }
+    for (before, after) in before.links.iter().zip(&after.links) {
+        let is_thigh = before.name.ends_with("thigh");
+        assert_eq!(before.mass_kg, after.mass_kg, "nothing of it stretches");
+        let share = if is_thigh { 1.25 } else { 1.0 };
+        assert!((after.com_in_link_m.z - share * before.com_in_link_m.z).abs() < 1e-12);
+        assert_eq!(before.com_in_link_m.y, after.com_in_link_m.y);
+    }
+}
+
+#[test]
+fn a_part_that_stretches_grows_in_mass_and_size() {
+    let printed = "{ mass_kg = 0.060, at_m = [0.0, 0.0, -0.055], box_m = [0.03, 0.04, 0.10] }";
+    let text = include_str!("../../../robots/agilebot.toml");
+    let grows = printed.replace(" }", ", stretches = true }");
+    let mut text = RobotText::new(&text.replace(printed, &grows)).unwrap();
+    text.set(&place(Kind::Length, Some("leg"), "*_thigh", None), 0.18).unwrap();
+    let text = text.to_string();
+    assert!(text.contains("mass_kg = 0.09"), "{text}");
+    assert!(text.contains("box_m = [0.03, 0.04, 0.150"), "{text}");
+}
+
+#[test]
+fn mounts_move_apart_on_all_sides() {
+    let mut text = agilebot();
+    let track = place(Kind::Mount, None, "leg", Some(Axis::Y));
+    assert_eq!(text.value(&track), Ok(0.08));
+    text.set(&track, 0.1).unwrap();
+    for joint in read(&text).joints.iter().filter(|joint| joint.parent == 0) {
+        let side = if joint.name.contains("left") { 0.1 } else { -0.1 };
+        assert!((joint.parent_from_joint.translation.y - side).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn every_kind_sets_what_it_reads_and_leaves_the_rest_of_the_file() {
+    let places = [
+        place(Kind::Length, Some("leg"), "*_shank", None),
+        place(Kind::Joint, Some("leg"), "*_hip_pitch", Some(Axis::Y)),
+        place(Kind::Mount, None, "leg", Some(Axis::X)),
+        place(Kind::Center, Some("leg"), "*", Some(Axis::X)),
+        place(Kind::Radius, Some("leg"), "*", None),
+        place(Kind::Tilt, Some("leg"), "*", None),
+        place(Kind::Speed, None, "xm540", None),
+        place(Kind::Torque, None, "xm540", None),
+        place(Kind::Mass, None, "body", None),
+    ];
+    let original = agilebot().to_string();
+    for place in places {
+        let mut text = agilebot();
+        let before = text.value(&place).unwrap();
+        text.set(&place, before).unwrap();
+        assert_eq!(read(&text), read(&agilebot()), "{place:?}");
+        text.set(&place, before + 0.01).unwrap();
+        assert!((text.value(&place).unwrap() - before - 0.01).abs() < 1e-12, "{place:?}");
+        assert_ne!(read(&text), read(&agilebot()), "{place:?}");
+        let changed = text.to_string();
+        let lines = original.lines().zip(changed.lines());
+        let comments = |line: &str| line.split_once('#').map(|(_, comment)| comment.to_owned());
+        assert!(lines.clone().all(|(one, other)| comments(one) == comments(other)), "{changed}");
+        assert_eq!(original.lines().count(), changed.lines().count());
+    }
+}
+
+#[test]
+fn what_is_not_there_is_named_with_what_is() {
+    let found = agilebot().value(&place(Kind::Radius, Some("leg"), "wheel", None)).unwrap_err();
+    assert_eq!(found.problem, "the robot has no `leg/wheel` to change");
+    assert_eq!(found.help, "there are *");
+    let found = agilebot().value(&place(Kind::Speed, None, "xl430", None)).unwrap_err();
+    assert_eq!(found.help, "there are xm430, xm430_drive, xm540");
+}
