@@ -1,15 +1,13 @@
 //! Computing time of a chain of bodies on the ground, by their number (thesis Fig. A.3).
 
+use crate::parts::{Link, Touching, corners, cube};
 use crate::{Chart, Check, Outcome, Watch};
 use cpu_time::ProcessTime;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use rollwalk_physics::anchor::Anchor;
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
-use rollwalk_physics::points::Points;
-use rollwalk_physics::spring::Spring;
-use rollwalk_physics::{Assembly, Inertia, Motion, Settings, System};
+use rollwalk_physics::contact::Normal;
+use rollwalk_physics::ground::Plane;
+use rollwalk_physics::{Assembly, Motion, Settings, System};
 use std::sync::Arc;
 
 const STEP_S: f64 = 1.0 / 500.0;
@@ -23,31 +21,18 @@ const CONTACT_N_M: f64 = 1e3;
 /// Cubes in a row, each on two springs from the one before, the first from the world; they fall from a little above the ground.
 fn chain(count: usize) -> System {
     let mut assembly = Assembly::default();
-    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    let touching = Touching {
+        normal: Normal { stiffness_n_m: CONTACT_N_M, damping_n_s_m: 1e-3, ramp_m: 0.0 },
+        coefficient: 0.5,
+        step_s: STEP_S,
+        ground: Arc::new(Plane::level()),
+    };
+    let spring = Link { stiffness_n_m: SPRING_N_M, damping_n_s_m: 0.0, rest: 1.0, string: false };
     let half_m = 0.5 * EDGE_M;
     for k in 0..count {
-        let about_com_kg_m2 = Matrix3::identity() * (MASS_KG * EDGE_M * EDGE_M / 6.0);
         let place = Vector3::new(APART_M * k as f64, 0.0, half_m + 0.05);
-        let body =
-            assembly.add_body(Inertia { mass_kg: MASS_KG, about_com_kg_m2 }, Motion::at(place));
-        for corner in 0..8 {
-            let center =
-                Vector3::from_fn(|axis, _| if corner >> axis & 1 == 0 { -half_m } else { half_m });
-            assembly.add(Contact {
-                body: [body],
-                center,
-                radius_m: 0.0,
-                tip: Tip::Sphere,
-                normal: Normal { stiffness_n_m: CONTACT_N_M, damping_n_s_m: 1e-3, ramp_m: 0.0 },
-                friction: Friction {
-                    model: Model::Linear,
-                    coefficient: 0.5,
-                    stick_n_s_m: CONTACT_N_M * STEP_S,
-                },
-                resistance: Resistance::default(),
-                ground: Arc::clone(&ground),
-            });
-        }
+        let body = assembly.add_body(cube(MASS_KG, EDGE_M), Motion::at(place));
+        touching.add(&mut assembly, body, corners(EDGE_M));
         for side in [-1.0, 1.0] {
             let point = Vector3::new(-half_m, side * half_m, 0.0);
             if k == 0 {
@@ -62,13 +47,7 @@ fn chain(count: usize) -> System {
                 continue;
             }
             let points = [Vector3::new(half_m, side * half_m, 0.0), point];
-            assembly.add(Spring {
-                ends: Points { bodies: [body - 1, body], points },
-                rest_m: APART_M - EDGE_M,
-                stiffness_n_m: SPRING_N_M,
-                damping_n_s_m: 0.0,
-                string: false,
-            });
+            spring.add(&mut assembly, [body - 1, body], points);
         }
     }
     System::new(Settings { tolerance: 1e-8, ..Settings::default() }, assembly)

@@ -18,8 +18,10 @@
 //! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
 //! | `stiff_cube` | a stiff cube thrown with ever stiffer contacts (Fig. A.5) |
 //! | `sdf` | solids on a grid, and what falls on them (Fig. 4.6) |
-//! | `gripper`, `cube_drag`, `coupled_cubes` | a gripper optimised step by step; a cube that it drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
-//! | `cloth`, `sheet_flip` | cloth moved by its corners; a sheet that is turned over (Fig. 4.17) |
+//! | `parts`, `cloth` | what scenes are made of: springs, points that touch; cloth |
+//! | `manipulation` | an effector whose way is optimised step by step |
+//! | `cube_drag`, `coupled_cubes` | a cube that a gripper drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
+//! | `sheet_flip` | a sheet that is turned over by its corners (Fig. 4.17) |
 //! | `throw_controller` | a network that learns to throw (Fig. 4.19) |
 //! | `chain` | computing time by the number of bodies (Fig. A.3) |
 
@@ -31,10 +33,11 @@ mod cloth;
 mod cma_es;
 mod coupled_cubes;
 mod cube_drag;
-mod gripper;
 mod incline;
 mod landscape;
+mod manipulation;
 pub mod outcome;
+mod parts;
 mod recovery;
 mod restitution_points;
 mod sdf;

@@ -1,15 +1,13 @@
 //! Solids given as distances on a grid (thesis Fig. 4.6): how near they are to the solid that was sampled, and a string and a
 //! cloth that fall on one.
 
-use crate::cloth::{Cloth, STEP_S};
+use crate::cloth::Cloth;
 use crate::outcome::short;
+use crate::parts::{Link, Touching};
 use crate::{Chart, Check, Outcome, Watch};
 use nalgebra::Vector3;
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::contact::Normal;
 use rollwalk_physics::ground::{Grid, Ground, Sphere};
-use rollwalk_physics::points::Points;
-use rollwalk_physics::spring::Spring;
 use rollwalk_physics::{Assembly, Settings, System};
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,7 +16,8 @@ const BALL: Sphere = Sphere { center: Vector3::new(0.013, -0.007, 0.02), radius_
 /// Half of the edge of the cube that is sampled, m.
 const HALF_M: f64 = 0.225;
 const CONTACT_N_M: f64 = 200.0;
-/// Steps of 1/60 s in which what falls comes to rest.
+const STEP_S: f64 = 1.0 / 60.0;
+/// Steps in which what falls comes to rest.
 const STEPS: usize = 120;
 
 fn grid(cells: usize) -> Grid {
@@ -49,18 +48,13 @@ fn errors(cells: usize) -> [f64; 3] {
 /// A string of particles across the ball.
 fn string(assembly: &mut Assembly) -> Range<usize> {
     let (first, count, spacing) = (assembly.bodies.len(), 31, 0.02);
+    let link = Link { stiffness_n_m: 200.0, damping_n_s_m: 0.0, rest: 1.0, string: true };
     for k in 0..count {
         let x = spacing * (k as f64 - 0.5 * (count - 1) as f64);
         let node =
             assembly.add_particle(1e-3, BALL.center + Vector3::new(x, 0.0, BALL.radius_m + 0.01));
         if k > 0 {
-            assembly.add(Spring {
-                ends: Points { bodies: [node - 1, node], points: [Vector3::zeros(); 2] },
-                rest_m: spacing,
-                stiffness_n_m: 200.0,
-                damping_n_s_m: 0.0,
-                string: true,
-            });
+            link.add_between(assembly, [node - 1, node]);
         }
     }
     first..first + count
@@ -87,23 +81,15 @@ struct Lies {
 fn fall(watch: &dyn Watch, what: Falls, steps: usize) -> Option<Lies> {
     let mut assembly = Assembly::default();
     let nodes = what(&mut assembly);
-    let ground: Arc<dyn Ground> = Arc::new(grid(30));
+    let touching = Touching {
+        normal: Normal { stiffness_n_m: CONTACT_N_M, damping_n_s_m: 0.05, ramp_m: 1e-4 },
+        coefficient: 0.6,
+        step_s: STEP_S,
+        ground: Arc::new(grid(30)),
+    };
     let first = assembly.forces.len();
     for node in nodes {
-        assembly.add(Contact {
-            body: [node],
-            center: Vector3::zeros(),
-            radius_m: 0.0,
-            tip: Tip::Sphere,
-            normal: Normal { stiffness_n_m: CONTACT_N_M, damping_n_s_m: 0.05, ramp_m: 1e-4 },
-            friction: Friction {
-                model: Model::Linear,
-                coefficient: 0.6,
-                stick_n_s_m: CONTACT_N_M * STEP_S,
-            },
-            resistance: Resistance::default(),
-            ground: Arc::clone(&ground),
-        });
+        touching.add(&mut assembly, node, [Vector3::zeros()]);
     }
     let forces = first..assembly.forces.len();
     let mut system = System::new(Settings { tolerance: 1e-9, ..Settings::default() }, assembly);

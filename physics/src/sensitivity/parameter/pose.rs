@@ -35,16 +35,14 @@ pub enum Coordinate {
 }
 
 impl Pose {
-    /// All knots of curves of position, yaw, pitch and roll, the first knot of all six first.
-    pub fn of_all(hold: usize, curve: &Arc<Curve>) -> Vec<Box<dyn Parameter>> {
+    /// A knot of curves of position, yaw, pitch and roll.
+    pub fn of_knot(hold: usize, curve: &Arc<Curve>, knot: usize) -> Vec<Box<dyn Parameter>> {
         let shifts = [Vector3::x(), Vector3::y(), Vector3::z()].map(Coordinate::Shift);
         let turns = [Coordinate::Yaw, Coordinate::Pitch, Coordinate::Roll];
-        let of_knot = |knot: usize| {
-            shifts.into_iter().chain(turns).map(move |coordinate| -> Box<dyn Parameter> {
-                Box::new(Self { hold, coordinate, curve: Arc::clone(curve), knot })
-            })
+        let of = |coordinate| -> Box<dyn Parameter> {
+            Box::new(Self { hold, coordinate, curve: Arc::clone(curve), knot })
         };
-        (0..curve.knots).flat_map(of_knot).collect()
+        shifts.into_iter().chain(turns).map(of).collect()
     }
 }
 

@@ -278,7 +278,9 @@ fn poses_of_holds_are_derivatives_of_the_residual() {
     let Scene { mut system, hold, .. } = scene(Model::Tanh, LAW);
     let curve =
         Curve { begin_s: 0.0, spacing_s: 0.1, knots: 6, degree: Degree::Cubic, periodic: false };
-    for (number, pose) in Pose::of_all(hold, &Arc::new(curve)).into_iter().enumerate() {
+    let curve = Arc::new(curve);
+    let poses = (0..curve.knots).flat_map(|knot| Pose::of_knot(hold, &curve, knot));
+    for (number, pose) in poses.enumerate() {
         let [share, _] = curve.of_knot(number / 6, 0.3);
         let change = |system: &mut System, by: f64| {
             // Turned far, as a gripper may be; nobody else moves the place.

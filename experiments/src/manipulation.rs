@@ -1,0 +1,15 @@
+//! What the experiments on manipulation share (thesis 4.7.4.2): an effector moves bodies, and its coordinates at
+//! every step are found by Gauss–Newton's method.
+//!
+//! | module | is |
+//! |---|---|
+//! | `task` | the way, the method and its checks |
+//! | [`gripper`] | an effector that is a cube, and the cubes that it pulls |
+//! | `handles` | effectors on particles |
+
+pub(crate) mod gripper;
+mod handles;
+mod task;
+
+pub(crate) use handles::Handles;
+pub(crate) use task::{Effector, STEP_S, Task, Way, Work, at_place, at_pose, objective};
