@@ -80,7 +80,7 @@ impl Kind {
         }
     }
 
-    /// Unit, and the keys of the least and the largest value and of the step of what is made.
+    /// Unit, and the keys of the lower bound, the upper bound and the manufacturing step.
     pub const fn unit(self) -> (&'static str, [&'static str; 3]) {
         match self {
             Self::Tilt => ("rad", ["min_rad", "max_rad", "step_rad"]),

@@ -246,7 +246,7 @@ fn both(ones: &[[f64; 2]], others: &[[f64; 2]]) -> Vec<[f64; 2]> {
     common.filter(|[from_s, to_s]| from_s < to_s).collect()
 }
 
-/// Slopes of what was planned, over its neighbours; across a pause there is none.
+/// Speeds of planned angles, by differences of neighbouring samples; none across a pause of the recording.
 fn slopes(points: &[(f64, f64)]) -> Points {
     let near = |one: usize, other: usize| points[other].0 - points[one].0 <= PLANNED_GAP_S;
     let slope = |k: usize| {

@@ -56,7 +56,7 @@ pub enum Verdict {
     Absurd,
 }
 
-/// A quantity with what was found.
+/// A fitted quantity: its value, its deviation and the verdict on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     /// Which.
@@ -84,7 +84,7 @@ pub struct Identified {
     pub fitted: [Option<Quality>; 2],
     /// Of the end of the run, which took no part.
     pub predicted: [Option<Quality>; 2],
-    /// Beginning of the run, of what is predicted, and end, s.
+    /// Times at which the fitted part begins, the predicted part begins, and the run ends, s.
     pub times_s: [f64; 3],
     /// Time over which the robot was fitted, s: less than planned if it falls later.
     pub horizon_s: f64,
@@ -329,7 +329,8 @@ impl<G: FnMut(&Stage) -> bool> Search<'_, G> {
         model
     }
 
-    /// Minimises by the open quantities, or the start, or both. None if the robot falls as it is.
+    /// Minimises the error over the quantities that are not held, over the initial state, or over both. `None` if the simulated robot falls
+    /// with the present values.
     fn minimise(
         &mut self,
         what: &'static str,

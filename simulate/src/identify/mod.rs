@@ -4,12 +4,12 @@
 //! | module | is |
 //! |---|---|
 //! | [`series`] | a number over time |
-//! | [`recording`] | what drives were commanded, and what was measured |
+//! | [`recording`] | commands of the drives and measurements |
 //! | [`quantity`] | what can be fitted, in one list |
 //! | `start` | the state in which the recording begins |
 //! | `rollout` | the run simulated again, and what it misses |
 //! | [`fit`] | the search, in three phases over growing horizons |
-//! | [`quality`] | noise of what was measured, and how far a simulated run is from it |
+//! | [`quality`] | noise of the measurements, and the error of a simulated run against them |
 //!
 //! Drives do what they were commanded in the recording, with the gains of the model; so a run can be simulated again with other
 //! numbers. There is no feedback from what was measured: a simulated run that is near to the recorded one after seconds has

@@ -18,7 +18,7 @@ pub struct Document<'a> {
     begin_s: f64,
     predicted_from_s: f64,
     end_s: f64,
-    /// Time that was fitted, from the beginning: less than up to what is predicted where the robot falls before.
+    /// Length of the fitted part, s. It ends before the predicted part begins if the simulated robot falls earlier.
     horizon_s: f64,
     rollouts: usize,
 }
