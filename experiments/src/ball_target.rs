@@ -8,7 +8,7 @@
 //! the ball touches twice, it is 7 to 8 mm too low at the end. So the bounds on two bounces are missed.
 
 use crate::outcome::short;
-use crate::throwing::{FREEDOMS, Throw};
+use crate::throwing::{FREEDOMS, Throw, from_target};
 use crate::{Chart, Check, Outcome, Watch, cma_es};
 use nalgebra::Vector3;
 use rollwalk_physics::sensitivity::lbfgs::{self, Evaluation, Options};
@@ -131,9 +131,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
 
 /// The way of the centre of mass from the target at the end, m.
 pub fn miss(rollout: &Rollout) -> Vec<Residual> {
-    [Vector3::x(), Vector3::y(), Vector3::z()]
-        .map(|axis| Residual::com(rollout, rollout.steps(), &TARGET_M, axis))
-        .to_vec()
+    from_target(rollout, &TARGET_M)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! needed here. With 120 steps the softest cube still moved at the end, and the second stage was worse than the first.
 
 use crate::outcome::short;
-use crate::throwing::{Aim, FREEDOMS, Throw, convergence};
+use crate::throwing::{Aim, FREEDOMS, Throw, convergence, from_target};
 use crate::{Chart, Check, Outcome, Watch};
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_physics::ground::Plane;
@@ -121,9 +121,7 @@ fn doubling(first: f64, last: f64) -> Vec<f64> {
 
 /// The way of the middle from its target at the end, m.
 fn away(rollout: &Rollout) -> Vec<Residual> {
-    [Vector3::x(), Vector3::y(), Vector3::z()]
-        .map(|axis| Residual::com(rollout, rollout.steps(), &TARGET_M, axis))
-        .to_vec()
+    from_target(rollout, &TARGET_M)
 }
 
 #[cfg(test)]

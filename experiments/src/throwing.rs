@@ -188,6 +188,13 @@ impl Aim<'_> {
     }
 }
 
+/// How far the centre of mass is from a target at the end, m, by axes of the world.
+pub fn from_target(rollout: &Rollout, target_m: &Vector3<f64>) -> Vec<Residual> {
+    [Vector3::x(), Vector3::y(), Vector3::z()]
+        .map(|axis| Residual::com(rollout, rollout.steps(), target_m, axis))
+        .to_vec()
+}
+
 /// Best objective by number of simulations, over stages one after the other, by the first objective of all.
 pub fn convergence(stages: &[Minimum]) -> Vec<(f64, f64)> {
     let all = stages.iter().flat_map(|stage| &stage.best);
