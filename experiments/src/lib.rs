@@ -21,6 +21,7 @@
 //! | `parts`, `cloth` | what scenes are made of: springs, points that touch; cloth |
 //! | `manipulation` | an effector whose way is optimised step by step |
 //! | `cube_drag`, `coupled_cubes` | a cube that a gripper drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
+//! | `cube_arc` | a cube dragged along an arc, by Gauss–Newton's method and by CMA-ES (Fig. A.2) |
 //! | `sheet_flip` | a sheet that is turned over by its corners (Fig. 4.17) |
 //! | `throw_controller` | a network that learns to throw (Fig. 4.19) |
 //! | `chain` | computing time by the number of bodies (Fig. A.3) |
@@ -32,6 +33,7 @@ mod chain;
 mod cloth;
 mod cma_es;
 mod coupled_cubes;
+mod cube_arc;
 mod cube_drag;
 mod incline;
 mod landscape;
@@ -150,6 +152,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. 4.19",
         about: "a network that learns to throw, trained through the simulator",
         run: throw_controller::run,
+    },
+    Experiment {
+        name: "cube-arc",
+        source: "Fig. A.2",
+        about: "a cube dragged along an arc, by Gauss-Newton's method and by CMA-ES",
+        run: cube_arc::run,
     },
     Experiment {
         name: "chain",

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_physics::System;
 use rollwalk_physics::curve::{Curve, Degree};
 use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Fit, Options, Penalty, minimise};
-use rollwalk_physics::sensitivity::{Parameter, Recorder, Residual, Rollout};
+use rollwalk_physics::sensitivity::{self, Parameter, Recorder, Residual, Rollout};
 use std::sync::Arc;
 
 pub(crate) const STEP_S: f64 = 1.0 / 60.0;
@@ -63,7 +63,7 @@ pub(crate) struct Solution {
     pub rollout: Rollout,
     /// CPU time of a simulation without derivatives, and of the optimisation, s.
     simulation_s: f64,
-    optimisation_s: f64,
+    pub optimisation_s: f64,
 }
 
 /// What the thesis needed for a task.
@@ -107,6 +107,16 @@ impl Task<'_> {
         let mut all = Penalty::smooth(coordinates, self.way.steps, false, self.beta);
         all.extend(Penalty::small(coordinates, self.beta));
         all
+    }
+
+    /// The objective with penalties, which [`Task::solve`] minimises.
+    pub fn cost(&self, parameters: &[f64]) -> Option<f64> {
+        let of_penalty = |penalty: &Penalty| {
+            let sum: f64 = penalty.factors.iter().map(|&(k, by)| by * parameters[k]).sum();
+            0.5 * (sum - penalty.target).powi(2)
+        };
+        let penalties: f64 = self.penalties().iter().map(of_penalty).sum();
+        Some(sensitivity::objective::cost(&(self.targets)(&self.rollout(parameters)?)) + penalties)
     }
 
     /// Finds the effector's way from one with which to begin.
