@@ -33,7 +33,7 @@ pub mod torque;
 
 pub use planning::{
     Options, ReplanError, Search, Solution, TransitionError, candidates, optimise,
-    optimise_solution, optimise_transition, replan,
+    optimise_solution, optimise_transition, replan, replan_solution,
 };
 pub use problem::Weights;
 pub use solve::{ACCEPTED_LEVEL, Method, Progress, Settings};

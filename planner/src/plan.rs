@@ -231,6 +231,13 @@ pub enum Status {
     Interrupted,
 }
 
+impl Status {
+    /// Whether all constraints hold at the samples.
+    pub fn is_solved(self) -> bool {
+        matches!(self, Self::Converged | Self::FailsAsPlayed)
+    }
+}
+
 impl fmt::Display for Status {
     /// Writes the status in words.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

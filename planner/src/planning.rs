@@ -9,7 +9,7 @@
 mod attempt;
 mod coarse;
 mod probed_solve;
-mod refine;
+pub(crate) mod refine;
 mod replan;
 mod search;
 mod second_look;
@@ -17,7 +17,7 @@ mod transition;
 mod trials;
 mod write;
 
-pub use replan::{ReplanError, replan};
+pub use replan::{ReplanError, replan, replan_solution};
 pub(crate) use replan::{from_near, same_structure};
 pub use search::Search;
 pub use transition::{TransitionError, optimise_transition};

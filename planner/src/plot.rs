@@ -32,12 +32,16 @@ const PANEL_HEIGHT: f64 = 150.0;
 
 /// SVG text of the figure of a validated plan.
 pub fn figure(plan: &Plan) -> String {
-    let columns = panels::columns(plan);
+    page(&panels::columns(plan), title(plan))
+}
+
+/// Columns of panels below a heading and a line of facts.
+fn page(columns: &[Vec<panels::Panel>], texts: [String; 2]) -> String {
     let most = columns.iter().map(Vec::len).max().unwrap_or(0);
     let body_height = PANEL_HEIGHT * most as f64;
     let width = COLUMN_WIDTH * columns.len() as f64 + 2.0 * MARGIN;
     let height = HEADER_HEIGHT + body_height + MARGIN;
-    let mut document = document(width, height).add(title(plan));
+    let mut document = document(width, height).add(heading(texts));
     for (c, column) in columns.iter().enumerate() {
         let panel_height = body_height / column.len().max(1) as f64;
         for (r, panel) in column.iter().enumerate() {
@@ -48,6 +52,21 @@ pub fn figure(plan: &Plan) -> String {
         }
     }
     format!("{document}\n")
+}
+
+/// SVG text of a figure of two plans of one motion and the same limbs: full lines are `after`, dashed ones `before`.
+pub fn comparison(before: &Plan, after: &Plan) -> String {
+    let mut columns = panels::columns(after);
+    for (column, before) in columns.iter_mut().zip(panels::columns(before)) {
+        for panel in column {
+            if let Some(other) = before.iter().find(|other| other.title == panel.title) {
+                panel.compare(other);
+            }
+        }
+    }
+    let names = [before, after].map(|plan| plan.robot.name.as_str());
+    let facts = "full lines: after · dashed lines: before · dots: as planned".to_owned();
+    page(&columns, [format!("{} – {}", names[1], after.motion.name), facts])
 }
 
 /// An empty white page.
@@ -61,7 +80,8 @@ fn document(width: f64, height: f64) -> Document {
         .add(Rectangle::new().set("width", width).set("height", height).set("fill", "white"))
 }
 
-fn title(plan: &Plan) -> Group {
+/// Heading of the figure of a plan, and facts about it.
+fn title(plan: &Plan) -> [String; 2] {
     let kind = match plan.motion.ends {
         Ends::Periodic => "periodic",
         Ends::AtRest => "from rest to rest",
@@ -78,7 +98,10 @@ fn title(plan: &Plan) -> Group {
         plan.solve.iterations,
         if asks { " · crosses and bars: targets and heights" } else { "" },
     );
-    let heading = format!("{} – {}", plan.robot.name, plan.motion.name);
+    [format!("{} – {}", plan.robot.name, plan.motion.name), facts]
+}
+
+fn heading([heading, facts]: [String; 2]) -> Group {
     let text = |content: String, y: f64| Text::new(content).set("x", MARGIN + 10.0).set("y", y);
     Group::new()
         .add(text(heading, 32.0).set("font-size", 20).set("font-weight", 600).set("fill", INK))

@@ -5,16 +5,20 @@
 //! motions, so that whatever can be changed in a robot file or a motion file can be one: the whole problem is built at either
 //! side, standing pose, masses and limits included.
 
+mod feature;
 mod objective;
+mod price;
 mod time_shift;
 
+pub use feature::Feature;
 pub use objective::Objective;
+pub use price::Price;
 
 use crate::formulation::System;
 use crate::formulation::rows::{Columns, Differentiated, Role, Row, Rows};
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, Status};
-use crate::planning::{Options, ReplanError, Solution, from_near, same_structure};
+use crate::planning::{Options, ReplanError, Solution, from_near, refine, same_structure};
 use crate::problem::variables::Layout;
 use crate::problem::{Problem, Unknowns};
 use crate::solve::optimum::{Conditions, NoOptimum, Optimum, Residuals};
@@ -137,8 +141,7 @@ impl Optimal {
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Self, NotOptimal> {
         let Plan { robot, motion, solve, .. } = &solution.plan;
-        let is_good = matches!(solve.status, Status::Converged | Status::FailsAsPlayed);
-        if !is_good || motion.ends == Ends::Prescribed {
+        if !solve.status.is_solved() || motion.ends == Ends::Prescribed {
             let (motion, status) = (motion.name.clone(), solve.status);
             return Err(NotOptimal::NotConverged { motion, status });
         }
@@ -209,27 +212,28 @@ impl Optimal {
         self.linearised(|optimum| {
             let system = System::selected(&self.problem, Default::default());
             let rows = system.rows(&self.unknowns, Rows::default());
+            let here = objective.at(&self.problem, &self.motion, &rows);
             let adjoint = optimum
-                .adjoint(&objective.gradient(&rows, system.columns().count))
+                .adjoint(&here.gradient(&rows, system.columns().count))
                 .map_err(|reason| self.failed(reason))?;
             let slope = |parameter: &Parameter<'_>| {
                 let by = self.conditions_by(optimum, parameter)?;
                 let [ahead, behind] = [parameter.ahead, parameter.behind].map(|design| {
                     let problem = self.neighbour(&design)?;
                     let system = System::selected(&problem, Default::default());
-                    Ok::<_, NotOptimal>(
-                        objective.value(&system.values(&self.unknowns, Rows::default())),
-                    )
+                    let rows = system.values(&self.unknowns, Rows::default());
+                    Ok::<_, NotOptimal>(objective.at(&problem, design.motion, &rows).value)
                 });
                 Ok((ahead? - behind?) / parameter.apart - adjoint.dot(&by))
             };
             let slopes: Result<Vec<f64>, NotOptimal> = parameters.iter().map(slope).collect();
-            Ok((objective.value(&rows), slopes?))
+            Ok((here.value, slopes?))
         })
     }
 
     /// Plans a neighbouring design from where this optimum goes: `by` is the change of parameters and the change of the
-    /// optimum per unit of each ([`changes`](Self::changes)).
+    /// optimum per unit of each ([`changes`](Self::changes)). As with [`Solution::replan`] the plan is refined if that is among
+    /// the options.
     ///
     /// # Errors
     /// The design has another structure.
@@ -257,7 +261,9 @@ impl Optimal {
         let multipliers = Multipliers::of(&rows, shifts, system.penalty());
         let options = Options { weights: self.problem.weights.clone(), ..options.clone() };
         problem.layout = Layout::new(&problem.model);
-        Ok(from_near(&problem, design.motion, unknowns, Some(&multipliers), &options, progress))
+        let near =
+            from_near(&problem, design.motion, unknowns, Some(&multipliers), &options, progress);
+        Ok(refine::motion(near, design.robot, &options, progress))
     }
 
     /// ∂G/∂p and ∂Φ/∂p at fixed unknowns and multipliers, by central differences of the whole problem.

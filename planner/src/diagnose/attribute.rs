@@ -153,13 +153,7 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
         let number = given.map(|given| (given.field, given.value.to_bits()));
         let group = groups.entry((family, row.subject, number)).or_insert_with(|| Group {
             family,
-            subject: match row.subject {
-                Subject::Whole => None,
-                Subject::EndEffector(j) => Some(robot.end_effectors[j].name.clone()),
-                Subject::Joint(j) => Some(robot.joints[j].name.clone()),
-                Subject::Link(link) => Some(robot.links[link].name.clone()),
-                Subject::Links(links) => Some(robot.pair_name(links)),
-            },
+            subject: row.subject.name(robot),
             pulls: Vec::new(),
             given: given.map(|given| (given.field, given.value)),
             slope: 0.0,

@@ -14,6 +14,7 @@ use crate::motion;
 use crate::problem::state::State;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
+use rollwalk_robot::Robot;
 use std::sync::Arc;
 
 /// Columns of the unknowns: free entries of all slots, then Dx, Dy, ψ.
@@ -91,6 +92,19 @@ pub enum Subject {
     Link(usize),
     /// Two links.
     Links([usize; 2]),
+}
+
+impl Subject {
+    /// Its name in the robot file; `None` for the whole robot.
+    pub fn name(self, robot: &Robot) -> Option<String> {
+        match self {
+            Self::Whole => None,
+            Self::EndEffector(j) => Some(robot.end_effectors[j].name.clone()),
+            Self::Joint(j) => Some(robot.joints[j].name.clone()),
+            Self::Link(link) => Some(robot.links[link].name.clone()),
+            Self::Links(links) => Some(robot.pair_name(links)),
+        }
+    }
 }
 
 impl From<motion::Subject> for Subject {

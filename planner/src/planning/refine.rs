@@ -29,7 +29,7 @@ const IN_VAIN: usize = 2;
 type Resolve<'a> = dyn FnMut(&Plan, &Motion, &mut Watched<'_>) -> Solution + 'a;
 
 /// [`until_it_holds`] for a motion with periodic or at-rest ends.
-pub(super) fn motion(
+pub(crate) fn motion(
     solution: Solution,
     robot: &Robot,
     options: &Options,

@@ -69,8 +69,22 @@ pub fn replan(
     options: &Options,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Plan, ReplanError> {
+    Ok(replan_solution(previous, robot, motion, options, progress)?.plan)
+}
+
+/// Does the same as [`replan`] and returns the multipliers too.
+///
+/// # Errors
+/// As [`replan`].
+pub fn replan_solution(
+    previous: &Plan,
+    robot: &Robot,
+    motion: &Motion,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Solution, ReplanError> {
     let solution = surely(previous, None, Request { robot, motion, options }, progress)?;
-    Ok(refine::motion(solution, robot, options, progress).plan)
+    Ok(refine::motion(solution, robot, options, progress))
 }
 
 impl Solution {

@@ -95,6 +95,22 @@ impl Area {
 }
 
 impl Panel {
+    /// Adds the curves of another panel, dashed and without dots.
+    pub fn compare(&mut self, other: &Self) {
+        let (Content::Curves { series, .. }, Content::Curves { series: others, .. }) =
+            (&mut self.content, &other.content)
+        else {
+            return;
+        };
+        series.extend(others.iter().map(|of| Series {
+            name: String::new(),
+            color: of.color,
+            line: of.line.clone(),
+            dots: Vec::new(),
+            dash: "3 3",
+        }));
+    }
+
     /// Draws the panel into a rectangle, px; `time_axis` adds the numbers of the time axis below it.
     pub fn draw(&self, [x, y]: [f64; 2], [width, height]: [f64; 2], time_axis: bool) -> Group {
         let range = match &self.content {

@@ -1,10 +1,24 @@
 //! What a design is judged by, as functions of the rows of its plan, so that their derivatives are those of the rows.
 
 use crate::families::Family;
-use crate::formulation::rows::{Role, Row, Rows};
+use crate::formulation::System;
+use crate::formulation::rows::{Role, Row, Rows, Subject};
+use crate::motion::{Ends, Motion};
+use crate::plan::Plan;
+use crate::problem::{Problem, Weights};
+use crate::start;
+use rollwalk_multibody::euler::Model;
+use rollwalk_robot::GRAVITY_M_S2;
+use std::collections::HashMap;
 
 /// Exponent of the norm that stands for a largest value: a maximum has no derivative where two are equal.
 const PEAK: i32 = 8;
+/// Speed, rad/s, and share of the largest torque below which a motor's power grows with their squares: absolute values have
+/// kinks at 0, where motors of symmetrical motions are.
+const NEARLY_STILL_RAD_S: f64 = 0.05;
+const NEARLY_NOTHING: f64 = 0.01;
+/// Shortest way of a motion that goes somewhere, m.
+const WAY_MIN_M: f64 = 1e-3;
 
 /// What is to be small.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,65 +29,165 @@ pub enum Objective {
     PeakJointSpeed,
     /// Torques of all joints at all samples, root mean square, N·m.
     JointTorque,
+    /// Torques of all joints at all samples, as a mean of eighth powers, which follows the largest, N·m.
+    PeakJointTorque,
+    /// Mechanical power of all motors, |torque × speed|, mean over the motion, W: nothing is regained from motors that brake.
+    Power,
+    /// Power over weight and speed: energy per weight and distance.
+    CostOfTransport,
 }
 
-impl Objective {
+/// An objective at the rows of a plan.
+pub(super) struct Evaluated {
     /// Its value.
-    pub(super) fn value(self, rows: &Rows) -> f64 {
-        match self {
-            Self::PlanCost => self.terms(rows).map(|(_, term, _)| term).sum(),
-            _ => {
-                let (sum, count) = self.mean(rows);
-                (sum / count).powf(1.0 / f64::from(self.exponent()))
-            }
-        }
-    }
+    pub value: f64,
+    /// Its derivatives by the values of rows, by their index.
+    slopes: Vec<(usize, f64)>,
+}
 
+impl Evaluated {
     /// Its gradient with respect to the scaled unknowns.
-    pub(super) fn gradient(self, rows: &Rows, columns: usize) -> Vec<f64> {
-        let outer = match self {
-            Self::PlanCost => 1.0,
-            _ => {
-                let (sum, count) = self.mean(rows);
-                let exponent = f64::from(self.exponent());
-                if sum > 0.0 { (sum / count).powf(1.0 / exponent) / (exponent * sum) } else { 0.0 }
-            }
-        };
+    pub fn gradient(&self, rows: &Rows, columns: usize) -> Vec<f64> {
         let mut gradient = vec![0.0; columns];
-        for (row, _, slope) in self.terms(rows) {
-            for k in row.entries.clone() {
-                gradient[rows.columns[k]] += outer * slope * rows.derivatives[k];
+        for &(row, slope) in &self.slopes {
+            for k in rows.rows[row].entries.clone() {
+                gradient[rows.columns[k]] += slope * rows.derivatives[k];
             }
         }
         gradient
     }
 
-    fn exponent(self) -> i32 {
-        if self == Self::PeakJointSpeed { PEAK } else { 2 }
+    fn times(mut self, factor: f64) -> Self {
+        self.value *= factor;
+        self.slopes.iter_mut().for_each(|(_, slope)| *slope *= factor);
+        self
+    }
+}
+
+impl Objective {
+    /// All of them.
+    pub const ALL: [Self; 6] = [
+        Self::PlanCost,
+        Self::PeakJointSpeed,
+        Self::JointTorque,
+        Self::PeakJointTorque,
+        Self::Power,
+        Self::CostOfTransport,
+    ];
+
+    /// Whether a motion has it: those that go nowhere have no cost of transport.
+    pub fn is_defined(self, motion: &Motion) -> bool {
+        self != Self::CostOfTransport || way_m(motion) > WAY_MIN_M
     }
 
-    fn mean(self, rows: &Rows) -> (f64, f64) {
-        self.terms(rows).fold((0.0, 0.0), |(sum, count), (_, term, _)| (sum + term, count + 1.0))
+    /// Its value at a plan; NaN where a motion has none.
+    pub fn of_plan(self, plan: &Plan, weights: &Weights) -> f64 {
+        let motion = &plan.motion;
+        if !self.is_defined(motion) || motion.ends == Ends::Prescribed {
+            return f64::NAN;
+        }
+        let problem = Problem::new(Model::new(&plan.robot), motion, weights.clone());
+        let mut unknowns = start::neighbour(&problem, plan);
+        problem.add_up(&mut unknowns);
+        let system = System::selected(&problem, Default::default());
+        self.at(&problem, motion, &system.values(&unknowns, Rows::default())).value
     }
 
-    /// Rows, their terms in the sum, and the derivatives of these with respect to the rows' values.
-    fn terms(self, rows: &Rows) -> impl Iterator<Item = (&Row, f64, f64)> {
-        rows.rows.iter().filter_map(move |row| match (self, row.role) {
-            (Self::PlanCost, Role::Cost { weight }) => {
-                Some((row, weight * row.value.powi(2), 2.0 * weight * row.value))
+    /// Its value and derivatives.
+    pub(super) fn at(self, problem: &Problem, motion: &Motion, rows: &Rows) -> Evaluated {
+        match self {
+            Self::PlanCost => plan_cost(rows),
+            Self::PeakJointSpeed => norm(rows, Family::JointSpeed, PEAK),
+            Self::JointTorque => norm(rows, Family::JointTorque, 2),
+            Self::PeakJointTorque => norm(rows, Family::JointTorque, PEAK),
+            Self::Power => power(rows),
+            Self::CostOfTransport => {
+                let weight_n = problem.model.total_mass_kg() * GRAVITY_M_S2;
+                power(rows).times(motion.duration_s / (weight_n * way_m(motion)))
             }
-            (Self::PeakJointSpeed, _) if row.family == Family::JointSpeed => Some(self.power(row)),
-            (Self::JointTorque, _) if row.family == Family::JointTorque => Some(self.power(row)),
-            _ => None,
-        })
+        }
     }
+}
 
-    /// A power of what a row compares with its limit. Of the two rows of a speed one has it with its sign turned, and gives the
-    /// same power.
-    fn power(self, row: &Row) -> (&Row, f64, f64) {
-        let limit = row.given.map_or(0.0, |given| -given.slope * given.value);
-        let value = row.value * row.scale + limit;
-        let n = self.exponent();
-        (row, value.powi(n), f64::from(n) * value.powi(n - 1) * row.scale)
+/// Distance from the beginning of a motion to its end, as far as its goal says, m.
+fn way_m(motion: &Motion) -> f64 {
+    let part = |goal: Option<f64>| goal.unwrap_or(0.0);
+    part(motion.goal.forward_m).hypot(part(motion.goal.left_m))
+}
+
+fn plan_cost(rows: &Rows) -> Evaluated {
+    let terms = rows.rows.iter().enumerate().filter_map(|(index, row)| match row.role {
+        Role::Cost { weight } => {
+            Some((weight * row.value.powi(2), (index, 2.0 * weight * row.value)))
+        }
+        _ => None,
+    });
+    let (values, slopes): (Vec<f64>, _) = terms.unzip();
+    Evaluated { value: values.iter().sum(), slopes }
+}
+
+/// n-norm of what the rows of a family compare with their limits, over their number. Of the two rows of a speed one has it with
+/// its sign turned, and gives the same power.
+fn norm(rows: &Rows, family: Family, n: i32) -> Evaluated {
+    let of_family = || rows.rows.iter().enumerate().filter(|(_, row)| row.family == family);
+    let count = of_family().count() as f64;
+    let sum: f64 = of_family().map(|(_, row)| compared(row).powi(n)).sum();
+    if sum <= 0.0 {
+        return Evaluated { value: 0.0, slopes: Vec::new() };
     }
+    let value = (sum / count).powf(1.0 / f64::from(n));
+    let slope =
+        |(index, row): (usize, &Row)| (index, compared(row).powi(n - 1) * row.scale * value / sum);
+    Evaluated { value, slopes: of_family().map(slope).collect() }
+}
+
+/// Mean over all samples of |torque × speed|, summed over joints and driven wheels.
+fn power(rows: &Rows) -> Evaluated {
+    const MOTORS: [[Family; 2]; 2] =
+        [[Family::JointTorque, Family::JointSpeed], [Family::WheelTorque, Family::WheelMotorSpeed]];
+    let mut evaluated = Evaluated { value: 0.0, slopes: Vec::new() };
+    let mut samples = 0.0_f64;
+    for [torque, speed] in MOTORS {
+        let key = |row: &Row| (row.at, subject(row.subject));
+        let of = |family: Family| {
+            rows.rows.iter().enumerate().filter(move |(_, row)| row.family == family)
+        };
+        // Either of the two rows of a speed: the sign does not matter.
+        let speeds: HashMap<_, _> =
+            of(speed).map(|(index, row)| (key(row), (index, compared(row), row.scale))).collect();
+        let mut of_subject: HashMap<_, f64> = HashMap::new();
+        for (index, row) in of(torque) {
+            let Some((other, speed, scale)) = speeds.get(&key(row)) else { continue };
+            let largest = row.given.map_or(0.0, |given| given.value);
+            let [torque, per_torque] = smooth(compared(row), NEARLY_NOTHING * largest);
+            let [speed, per_speed] = smooth(*speed, NEARLY_STILL_RAD_S);
+            evaluated.value += torque * speed;
+            evaluated.slopes.push((index, row.scale * per_torque * speed));
+            evaluated.slopes.push((*other, scale * per_speed * torque));
+            *of_subject.entry(subject(row.subject)).or_default() += 1.0;
+        }
+        // Wheels have torque in stance only; joints at every sample.
+        samples = of_subject.into_values().fold(samples, f64::max);
+    }
+    if samples > 0.0 { evaluated.times(1.0 / samples) } else { evaluated }
+}
+
+/// |x| without its kink, and its derivative.
+fn smooth(x: f64, width: f64) -> [f64; 2] {
+    let length = x.hypot(width);
+    [length - width, x / length]
+}
+
+fn subject(subject: Subject) -> (u8, usize) {
+    match subject {
+        Subject::Joint(j) => (0, j),
+        Subject::EndEffector(j) => (1, j),
+        _ => (2, 0),
+    }
+}
+
+/// What a row compares with its limit.
+fn compared(row: &Row) -> f64 {
+    let limit = row.given.map_or(0.0, |given| -given.slope * given.value);
+    row.value * row.scale + limit
 }

@@ -1,0 +1,113 @@
+//! What limits a motion: prices of its constraints, from their multipliers.
+//!
+//! By the envelope theorem the costs of the best plan change with a number that constraints compare with by Σ λ ∂r/∂number,
+//! without solving for anything. A constraint that does not push has no price.
+
+use super::{NotOptimal, Optimal};
+use crate::families::Family;
+use crate::formulation::System;
+use crate::formulation::rows::{Role, Row, Rows};
+use crate::planning::{Options, Solution};
+use crate::problem::{Problem, Unknowns};
+use crate::start;
+use rollwalk_multibody::euler::Model;
+
+/// Part of the costs by which a relaxed constraint must lower them to be worth naming.
+const WORTH: f64 = 1e-6;
+
+/// What a constraint costs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Price {
+    /// The constraint.
+    pub family: Family,
+    /// Field of the robot or motion file that it compares with, and its value; `None` for constraints that compare with none.
+    pub given: Option<(&'static str, f64)>,
+    /// Names of the joints, links or end effectors for which it pushes.
+    pub subjects: Vec<String>,
+    /// Change of the plan's costs per unit of the field's number, or per unit of the family by which the constraint is tightened.
+    pub per_unit: f64,
+    /// The same as a part of the costs, per hundredth of the field's number; `None` without a field.
+    pub per_percent: Option<f64>,
+}
+
+impl Optimal {
+    /// Prices of all constraints that push, dearest first.
+    pub fn prices(&self) -> Vec<Price> {
+        of(&self.problem, &self.unknowns, &self.shifts)
+    }
+}
+
+impl Solution {
+    /// Prices of all constraints that push, dearest first, from the multipliers as the solve left them. [`Optimal::prices`] are
+    /// exact; these are good enough to say what limits a motion.
+    ///
+    /// # Errors
+    /// The plan did not converge.
+    pub fn prices(&self, options: &Options) -> Result<Vec<Price>, NotOptimal> {
+        let motion = &self.plan.motion;
+        if !self.plan.solve.status.is_solved() {
+            let (motion, status) = (motion.name.clone(), self.plan.solve.status);
+            return Err(NotOptimal::NotConverged { motion, status });
+        }
+        let problem = Problem::new(Model::new(&self.plan.robot), motion, options.weights.clone());
+        let mut unknowns = start::neighbour(&problem, &self.plan);
+        problem.add_up(&mut unknowns);
+        let system = System::selected(&problem, Default::default());
+        let rows = system.values(&unknowns, Rows::default());
+        let shifts = self.multipliers.carried(&rows, system.penalty());
+        let shifts = shifts.unwrap_or_else(|| vec![0.0; rows.rows.len()]);
+        Ok(of(&problem, &unknowns, &shifts))
+    }
+}
+
+fn of(problem: &Problem, unknowns: &Unknowns, shifts: &[f64]) -> Vec<Price> {
+    let system = System::selected(problem, Default::default());
+    let rows = system.values(unknowns, Rows::default());
+    let cost: f64 = rows.rows.iter().map(cost).sum();
+    let mut prices: Vec<Price> = Vec::new();
+    for (row, shift) in rows.rows.iter().zip(shifts) {
+        let (is_limit, named) = (matches!(row.role, Role::Inequality { .. }), row.given.is_some());
+        if *shift == 0.0 || matches!(row.role, Role::Cost { .. }) || !(is_limit || named) {
+            continue;
+        }
+        let slope = row.given.map_or(1.0, |given| given.slope);
+        let per_unit = 2.0 * system.penalty() * shift * slope / row.scale;
+        let given = row.given.map(|given| (given.field, given.value));
+        let same = |price: &&mut Price| price.family == row.family && price.given == given;
+        let subject = row.subject.name(problem.model.robot());
+        let price = match prices.iter_mut().find(same) {
+            Some(price) => price,
+            None => {
+                let subjects = Vec::new();
+                let new =
+                    Price { family: row.family, given, subjects, per_unit: 0.0, per_percent: None };
+                prices.push(new);
+                prices.last_mut().expect("it was just added")
+            }
+        };
+        price.per_unit += per_unit;
+        if per_unit.abs() * row.scale > WORTH * cost
+            && let Some(subject) = subject.filter(|subject| !price.subjects.contains(subject))
+        {
+            price.subjects.push(subject);
+        }
+    }
+    for price in &mut prices {
+        price.per_percent = price.given.map(|(_, value)| price.per_unit * 0.01 * value / cost);
+    }
+    let worth = |price: &Price| {
+        // By the tolerance of a constraint that compares with no number.
+        let relative = price.per_percent.unwrap_or_else(|| price.per_unit * 1e-3 / cost);
+        relative.abs()
+    };
+    prices.retain(|price| worth(price) > WORTH);
+    prices.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
+    prices
+}
+
+fn cost(row: &Row) -> f64 {
+    match row.role {
+        Role::Cost { weight } => weight * row.value.powi(2),
+        _ => 0.0,
+    }
+}
