@@ -7,6 +7,8 @@ use crate::files::{self, Named};
 use crate::kind::Kind;
 use crate::shipped;
 use miette::{Report, miette};
+use rollwalk_design::designed::{Designed, NamedText};
+use rollwalk_design::file::DesignFile;
 use rollwalk_physics::ground::{self, Ground};
 use rollwalk_planner::library_file::{LibraryFile, MotionSource};
 use rollwalk_planner::motion::{Ends, Motion};
@@ -202,6 +204,23 @@ impl Source {
         Ok(Library { robot, file, motions, plans, text, robot_text: robot_file })
     }
 
+    /// Reads and validates a design file, its robot and its motions.
+    ///
+    /// # Errors
+    /// A file is missing, or everything that is wrong in it, or parameters that do not fit the robot.
+    pub fn design(self, path: &Path) -> miette::Result<Designed> {
+        let design = self.text(path, Named::ByUser, Kind::Design)?;
+        let explain = || Kind::Design.explain(path, &design.text);
+        let file = DesignFile::from_toml(&design.path, &design.text).map_err(explain())?;
+        let beside = |named: &str, kind: Kind| {
+            self.text(&beside(path, named), Named::InFile, kind).map(NamedText::from)
+        };
+        let robot = beside(&file.robot, Kind::Robot)?;
+        let motions = file.motions.iter().map(|motion| beside(&motion.file, Kind::Motion));
+        let motions = motions.collect::<miette::Result<_>>()?;
+        Designed::new(&design.into(), robot, motions).map_err(Report::new)
+    }
+
     /// Reads and validates a terrain file.
     ///
     /// # Errors
@@ -220,6 +239,12 @@ impl Source {
                 Ok(TextFile::new(path, text.ok_or_else(missing)?.to_owned()))
             }
         }
+    }
+}
+
+impl From<TextFile> for NamedText {
+    fn from(TextFile { path, text }: TextFile) -> Self {
+        Self { name: path, text }
     }
 }
 

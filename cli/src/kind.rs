@@ -18,6 +18,8 @@ pub enum Kind {
     Motion,
     /// A library file.
     Library,
+    /// A design file.
+    Design,
     /// A plan.
     Plan,
     /// A problem file.
@@ -53,6 +55,7 @@ impl fmt::Display for Kind {
             Self::Robot => "robot file (TOML)",
             Self::Motion => "motion file (TOML)",
             Self::Library => "library file (TOML)",
+            Self::Design => "design file (TOML)",
             Self::Plan => "plan (JSON)",
             Self::Problem => "problem file (JSON)",
             Self::Urdf => "URDF file (XML)",
@@ -84,7 +87,11 @@ impl Kind {
             return Some(Self::Urdf);
         }
         let has = |header: &str| text.lines().any(|line| line.trim_start().starts_with(header));
-        let marks = [("[[link]]", Self::Robot), ("[[motion]]", Self::Library)];
+        let marks = [
+            ("[[link]]", Self::Robot),
+            ("[[motion]]", Self::Library),
+            ("[[parameter]]", Self::Design),
+        ];
         let marks = marks.into_iter().chain([("[footfalls]", Self::Motion)]);
         let mark = marks.into_iter().find(|(header, _)| has(header)).map(|(_, kind)| kind);
         let is_terrain = || terrain::kinds().any(|kind| has(&format!("[{kind}]")));
@@ -99,7 +106,7 @@ impl Kind {
     /// Most bytes of such a file; the bounds are a hundred times what robots need.
     pub fn max_bytes(self) -> u64 {
         match self {
-            Self::Robot | Self::Motion | Self::Library | Self::Side => 1 << 20,
+            Self::Robot | Self::Motion | Self::Library | Self::Design | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names => 1 << 20,
             // A file of `--rotate`: some ten minutes.
             Self::WorldLog | Self::Run => 256 << 20,
@@ -120,6 +127,7 @@ impl Kind {
             Self::Robot => "give the path of a robot file, such as robots/agilebot.toml",
             Self::Motion => "docs/motion-files.md shows how to write one",
             Self::Library => "give the path of a library file; docs/motion-files.md describes them",
+            Self::Design => "docs/design.md shows how to write one",
             Self::Plan => "make one with `rollwalk plan MOTION.toml -o PLAN.json`",
             Self::Problem => {
                 "make one with `rollwalk plan MOTION.toml -o PLAN.json --dump PROBLEM.json`"
@@ -149,6 +157,7 @@ impl Kind {
             Self::Robot => "a robot file",
             Self::Motion => "a motion file",
             Self::Library => "a library file",
+            Self::Design => "a design file",
             Self::Plan => "a plan",
             Self::Problem => "a problem file",
             Self::Urdf => "a URDF",
@@ -172,6 +181,7 @@ impl Kind {
             }
             Self::Motion => "`rollwalk plan` reads it; library files name it in [[motion]]",
             Self::Library => "`rollwalk library build` and `rollwalk demo --library` read it",
+            Self::Design => "`rollwalk design check` reads it",
             Self::Plan => "`rollwalk report`, `plot` and `export` read it",
             Self::Problem => "`rollwalk plan` solves it again",
             Self::Urdf => "`rollwalk robot import` makes a robot file of it",

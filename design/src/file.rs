@@ -17,8 +17,20 @@
 //! mount = "leg.y"             # template.coordinate: all its limbs move away from the middle
 //! min_m = 0.07
 //! max_m = 0.12
+//!
+//! [[parameter]]
+//! name = "front_shank"
+//! length_of = "leg/*_shank"
+//! limbs = ["front_left", "front_right"]   # these get a template of their own
+//! min_m = 0.09
+//! max_m = 0.16
+//!
+//! [goal]                      # of `optimise`
+//! minimise = { peak_joint_speed = 1.0 }
+//! keep = { peak_joint_torque_nm = 1.8 }
 //! ```
 
+use crate::goal::Goal;
 use crate::parameter::{Axis, Kind, Place};
 use crate::text::{Nothing, RobotText};
 use rollwalk_robot::document::{Document, DocumentError, Table};
@@ -39,6 +51,8 @@ pub struct DesignFile {
     pub motions: Vec<WeightedMotion>,
     /// The parameters; never empty.
     pub parameters: Vec<Parameter>,
+    /// What it is optimised for, if it says so.
+    pub goal: Option<Goal>,
 }
 
 /// A motion that a design is for.
@@ -112,7 +126,8 @@ impl DesignFile {
                 }
                 Ok(value) => values.push(value),
             }
-            if let Some(other) = self.parameters[..index].iter().find(|other| other.place == *place)
+            if let Some(other) =
+                self.parameters[..index].iter().find(|other| other.place.meets(place))
             {
                 let problem =
                     format_args!("of parameter `{name}` changes what `{}` changes", other.name);
@@ -134,12 +149,17 @@ fn design(document: &Document<'_>) -> Option<DesignFile> {
         root.fault("parameter", "is missing", "nothing may change", "write [[parameter]] tables");
     }
     let parameters = tables.into_iter().map(parameter).collect::<Vec<_>>();
+    let goal = match root.has("goal") {
+        true => Some(root.table("goal").and_then(|table| Goal::read(&table))?),
+        false => None,
+    };
     root.done();
     Some(DesignFile {
         name: name?,
         robot: robot?,
         motions: motions?,
         parameters: parameters.into_iter().collect::<Option<_>>()?,
+        goal,
     })
 }
 
@@ -194,11 +214,8 @@ fn place(table: &Table<'_>, kind: Kind) -> Option<Place> {
         Some((template, name)) => (Some(template.to_owned()), name.to_owned()),
         None => (None, part.to_owned()),
     };
-    let limbs = if kind == Kind::Mount && table.has("limbs") {
-        table.strings("limbs")?
-    } else {
-        Vec::new()
-    };
+    let has_limbs = kind == Kind::Mount || template.is_some();
+    let limbs = if has_limbs && table.has("limbs") { table.strings("limbs")? } else { Vec::new() };
     let limbs = limbs.into_iter().map(|(limb, _)| limb.to_owned()).collect();
     Some(Place { kind, template, name, axis, limbs })
 }

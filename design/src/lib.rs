@@ -5,10 +5,21 @@
 //!
 //! | module | is |
 //! |---|---|
+//! | [`designed`] | a robot under design: its file at any values of the parameters, with its motions |
 //! | [`file`](mod@file) | design files: parameters with their bounds, beside a robot file |
+//! | [`goal`] | what a design is optimised for |
+//! | [`keep`](mod@keep) | semi-automatic changes: some parameters are given, the others keep a feature of the motions |
+//! | [`optimise`](mod@optimise) | parameters with which the motions are best |
 //! | [`parameter`] | kinds of parameters |
+//! | [`plans`] | plans of all motions of a design |
 //! | [`text`] | a robot file in which parameters change numbers |
 
+pub mod designed;
 pub mod file;
+pub mod goal;
+pub mod keep;
+pub mod optimise;
 pub mod parameter;
+pub mod plans;
+mod quadratic;
 pub mod text;

@@ -1,5 +1,7 @@
 //! Kinds of parameters, in one table: key in a design file, unit, and what they change.
 
+use std::fmt;
+
 /// A coordinate axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
@@ -20,6 +22,11 @@ impl Axis {
             "z" => Self::Z,
             _ => return None,
         })
+    }
+
+    /// Its letter.
+    pub fn letter(self) -> char {
+        ['x', 'y', 'z'][self.index()]
     }
 
     /// Its index in a vector.
@@ -108,6 +115,41 @@ pub struct Place {
     pub name: String,
     /// Coordinate, of kinds that have one.
     pub axis: Option<Axis>,
-    /// Limbs that are mounted elsewhere; empty for all of the template, and for other kinds.
+    /// Limbs that are changed, which then have a template of their own; empty for all of the template.
     pub limbs: Vec<String>,
+}
+
+impl Place {
+    /// Whether it changes a number that another one changes.
+    pub fn meets(&self, other: &Self) -> bool {
+        let same_limbs = self.limbs.is_empty()
+            || other.limbs.is_empty()
+            || self.limbs.iter().any(|limb| other.limbs.contains(limb));
+        let place = |of: &Self| Self { limbs: Vec::new(), ..of.clone() };
+        same_limbs && place(self) == place(other)
+    }
+
+    /// The same of all limbs of another template.
+    pub fn of_template(&self, template: &str) -> Self {
+        Self { template: Some(template.to_owned()), limbs: Vec::new(), ..self.clone() }
+    }
+}
+
+/// As design files have it.
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} = \"", self.kind.key())?;
+        if let Some(template) = &self.template {
+            write!(f, "{template}/")?;
+        }
+        f.write_str(&self.name)?;
+        if let Some(axis) = self.axis {
+            write!(f, ".{}", axis.letter())?;
+        }
+        f.write_str("\"")?;
+        if !self.limbs.is_empty() {
+            write!(f, " of {}", self.limbs.join(", "))?;
+        }
+        Ok(())
+    }
 }

@@ -1,12 +1,14 @@
 //! A robot file in which parameters change numbers, its comments and its order as they were.
 
+mod split;
+
 use crate::parameter::{Kind, Place};
 use nalgebra::Vector3;
 use std::fmt;
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 /// The text of a robot file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct RobotText {
     document: DocumentMut,
 }
@@ -40,6 +42,11 @@ impl RobotText {
     /// # Errors
     /// The robot has no such part.
     pub fn value(&mut self, place: &Place) -> Result<f64, Nothing> {
+        if place.kind != Kind::Mount && !place.limbs.is_empty() {
+            let templates = split::templates(&mut self.document, place)?;
+            let Some(template) = templates.first() else { return Err(nothing(place, &[])) };
+            return self.value(&place.of_template(template));
+        }
         match place.kind {
             Kind::Length => Ok(self.reach(place)?.norm()),
             Kind::Speed | Kind::Torque => {
@@ -79,6 +86,10 @@ impl RobotText {
     /// # Errors
     /// The robot has no such part.
     pub fn set(&mut self, place: &Place, to: f64) -> Result<(), Nothing> {
+        if place.kind != Kind::Mount && !place.limbs.is_empty() {
+            let templates = split::apart(&mut self.document, place)?;
+            return templates.iter().try_for_each(|of| self.set(&place.of_template(of), to));
+        }
         let by = to - self.value(place)?;
         match place.kind {
             Kind::Length => self.stretch(place, to)?,
@@ -337,10 +348,11 @@ fn scale(value: Option<&mut Value>, by: f64) {
     }
 }
 
-/// Puts a number in the place of another one, with its comments.
+/// Puts a number in the place of another one, with its comments: with twelve digits, so that 0.07 is not 0.06999999999999999.
 fn replace(value: &mut Value, number: f64) {
     let decor = value.decor().clone();
-    *value = Value::from(number);
+    let twelve_digits = format!("{number:.11e}").parse().unwrap_or(number);
+    *value = Value::from(twelve_digits);
     *value.decor_mut() = decor;
 }
 

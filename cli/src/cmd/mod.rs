@@ -6,6 +6,7 @@ mod completions;
 mod console;
 mod dbc;
 mod demo;
+mod design;
 mod discover;
 mod doctor;
 mod export;
@@ -42,6 +43,8 @@ pub enum Command {
     Simulate(simulate::Args),
     Retarget(retarget::Args),
     Identify(identify::Args),
+    #[command(subcommand)]
+    Design(design::Action),
     #[command(subcommand)]
     Library(library::Action),
     Discover(discover::Args),
@@ -92,6 +95,7 @@ impl Command {
             Command::Simulate(args) => simulate::run(args),
             Command::Retarget(args) => retarget::run(args),
             Command::Identify(args) => identify::run(args),
+            Command::Design(action) => design::run(action),
             Command::Library(action) => library::run(action),
             Command::Discover(args) => discover::run(args),
             Command::Flash(args) => flash::run(args),

@@ -4,8 +4,10 @@ use super::*;
 use crate::parameter::Axis;
 use rollwalk_robot::Robot;
 
+const AGILEBOT: &str = include_str!("../../../robots/agilebot.toml");
+
 fn agilebot() -> RobotText {
-    RobotText::new(include_str!("../../../robots/agilebot.toml")).unwrap()
+    RobotText::new(AGILEBOT).unwrap()
 }
 
 fn place(kind: Kind, template: Option<&str>, name: &str, axis: Option<Axis>) -> Place {
@@ -19,7 +21,7 @@ fn read(text: &RobotText) -> Robot {
 
 #[test]
 fn a_longer_link_carries_what_is_along_it() {
-    let mut text = agilebot();
+    let mut text = RobotText::new(&AGILEBOT.replace(", stretches = true", "")).unwrap();
     let before = read(&text);
     let thigh = place(Kind::Length, Some("leg"), "*_thigh", None);
     assert_eq!(text.value(&thigh), Ok(0.12));
@@ -46,10 +48,7 @@ fn a_longer_link_carries_what_is_along_it() {
 
 #[test]
 fn a_part_that_stretches_grows_in_mass_and_size() {
-    let printed = "{ mass_kg = 0.060, at_m = [0.0, 0.0, -0.055], box_m = [0.03, 0.04, 0.10] }";
-    let text = include_str!("../../../robots/agilebot.toml");
-    let grows = printed.replace(" }", ", stretches = true }");
-    let mut text = RobotText::new(&text.replace(printed, &grows)).unwrap();
+    let mut text = agilebot();
     text.set(&place(Kind::Length, Some("leg"), "*_thigh", None), 0.18).unwrap();
     let text = text.to_string();
     assert!(text.contains("mass_kg = 0.09"), "{text}");
@@ -105,4 +104,47 @@ fn what_is_not_there_is_named_with_what_is() {
     assert_eq!(found.help, "there are *");
     let found = agilebot().value(&place(Kind::Speed, None, "xl430", None)).unwrap_err();
     assert_eq!(found.help, "there are xm430, xm430_drive, xm540");
+}
+
+#[test]
+fn some_limbs_change_alone_and_share_what_is_theirs() {
+    let mut text = agilebot();
+    let before = read(&text);
+    let front = ["front_left", "front_right"].map(str::to_owned).to_vec();
+    let of_front =
+        |name: &str| Place { limbs: front.clone(), ..place(Kind::Length, Some("leg"), name, None) };
+    text.set(&of_front("*_thigh"), 0.14).unwrap();
+    text.set(&of_front("*_shank"), 0.13).unwrap();
+    assert_eq!(text.value(&of_front("*_thigh")), Ok(0.14));
+    let rear = place(Kind::Length, Some("leg"), "*_thigh", None);
+    assert_eq!(text.value(&rear), Ok(0.12));
+    let after = read(&text);
+    let length = |robot: &Robot, joint: &str| {
+        let joint = robot.joints.iter().find(|of| of.name == joint).unwrap();
+        joint.parent_from_joint.translation.vector.norm()
+    };
+    for (joint, expected) in [
+        ("front_left_knee", 0.14),
+        ("front_right_knee", 0.14),
+        ("rear_left_knee", 0.12),
+        ("front_left_steer", 0.13),
+        ("rear_right_steer", 0.12),
+    ] {
+        assert!((length(&after, joint) - expected).abs() < 1e-12, "{joint}");
+    }
+    let names = |robot: &Robot| -> Vec<String> {
+        robot.joints.iter().map(|joint| joint.name.clone()).collect()
+    };
+    assert_eq!(names(&before), names(&after), "plans and libraries see the same robot");
+    let text = text.to_string();
+    assert_eq!(text.matches("template = \"leg_front\"").count(), 2);
+    assert_eq!(text.matches("[[template.leg_front.joint]]").count(), 4, "one copy");
+    let at = |part: &str| text.find(part).unwrap();
+    assert!(at("[[template.leg.end_effector]]") < at("[[template.leg_front.link]]"));
+    assert!(at("[[template.leg_front.end_effector]]") < at("[[limb]]"));
+    assert!(text.contains("# computed: around the parts"), "comments stay");
+    let missing = Place { limbs: vec!["middle".into()], ..rear };
+    let nothing = RobotText::new(AGILEBOT).unwrap().set(&missing, 0.1).unwrap_err();
+    assert_eq!(nothing.problem, "the robot has no limb `middle`");
+    assert_eq!(nothing.help, "there are front_left, front_right, rear_left, rear_right");
 }

@@ -1,0 +1,102 @@
+//! `rollwalk design check`: what may change about a robot.
+
+use super::read;
+use crate::Exit;
+use crate::output::{self, Table};
+use rollwalk_design::designed::Designed;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Check a design file and print its parameters.
+///
+/// Also tries every parameter at both of its bounds by itself, and says where that leads to a robot file that breaks a rule.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk design check designs/agilebot_legs.toml
+
+The format is described in docs/design.md.")]
+pub struct Args {
+    /// Design file (TOML).
+    #[arg(value_name = "DESIGN.toml")]
+    design: PathBuf,
+    /// Print as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A parameter in the output of `--json`.
+#[derive(Serialize)]
+struct Parameter<'a> {
+    name: &'a str,
+    value: f64,
+    min: f64,
+    max: f64,
+    step: Option<f64>,
+    unit: &'static str,
+    changes: String,
+    /// What is wrong with robots at its bounds.
+    problems: Vec<String>,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let designed = read(&args.design)?;
+    let parameters: Vec<Parameter> =
+        (0..designed.original().len()).map(|index| parameter(&designed, index)).collect();
+    if args.json {
+        output::print_json(&parameters)?;
+        return Ok(Exit::Ok);
+    }
+    let mut table = Table::new(["parameter", "now", "least", "most", "step", "unit", "changes"]);
+    for of in &parameters {
+        let number = |value: f64| format!("{value}");
+        table.row([
+            of.name.to_owned(),
+            number(of.value),
+            number(of.min),
+            number(of.max),
+            of.step.map_or("any".to_owned(), number),
+            of.unit.to_owned(),
+            of.changes.clone(),
+        ]);
+    }
+    let motions: Vec<&str> =
+        designed.file.motions.iter().map(|motion| motion.file.as_str()).collect();
+    let motions = match &motions[..] {
+        [] => "no motions".to_owned(),
+        motions => format!("motions: {}", motions.join(", ")),
+    };
+    output::print(&format!(
+        "{} of {}\n{}\n{motions}",
+        designed.file.name,
+        designed.file.robot,
+        table.render()
+    ))?;
+    for problem in parameters.iter().flat_map(|of| &of.problems) {
+        output::say(problem);
+    }
+    Ok(Exit::Ok)
+}
+
+fn parameter(designed: &Designed, index: usize) -> Parameter<'_> {
+    let of = &designed.file.parameters[index];
+    let unit = of.place.kind.unit().0;
+    let at = |value: f64| {
+        let mut values = designed.original().to_vec();
+        values[index] = value;
+        let error = designed.at(&values).err()?;
+        let faults: Vec<String> = error.faults().map(ToString::to_string).collect();
+        Some(format!("warning: at {} = {value} {unit}: {}", of.name, faults.join("; ")))
+    };
+    Parameter {
+        name: &of.name,
+        value: designed.original()[index],
+        min: of.min,
+        max: of.max,
+        step: of.step,
+        unit,
+        changes: of.place.to_string(),
+        problems: [of.min, of.max].into_iter().filter_map(at).collect(),
+    }
+}

@@ -1,0 +1,51 @@
+//! `rollwalk design edit`: manual changes, planned again.
+
+use super::given::{self, Given};
+use super::outcome::{Folder, Outcome};
+use super::{Shown, plan_original, read, report};
+use crate::Exit;
+use miette::miette;
+use std::path::PathBuf;
+
+/// Change parameters of a robot by hand and plan its motions again.
+///
+/// Writes a folder with the changed robot file, its comments kept, a plan of each motion, figures of each motion before and after,
+/// and a report. The exit code is 3 if a motion does not hold afterwards.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk design edit designs/agilebot_legs.toml thigh=0.13 -o longer
+  rollwalk design edit designs/agilebot_legs.toml thigh+=0.01 track-=0.005 -o longer
+Then:
+  rollwalk simulate longer/walk.plan.json")]
+pub struct Args {
+    /// Design file (TOML).
+    #[arg(value_name = "DESIGN.toml")]
+    design: PathBuf,
+    /// Parameters and their values, in m or rad; `+=` and `-=` change what the robot file has.
+    #[arg(value_name = "NAME=VALUE", required = true, value_parser = given::parse)]
+    given: Vec<Given>,
+    #[command(flatten)]
+    folder: Folder,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let designed = read(&args.design)?;
+    let given = given::values(&designed, &args.given)?;
+    let folder = args.folder.open(&designed)?;
+    let mut values = designed.original().to_vec();
+    given.iter().for_each(|(index, value)| values[*index] = *value);
+    if values == designed.original() {
+        return Err(miette!("the robot file has these values already: nothing changes"));
+    }
+    let mut shown = Shown::new("planning");
+    let before = plan_original(&designed, &mut shown)?;
+    shown.now("again");
+    let after = designed
+        .plan_from(&before, &values, true, &mut |motion, state| shown.iteration(motion, state))
+        .map_err(report)?;
+    drop(shown);
+    let outcome = Outcome::new("edit", &designed, &before, &after);
+    folder.write(&outcome, &before, &after)
+}

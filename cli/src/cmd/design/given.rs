@@ -1,0 +1,89 @@
+//! Parameters on the command line: `thigh=0.13`, `thigh+=0.01`.
+
+use miette::miette;
+use rollwalk_design::designed::Designed;
+
+/// A parameter with the value that it is given, or by which it is changed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Given {
+    name: String,
+    value: f64,
+    is_change: bool,
+}
+
+/// Reads `NAME=VALUE`, `NAME+=VALUE` or `NAME-=VALUE`.
+///
+/// # Errors
+/// It is none of them.
+pub fn parse(text: &str) -> Result<Given, String> {
+    let (name, value) = text
+        .split_once('=')
+        .ok_or_else(|| format!("`{text}` has no `=`: give NAME=VALUE or NAME+=CHANGE"))?;
+    let number = value.trim();
+    let value: f64 =
+        number.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| {
+            format!("`{number}` is not a number: give it in the parameter's unit, m or rad")
+        })?;
+    let (name, sign) = match name.strip_suffix(['+', '-']) {
+        Some(shorter) if name.ends_with('-') => (shorter, Some(-1.0)),
+        Some(shorter) => (shorter, Some(1.0)),
+        None => (name, None),
+    };
+    Ok(Given {
+        name: name.trim().to_owned(),
+        value: value * sign.unwrap_or(1.0),
+        is_change: sign.is_some(),
+    })
+}
+
+/// Indices and values of the parameters that are given.
+///
+/// # Errors
+/// A parameter that the design has not, one given twice, or a value outside its bounds.
+pub fn values(designed: &Designed, given: &[Given]) -> miette::Result<Vec<(usize, f64)>> {
+    let parameters = &designed.file.parameters;
+    let mut values: Vec<(usize, f64)> = Vec::new();
+    for Given { name, value, is_change } in given {
+        let Some(index) = parameters.iter().position(|of| of.name == *name) else {
+            let known: Vec<&str> = parameters.iter().map(|of| of.name.as_str()).collect();
+            return Err(miette!(
+                help = format!("it has {}", known.join(", ")),
+                "design `{}` has no parameter `{name}`",
+                designed.file.name
+            ));
+        };
+        let of = &parameters[index];
+        let unit = of.place.kind.unit().0;
+        let value = if *is_change { designed.original()[index] + value } else { *value };
+        if !(of.min..=of.max).contains(&value) {
+            return Err(miette!(
+                help = "change the bounds in the design file if it can be made",
+                "{name} = {value} {unit} is outside its bounds, {} to {} {unit}",
+                of.min,
+                of.max
+            ));
+        }
+        if values.iter().any(|(other, _)| *other == index) {
+            return Err(miette!("parameter `{name}` is given twice"));
+        }
+        values.push((index, value));
+    }
+    Ok(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_have_values_or_changes() {
+        let given = |name: &str, value, is_change| Given { name: name.into(), value, is_change };
+        assert_eq!(parse("thigh=0.13"), Ok(given("thigh", 0.13, false)));
+        assert_eq!(parse("knee = -0.13"), Ok(given("knee", -0.13, false)));
+        assert_eq!(parse("thigh+=0.01"), Ok(given("thigh", 0.01, true)));
+        assert_eq!(parse("thigh-=0.01"), Ok(given("thigh", -0.01, true)));
+        for wrong in ["thigh", "thigh=", "thigh=1cm", "thigh=nan", "thigh+=inf"] {
+            assert!(parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! `rollwalk design keep`: changes that leave a feature of the motions as it is.
+
+use super::given::{self, Given};
+use super::outcome::{Drift, Folder, Outcome};
+use super::{Shown, plan_original, read, report};
+use crate::Exit;
+use miette::miette;
+use rollwalk_design::keep;
+use rollwalk_planner::sensitivity::Feature;
+use std::path::PathBuf;
+
+/// Change some parameters, and let all others follow so that the motions keep a feature.
+///
+/// The derivatives of the optimal plans say how the feature changes with every parameter; the smallest change of the other
+/// parameters is taken that keeps it (thesis 2.5.2). Writes what `rollwalk design edit` writes, and compares with it.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk design keep designs/agilebot_legs.toml front_thigh+=0.02 --feature pitch -o level")]
+pub struct Args {
+    /// Design file (TOML).
+    #[arg(value_name = "DESIGN.toml")]
+    design: PathBuf,
+    /// Parameters and their values, in m or rad; `+=` and `-=` change what the robot file has.
+    #[arg(value_name = "NAME=VALUE", required = true, value_parser = given::parse)]
+    given: Vec<Given>,
+    /// What the motions keep: pitch, tilt (roll and pitch), height, body (height and tilt), joints (angles), feet (contact
+    /// points).
+    #[arg(long, value_name = "FEATURE", value_parser = feature)]
+    feature: Feature,
+    #[command(flatten)]
+    folder: Folder,
+}
+
+fn feature(name: &str) -> Result<Feature, String> {
+    let found = Feature::ALL.iter().find(|(known, _)| *known == name);
+    found.map(|(_, feature)| *feature).ok_or_else(|| {
+        let known = Feature::ALL.map(|(name, _)| name).join(", ");
+        format!("there is no feature `{name}`: give one of {known}")
+    })
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let designed = read(&args.design)?;
+    let given = given::values(&designed, &args.given)?;
+    if given.len() == designed.original().len() {
+        return Err(miette!(
+            help = "add parameters to the design file, or use `rollwalk design edit`",
+            "all parameters are given: nothing is left to follow"
+        ));
+    }
+    let folder = args.folder.open(&designed)?;
+    let mut shown = Shown::new("planning");
+    let before = plan_original(&designed, &mut shown)?;
+    shown.now("following");
+    let kept = keep::keep(&designed, &before, &given, args.feature, &mut |motion, state| {
+        shown.iteration(motion, state)
+    })
+    .map_err(report)?;
+    let mut values = designed.rounded(&kept.variant.values);
+    let mut by_hand = designed.original().to_vec();
+    for (index, value) in given {
+        (values[index], by_hand[index]) = (value, value);
+    }
+    shown.now("again");
+    let again = &mut |motion: &str, state: &_| shown.iteration(motion, state);
+    let after = designed.plan_from(&kept, &values, true, again).map_err(report)?;
+    let manual = designed.plan_from(&before, &by_hand, true, again).map_err(report)?;
+    drop(shown);
+    let drift = |plans| Drift::between(args.feature, &before, plans);
+    let mut outcome = Outcome::new("keep", &designed, &before, &after);
+    outcome.drifts = vec![("by hand", drift(&manual)), ("kept", drift(&after))];
+    folder.write(&outcome, &before, &after)
+}

@@ -1,0 +1,135 @@
+//! `rollwalk design`: changes a robot and its motions together (thesis 2.5).
+
+mod check;
+mod edit;
+mod given;
+mod keep;
+mod limits;
+mod optimise;
+mod outcome;
+
+use crate::inputs::Source;
+use crate::progress::Watch;
+use crate::{Exit, interrupt};
+use miette::{Report, miette};
+use rollwalk_design::designed::Designed;
+use rollwalk_design::plans::{Failed, Plans};
+use rollwalk_planner::Progress;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// Change a robot and its motions together: by hand, keeping what is good, or optimised.
+///
+/// A design file names a robot, motions, and what may change about the robot. docs/design.md is the guide.
+#[derive(clap::Subcommand)]
+pub enum Action {
+    Check(check::Args),
+    Edit(edit::Args),
+    Keep(keep::Args),
+    Optimise(optimise::Args),
+    Limits(limits::Args),
+}
+
+/// Runs the subcommand.
+pub fn run(action: &Action) -> miette::Result<Exit> {
+    interrupt::listen();
+    let done = match action {
+        Action::Check(args) => check::run(args),
+        Action::Edit(args) => edit::run(args),
+        Action::Keep(args) => keep::run(args),
+        Action::Optimise(args) => optimise::run(args),
+        Action::Limits(args) => limits::run(args),
+    };
+    match done {
+        Err(report) if report.downcast_ref::<Stopped>().is_some() => Ok(Exit::Interrupted),
+        done => done,
+    }
+}
+
+/// Ctrl-C: nothing is written.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted")]
+struct Stopped;
+
+impl miette::Diagnostic for Stopped {}
+
+/// A failure of work on a design, for the terminal.
+fn report(failed: Failed) -> Report {
+    match failed {
+        Failed::Interrupted => Stopped.into(),
+        Failed::Robot(error) => Report::new(error).wrap_err(
+            "the parameters lead to a robot file, or to motions of it, that break a rule",
+        ),
+        Failed::CannotDo { .. } => miette!(
+            help = "`rollwalk plan` shows more of what stands in its way; a design can be changed from one that works",
+            "{failed}"
+        ),
+        Failed::NotOptimal(_) => miette!(
+            help = "`rollwalk design edit` works without derivatives; leave this motion out, or give it footfalls or targets",
+            "{failed}"
+        ),
+    }
+}
+
+/// Shows on stderr what is being planned.
+struct Shown {
+    watch: Option<(String, Watch)>,
+    verb: String,
+}
+
+impl Shown {
+    fn new(verb: &str) -> Self {
+        Self { watch: None, verb: verb.to_owned() }
+    }
+
+    /// Names what is being done.
+    fn now(&mut self, verb: &str) {
+        self.verb = verb.to_owned();
+        self.watch = None;
+    }
+
+    fn iteration(&mut self, motion: &str, progress: &Progress) -> ControlFlow<()> {
+        let name = format!("{} {motion}", self.verb);
+        if self.watch.as_ref().is_none_or(|(of, _)| *of != name) {
+            self.clear();
+            self.watch = Some((name.clone(), Watch::start(&name, false)));
+        }
+        self.watch
+            .as_ref()
+            .map_or(ControlFlow::Continue(()), |(_, watch)| watch.iteration(progress))
+    }
+
+    fn clear(&mut self) {
+        if let Some((_, watch)) = self.watch.take() {
+            watch.finish();
+        }
+    }
+}
+
+impl Drop for Shown {
+    fn drop(&mut self) {
+        self.clear();
+    }
+}
+
+/// Reads a design file, its robot and its motions.
+fn read(path: &Path) -> miette::Result<Designed> {
+    Source::Disk.design(path)
+}
+
+/// Plans the motions of the original robot, all of which it must be able to do.
+fn plan_original(designed: &Designed, shown: &mut Shown) -> miette::Result<Plans> {
+    shown.now("planning");
+    let plans = designed
+        .plan(designed.original(), &mut |motion, progress| shown.iteration(motion, progress))
+        .map_err(report)?;
+    shown.clear();
+    if plans.solutions.is_empty() {
+        return Err(miette!(
+            help = "add motions = [ { file = \"walk.toml\" } ]",
+            "design `{}` names no motions: nothing can be planned",
+            designed.file.name
+        ));
+    }
+    Ok(plans)
+}

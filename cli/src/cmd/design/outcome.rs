@@ -1,0 +1,307 @@
+//! What a change of a design came to: robot file, plans, figures and report in a folder.
+
+use crate::files::{self, Output};
+use crate::output::{self, Table};
+use crate::{Exit, planning};
+use rollwalk_design::designed::Designed;
+use rollwalk_design::goal::Quantity;
+use rollwalk_design::optimise::Step;
+use rollwalk_design::plans::Plans;
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::report::Report;
+use rollwalk_planner::sample::resample;
+use rollwalk_planner::sensitivity::Feature;
+use rollwalk_planner::{Weights, plot};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Rate at which features of two plans are compared, Hz.
+const RATE_HZ: f64 = 60.0;
+const REPORT: [&str; 2] = ["report.md", "report.json"];
+/// Figure of the robot before and after.
+const ROBOT_FIGURE: &str = "robot.svg";
+
+/// Where results go, and how.
+#[derive(clap::Args)]
+pub struct Folder {
+    /// Folder for the robot file, the plans, the figures and the report; made if it is missing.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Print the report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A folder that can be written.
+pub struct Place<'a> {
+    folder: &'a Folder,
+    robot: PathBuf,
+    /// Names of the motions' files, without ending.
+    motions: Vec<String>,
+}
+
+impl Folder {
+    /// Makes the folder and checks that all files in it can be written, before long work.
+    ///
+    /// # Errors
+    /// The operating system refuses, or a file there is an input.
+    pub fn open(&self, designed: &Designed) -> miette::Result<Place<'_>> {
+        files::make_folder(&self.output)?;
+        let robot = Path::new(&designed.file.robot).file_name().unwrap_or_default();
+        let robot = self.output.join(robot);
+        Output::of_source(&robot)?;
+        let mut motions: Vec<String> = Vec::new();
+        for motion in &designed.file.motions {
+            let stem = Path::new(&motion.file).file_stem().unwrap_or_default();
+            let mut name = stem.to_string_lossy().into_owned();
+            while motions.contains(&name) {
+                name.push('_');
+            }
+            motions.push(name);
+        }
+        let place = Place { folder: self, robot, motions };
+        for file in place.plans().chain(REPORT.map(str::to_owned)) {
+            Output::at(&self.output.join(file))?;
+        }
+        Ok(place)
+    }
+}
+
+impl Place<'_> {
+    fn plans(&self) -> impl Iterator<Item = String> {
+        self.motions.iter().map(|name| format!("{name}.plan.json"))
+    }
+
+    /// Writes everything and prints the report.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn write(&self, outcome: &Outcome, before: &Plans, after: &Plans) -> miette::Result<Exit> {
+        let folder = &self.folder.output;
+        let write =
+            |name: &str, content: &str| files::write(&folder.join(name), content.as_bytes());
+        Output::of_source(&self.robot)?.write(after.variant.text.as_bytes())?;
+        for ((file, name), (before, after)) in
+            self.plans().zip(&self.motions).zip(before.plans().zip(after.plans()))
+        {
+            write(&file, &after.to_json())?;
+            write(&format!("{name}.svg"), &plot::comparison(before, after))?;
+        }
+        if let (Some(before), Some(after)) = (before.plans().next(), after.plans().next()) {
+            write(ROBOT_FIGURE, &plot::strip(&[before, after], 4))?;
+        }
+        let text = outcome.text();
+        write(REPORT[0], &format!("```\n{text}\n```\n{}", self.figures()))?;
+        let json = serde_json::to_string_pretty(outcome)
+            .map_err(|error| miette::miette!("cannot write JSON: {error}"))?;
+        write(REPORT[1], &json)?;
+        if self.folder.json {
+            output::print(&json)?;
+        } else {
+            let robot = self.robot.display();
+            output::print(&format!(
+                "{text}\nwrote {robot}, with plans, figures and report.md beside it"
+            ))?;
+        }
+        Ok(if outcome.motions.iter().all(|of| of.holds) { Exit::Ok } else { Exit::DoesNotHold })
+    }
+
+    fn figures(&self) -> String {
+        let figures = self.motions.iter().map(|name| format!("\n![{name}]({name}.svg)\n"));
+        std::iter::once(format!("\n![robot]({ROBOT_FIGURE})\n")).chain(figures).collect()
+    }
+}
+
+/// What a change of a design came to.
+#[derive(Serialize)]
+pub struct Outcome {
+    command: &'static str,
+    design: String,
+    parameters: Vec<Changed>,
+    motions: Vec<Compared>,
+    /// Of `keep`: how far the feature is from what it was, by hand and kept.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub drifts: Vec<(&'static str, Drift)>,
+    /// Of `optimise`: the designs on the way.
+    #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "steps")]
+    pub steps: Vec<Step>,
+    /// Designs on the way that could not do a motion.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lost: Vec<String>,
+}
+
+fn steps<S: serde::Serializer>(steps: &[Step], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(steps.iter().map(|step| (&step.values, step.merit)))
+}
+
+/// A parameter before and after.
+#[derive(Serialize)]
+struct Changed {
+    name: String,
+    unit: &'static str,
+    before: f64,
+    after: f64,
+    min: f64,
+    max: f64,
+}
+
+/// A motion before and after.
+#[derive(Serialize)]
+struct Compared {
+    motion: String,
+    holds: bool,
+    /// What its plan is worth.
+    conclusion: String,
+    quantities: Vec<Pair>,
+}
+
+/// A quantity of a motion before and after.
+#[derive(Serialize)]
+struct Pair {
+    name: &'static str,
+    unit: &'static str,
+    before: f64,
+    after: f64,
+    /// After over before; absent where there was next to nothing before.
+    ratio: Option<f64>,
+}
+
+/// How far a feature is from what it was.
+#[derive(Serialize)]
+pub struct Drift {
+    feature: &'static str,
+    unit: &'static str,
+    mean: f64,
+    max: f64,
+}
+
+impl Drift {
+    /// Between plans of the same motions.
+    pub fn between(feature: Feature, before: &Plans, after: &Plans) -> Self {
+        let curve = |plans: &Plans| -> Vec<f64> {
+            plans.plans().flat_map(|plan| feature.of_plan(&resample(plan, RATE_HZ))).collect()
+        };
+        let (before, after) = (curve(before), curve(after));
+        let off: Vec<f64> = before.iter().zip(&after).map(|(a, b)| (a - b).abs()).collect();
+        Self {
+            feature: feature.name(),
+            unit: feature.unit(),
+            mean: off.iter().sum::<f64>() / off.len() as f64,
+            max: off.iter().copied().fold(0.0, f64::max),
+        }
+    }
+}
+
+impl Outcome {
+    /// Compares two designs.
+    pub fn new(command: &'static str, designed: &Designed, before: &Plans, after: &Plans) -> Self {
+        let values = before.variant.values.iter().zip(&after.variant.values);
+        let parameters = designed.file.parameters.iter().zip(values).map(|(of, values)| Changed {
+            name: of.name.clone(),
+            unit: of.place.kind.unit().0,
+            before: *values.0,
+            after: *values.1,
+            min: of.min,
+            max: of.max,
+        });
+        let motions =
+            before.plans().zip(after.plans()).map(|(before, after)| compared(before, after));
+        Self {
+            command,
+            design: designed.file.name.clone(),
+            parameters: parameters.collect(),
+            motions: motions.collect(),
+            drifts: Vec::new(),
+            steps: Vec::new(),
+            lost: Vec::new(),
+        }
+    }
+
+    fn text(&self) -> String {
+        let mut table = Table::new(["parameter", "before", "after", "change", "unit", "bounds"]);
+        for of in &self.parameters {
+            let at = match of.after {
+                after if after <= of.min => "at its least",
+                after if after >= of.max => "at its most",
+                _ => "",
+            };
+            table.row([
+                of.name.clone(),
+                digits(of.before),
+                digits(of.after),
+                format!("{:+.4}", of.after - of.before),
+                of.unit.to_owned(),
+                at.to_owned(),
+            ]);
+        }
+        let mut parts = vec![format!("{}: {}", self.design, self.command), table.render()];
+        for motion in &self.motions {
+            let mut table = Table::new([&motion.motion, "before", "after", "change", "unit"]);
+            for of in &motion.quantities {
+                table.row([
+                    of.name.to_owned(),
+                    digits(of.before),
+                    digits(of.after),
+                    of.ratio
+                        .map_or(String::new(), |ratio| format!("{:+.1} %", (ratio - 1.0) * 100.0)),
+                    of.unit.to_owned(),
+                ]);
+            }
+            parts.push(format!("{}\n{}", table.render(), motion.conclusion));
+        }
+        if !self.drifts.is_empty() {
+            let mut table = Table::new(["change of", "mean", "largest", "unit"]);
+            for (name, drift) in &self.drifts {
+                table.row([
+                    format!("{}, {name}", drift.feature),
+                    digits(drift.mean),
+                    digits(drift.max),
+                    drift.unit.to_owned(),
+                ]);
+            }
+            parts.push(table.render());
+        }
+        if !self.steps.is_empty() {
+            parts.push(self.steps_table().render());
+        }
+        parts.extend(self.lost.iter().map(|lost| format!("on the way: {lost}")));
+        parts.join("\n\n")
+    }
+
+    fn steps_table(&self) -> Table {
+        let names = self.parameters.iter().map(|of| of.name.clone());
+        let titles = ["step", "objective"].map(str::to_owned).into_iter().chain(names).collect();
+        let row = |(number, step): (usize, &Step)| {
+            let start = vec![number.to_string(), format!("{:.4}", step.merit)];
+            start.into_iter().chain(step.values.iter().map(|value| digits(*value))).collect()
+        };
+        let rows: Vec<Vec<String>> =
+            std::iter::once(titles).chain(self.steps.iter().enumerate().map(row)).collect();
+        Table::from(rows)
+    }
+}
+
+fn compared(before: &Plan, after: &Plan) -> Compared {
+    let weights = Weights::default();
+    let of = |quantity: Quantity| {
+        let Quantity { objective, name, unit, little, .. } = quantity;
+        let [before, after] = [before, after].map(|plan| objective.of_plan(plan, &weights));
+        let ratio = (before > little).then(|| after / before);
+        Pair { name, unit, before, after, ratio }
+    };
+    let all = Quantity::ALL.into_iter();
+    let quantities = all.filter(|of| of.objective.is_defined(&after.motion)).map(of);
+    let report = Report::new(after);
+    Compared {
+        motion: after.motion.name.clone(),
+        holds: report.judgement.is_good(),
+        conclusion: planning::conclusion(after, &report),
+        quantities: quantities.collect(),
+    }
+}
+
+/// A number with four digits that count, not in exponents.
+fn digits(value: f64) -> String {
+    let magnitude = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
+    format!("{value:.*}", (3 - magnitude).clamp(0, 6) as usize)
+}

@@ -1,0 +1,163 @@
+//! A robot under design: the robot file at any values of its parameters, with the motions that it is for.
+
+use crate::file::DesignFile;
+use crate::parameter::Kind;
+use crate::text::RobotText;
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::sensitivity::{Design, Parameter};
+use rollwalk_robot::Robot;
+use rollwalk_robot::document::DocumentError;
+
+/// A file that has been read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamedText {
+    /// How messages name it.
+    pub name: String,
+    /// What it says.
+    pub text: String,
+}
+
+/// A robot file with parameters, and motion files.
+#[derive(Clone, Debug)]
+pub struct Designed {
+    /// The design file.
+    pub file: DesignFile,
+    robot: NamedText,
+    text: RobotText,
+    motions: Vec<NamedText>,
+    original: Vec<f64>,
+}
+
+/// A robot at some values of the parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variant {
+    /// Values of the parameters, each in its kind's unit.
+    pub values: Vec<f64>,
+    /// The robot file, comments kept.
+    pub text: String,
+    /// The robot that it describes.
+    pub robot: Robot,
+    /// The motions, as this robot does them.
+    pub motions: Vec<Motion>,
+}
+
+impl Designed {
+    /// Of a design file's text, the robot file and the motion files that it names, which are in its order.
+    ///
+    /// # Errors
+    /// Everything that is wrong with one of them, and parameters that do not fit the robot.
+    pub fn new(
+        design: &NamedText,
+        robot: NamedText,
+        motions: Vec<NamedText>,
+    ) -> Result<Self, DocumentError> {
+        let file = DesignFile::from_toml(&design.name, &design.text)?;
+        // Its faults are said with their places, and nothing that it says is misread below.
+        Robot::from_toml(&robot.name, &robot.text)?;
+        let mut text = RobotText::new(&robot.text).unwrap_or_default();
+        let original = file.check(&design.name, &design.text, &mut text)?;
+        let designed = Self { file, robot, text, motions, original };
+        designed.at(&designed.original)?;
+        Ok(designed)
+    }
+
+    /// Values of the parameters in the robot file.
+    pub fn original(&self) -> &[f64] {
+        &self.original
+    }
+
+    /// The robot at other values, within their bounds or not.
+    ///
+    /// # Errors
+    /// It breaks a rule of robot files, or a motion file does not fit it any more.
+    pub fn at(&self, values: &[f64]) -> Result<Variant, DocumentError> {
+        let mut text = self.text.clone();
+        // Templates of all limbs first: later some limbs have copies.
+        for of_all in [true, false] {
+            let all = self.file.parameters.iter().zip(values);
+            for (parameter, value) in all.filter(|(of, _)| of.place.limbs.is_empty() == of_all) {
+                // The places have been checked.
+                let _ = text.set(&parameter.place, *value);
+            }
+        }
+        let text = text.to_string();
+        let robot = Robot::from_toml(&self.robot.name, &text)?;
+        let motion = |file: &NamedText| Motion::from_toml(&file.name, &file.text, &robot);
+        let motions = self.motions.iter().map(motion).collect::<Result<_, _>>()?;
+        Ok(Variant { values: values.to_vec(), text, robot, motions })
+    }
+
+    /// Neighbours on either side of some values along a parameter, from which derivatives by it are taken.
+    ///
+    /// # Errors
+    /// As [`at`](Self::at).
+    pub fn around(&self, values: &[f64], parameter: usize) -> Result<Neighbours, DocumentError> {
+        let half = HALF_DIFFERENCE * self.unit(parameter);
+        let at = |by: f64| {
+            let mut values = values.to_vec();
+            values[parameter] += by;
+            self.at(&values)
+        };
+        Ok(Neighbours { ahead: at(half)?, behind: at(-half)?, apart: 2.0 * half })
+    }
+
+    /// A change of a parameter that is small, but not very small: 1 cm, 0.1 rad, a tenth of a limit or mass. Parameters are
+    /// compared in these units.
+    pub fn unit(&self, parameter: usize) -> f64 {
+        match self.file.parameters[parameter].place.kind {
+            Kind::Tilt => 0.1,
+            Kind::Speed | Kind::Torque | Kind::Mass => 0.1 * self.original[parameter].abs(),
+            _ => 0.01,
+        }
+    }
+
+    /// Values brought to multiples of what can be made, and within their bounds.
+    pub fn rounded(&self, values: &[f64]) -> Vec<f64> {
+        let round = |(of, value): (&crate::file::Parameter, &f64)| {
+            let Some(step) = of.step else { return value.clamp(of.min, of.max) };
+            // Multiples of a step of which its reciprocal is whole are decimals as they are written.
+            let multiple = |count: f64| {
+                let per = (1.0 / step).round();
+                if (per * step - 1.0).abs() < 1e-9 { count / per } else { count * step }
+            };
+            let count = (value / step).round();
+            let candidates = [count, count - 1.0, count + 1.0].map(multiple);
+            let inside = candidates.into_iter().find(|at| (of.min..=of.max).contains(at));
+            inside.unwrap_or_else(|| value.clamp(of.min, of.max))
+        };
+        self.file.parameters.iter().zip(values).map(round).collect()
+    }
+}
+
+/// Distance of a neighbour, in units of its parameter.
+const HALF_DIFFERENCE: f64 = 1e-3;
+
+/// Neighbours of a robot along one parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Neighbours {
+    ahead: Variant,
+    behind: Variant,
+    apart: f64,
+}
+
+impl Neighbours {
+    /// As a parameter of the plan of one of the motions, on that plan's samples.
+    pub fn of_motion<'a>(&'a self, motions: &'a [Motion; 2]) -> Parameter<'a> {
+        let [ahead, behind] = motions;
+        Parameter {
+            ahead: Design { robot: &self.ahead.robot, motion: ahead },
+            behind: Design { robot: &self.behind.robot, motion: behind },
+            apart: self.apart,
+        }
+    }
+
+    /// A motion as the neighbours do it, on the samples of a plan.
+    pub fn motions(&self, index: usize, planned: &Motion) -> [Motion; 2] {
+        [&self.ahead, &self.behind].map(|variant| on_samples_of(&variant.motions[index], planned))
+    }
+}
+
+/// A motion on the samples of a plan of it: plans may have more than their motion files ask for.
+pub fn on_samples_of(motion: &Motion, planned: &Motion) -> Motion {
+    Motion { stance: planned.stance.clone(), ..motion.clone() }
+}

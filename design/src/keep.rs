@@ -1,0 +1,176 @@
+//! Semi-automatic design (thesis 2.5.2): some parameters are given, the others change so that a feature of the motions stays.
+//!
+//! To first order the feature f of the optimal plan changes by J Δp. Of the changes within the bounds the one is taken that
+//! minimises
+//!
+//! ```text
+//! ‖J (Δp_given + Δp_free) + f(p) − f(p₀)‖² + (δ‖J‖)² ‖Δp_free‖²
+//! ```
+//!
+//! The drift f(p) − f(p₀) of steps before has the sign that takes it back; Eq. 2.22 has it with the other one, which doubles it
+//! with every step. Without the damping δ the least squares has no unique solution, and every part moves by centimetres for
+//! hundredths of a degree.
+
+use crate::designed::{Designed, on_samples_of};
+use crate::plans::{Failed, Plans, Watch, unless_interrupted};
+use crate::quadratic::Quadratic;
+use nalgebra::{DMatrix, DVector};
+use rollwalk_planner::sensitivity::{Change, Design, Feature, Optimal};
+use rollwalk_planner::{Options, Progress, Solution};
+
+/// Damping δ of free parameters, in their units.
+const DAMPING: f64 = 1e-2;
+/// Steps in which a change is made.
+const STEPS: usize = 4;
+
+/// Changes the parameters `given` to their values and all others so that a feature of all motions stays as it is in `plans`.
+/// The result is on the samples of `plans`, not refined and not rounded.
+///
+/// # Errors
+/// A plan has no derivatives, a robot on the way cannot do a motion, or the caller stops it.
+pub fn keep(
+    designed: &Designed,
+    plans: &Plans,
+    given: &[(usize, f64)],
+    feature: Feature,
+    watch: &mut Watch<'_>,
+) -> Result<Plans, Failed> {
+    plans.all_solved()?;
+    let mut here = plans.clone();
+    let mut at_start: Option<Vec<f64>> = None;
+    for left in (1..=STEPS).rev() {
+        let linear = Linear::of(designed, &here, feature, watch)?;
+        let start = at_start.get_or_insert_with(|| linear.feature.clone());
+        let values = &here.variant.values;
+        let mut by = DVector::zeros(values.len());
+        for &(parameter, value) in given {
+            let change = (value - values[parameter]) / left as f64;
+            by[parameter] = change / designed.unit(parameter);
+        }
+        let drift = DVector::from_vec(linear.feature.clone()) - DVector::from_vec(start.clone());
+        let wrong = &linear.jacobian * &by + drift;
+        let free: Vec<usize> =
+            (0..values.len()).filter(|k| given.iter().all(|(given, _)| given != k)).collect();
+        if let Some(step) = least_change(designed, values, &linear.jacobian, &wrong, &free) {
+            free.iter().zip(step.iter()).for_each(|(&k, step)| by[k] = *step);
+        }
+        here = linear.follow(designed, &here, &by, watch)?;
+        here.all_solved()?;
+    }
+    Ok(here)
+}
+
+/// The damped least squares step of the free parameters, in their units.
+fn least_change(
+    designed: &Designed,
+    values: &[f64],
+    jacobian: &DMatrix<f64>,
+    wrong: &DVector<f64>,
+    free: &[usize],
+) -> Option<DVector<f64>> {
+    if free.is_empty() {
+        return None;
+    }
+    let jacobian = jacobian.select_columns(free);
+    let squares = jacobian.transpose() * &jacobian;
+    let largest = squares.symmetric_eigenvalues().max();
+    let damping = DMatrix::identity(free.len(), free.len()) * (DAMPING * DAMPING * largest);
+    // In units of the largest singular value, so that tolerances mean something.
+    let scale = 1.0 / largest.max(f64::MIN_POSITIVE);
+    let room = |k: &usize, to: f64| (to - values[*k]) / designed.unit(*k);
+    let of = |k: &usize| &designed.file.parameters[*k];
+    let bounds = |to: &dyn Fn(&usize) -> f64| {
+        DVector::from_vec(free.iter().map(|k| room(k, to(k))).collect::<Vec<_>>())
+    };
+    let quadratic = Quadratic {
+        curvature: (squares + damping) * scale,
+        slope: jacobian.transpose() * wrong * scale,
+        lower: bounds(&|k| of(k).min),
+        upper: bounds(&|k| of(k).max),
+        limits: Vec::new(),
+    };
+    quadratic.minimum().map(|(step, _)| step)
+}
+
+/// How a feature of the motions changes with the parameters.
+struct Linear {
+    /// Of each motion: its optimum, and how that changes per unit of each parameter.
+    optima: Vec<(Optimal, Vec<Change>)>,
+    /// The feature, all motions one after the other.
+    feature: Vec<f64>,
+    /// Its change per unit of each parameter.
+    jacobian: DMatrix<f64>,
+}
+
+impl Linear {
+    fn of(
+        designed: &Designed,
+        plans: &Plans,
+        feature: Feature,
+        watch: &mut Watch<'_>,
+    ) -> Result<Self, Failed> {
+        let count = plans.variant.values.len();
+        let around = (0..count).map(|k| designed.around(&plans.variant.values, k));
+        let around = around.collect::<Result<Vec<_>, _>>()?;
+        let mut linear =
+            Self { optima: Vec::new(), feature: Vec::new(), jacobian: DMatrix::zeros(0, count) };
+        let mut rows: Vec<Vec<f64>> = vec![Vec::new(); count];
+        for (index, solution) in plans.solutions.iter().enumerate() {
+            let optimal = optimal(solution, watch)?;
+            let motion = &solution.plan.motion;
+            let motions: Vec<_> =
+                around.iter().map(|neighbours| neighbours.motions(index, motion)).collect();
+            let parameters: Vec<_> =
+                around.iter().zip(&motions).map(|(of, motions)| of.of_motion(motions)).collect();
+            let changes = optimal.changes(&parameters)?;
+            linear.feature.extend(optimal.feature(feature));
+            for (k, (change, row)) in changes.iter().zip(&mut rows).enumerate() {
+                let change = optimal.feature_change(feature, change);
+                row.extend(change.iter().map(|of| of * designed.unit(k)));
+            }
+            linear.optima.push((optimal, changes));
+        }
+        let columns: Vec<_> = rows.into_iter().map(DVector::from_vec).collect();
+        linear.jacobian = DMatrix::from_columns(&columns);
+        Ok(linear)
+    }
+
+    /// Plans of a step, in units, from where the optima go.
+    fn follow(
+        &self,
+        designed: &Designed,
+        plans: &Plans,
+        step: &DVector<f64>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Plans, Failed> {
+        let amounts: Vec<f64> =
+            step.iter().enumerate().map(|(k, step)| step * designed.unit(k)).collect();
+        let moved = plans.variant.values.iter().zip(&amounts).map(|(value, by)| value + by);
+        let variant = designed.at(&moved.collect::<Vec<_>>())?;
+        let mut solutions = Vec::new();
+        for (index, (optimal, changes)) in self.optima.iter().enumerate() {
+            let planned = &plans.solutions[index].plan.motion;
+            let motion = on_samples_of(&variant.motions[index], planned);
+            let design = Design { robot: &variant.robot, motion: &motion };
+            let by: Vec<_> = amounts.iter().copied().zip(changes).collect();
+            let options = Options { refine: false, ..Options::default() };
+            let progress = &mut |state: &Progress| watch(&motion.name, state);
+            let solution = optimal.replan(design, &by, &options, progress)?;
+            solutions.push(unless_interrupted(solution)?);
+        }
+        Ok(Plans { variant, solutions })
+    }
+}
+
+/// The optimum of a solution.
+pub(crate) fn optimal(solution: &Solution, watch: &mut Watch<'_>) -> Result<Optimal, Failed> {
+    let motion = &solution.plan.motion.name;
+    let mut stopped = false;
+    let progress = &mut |state: &Progress| {
+        let flow = watch(motion, state);
+        stopped |= flow.is_break();
+        flow
+    };
+    let found = Optimal::of(solution, &Options::default(), progress);
+    if stopped { Err(Failed::Interrupted) } else { Ok(found?) }
+}

@@ -1,0 +1,266 @@
+//! Automatic design (thesis 2.5.3): parameters within their bounds with which the motions are best.
+//!
+//! Sequential quadratic programming: gradients of objectives and of what is kept by one adjoint solve each ([`Optimal::gradient`]),
+//! curvature by BFGS, steps within a trust region of a centimetre or two, because plans change smoothly that far only. A step
+//! is taken if the merit falls,
+//!
+//! ```text
+//! Σ_motions Σ_objectives w q(p) / q(p₀) + pull ‖Δp‖² + μ Σ max(0, kept / bound − 1),    μ = 10
+//! ```
+//!
+//! A robot that cannot do one of the motions is no step, however good it is at the others.
+
+use crate::designed::Designed;
+use crate::goal::{Goal, Quantity};
+use crate::keep::optimal;
+use crate::plans::{Failed, Plans, Watch};
+use crate::quadratic::{EXCESS, Quadratic};
+use nalgebra::{DMatrix, DVector};
+use rollwalk_planner::sensitivity::{Objective, Optimal};
+
+/// Trust region, in units of the parameters: at first, at most, and when no smaller step is tried.
+const TRUST: f64 = 1.0;
+const TRUST_MAX: f64 = 2.0;
+const TRUST_MIN: f64 = 0.02;
+/// Most steps.
+const STEPS_MAX: usize = 15;
+/// Gain of the merit below which a step is not worth planning.
+const GAIN_MIN: f64 = 2e-4;
+/// Curvature to begin with, per square of a unit.
+const CURVATURE: f64 = 1e-2;
+
+/// A design that was tried and taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// Values of the parameters.
+    pub values: Vec<f64>,
+    /// The merit.
+    pub merit: f64,
+    /// Values of the objectives, then of what is kept, of each motion.
+    pub quantities: Vec<Vec<f64>>,
+}
+
+/// What optimising found.
+#[derive(Clone, Debug)]
+pub struct Optimised {
+    /// The designs, from the original one on.
+    pub steps: Vec<Step>,
+    /// Plans of the last, on the samples of the first.
+    pub plans: Plans,
+    /// Names of motions that robots could not do which were tried on the way, with what their plans came to.
+    pub lost: Vec<String>,
+}
+
+/// A design with the values and gradients of all quantities.
+struct Point {
+    plans: Plans,
+    /// Of each motion and quantity: value, and slopes in units of the parameters.
+    quantities: Vec<Vec<(f64, DVector<f64>)>>,
+}
+
+/// Optimises a design from plans of the original one. `each` sees every step that is taken.
+///
+/// # Errors
+/// The original robot cannot do a motion, its plans have no derivatives, or the caller stops it.
+pub fn optimise(
+    designed: &Designed,
+    plans: &Plans,
+    goal: &Goal,
+    watch: &mut Watch<'_>,
+    each: &mut dyn FnMut(&Step),
+) -> Result<Optimised, Failed> {
+    let problem = Outer { designed, goal };
+    plans.all_solved()?;
+    let mut here = problem.point(plans.clone(), watch)?;
+    let original: Vec<Vec<f64>> = values_of(&here);
+    let mut merit = problem.merit(&here, &original);
+    let mut steps = vec![problem.step(&here, merit.value())];
+    each(&steps[0]);
+    let count = designed.original().len();
+    let mut curvature = DMatrix::identity(count, count) * CURVATURE;
+    let (mut trust, mut lost) = (TRUST, Vec::new());
+    while steps.len() <= STEPS_MAX && trust >= TRUST_MIN {
+        let Some((step, multipliers)) = problem.quadratic(&here, &merit, &curvature, trust) else {
+            break;
+        };
+        let predicted = merit.predicted_gain(&step, &curvature);
+        if predicted < GAIN_MIN {
+            break;
+        }
+        let x = problem.scaled(&here.plans.variant.values) + &step;
+        let there = match problem.plan(&here, &x, watch) {
+            Ok(plans) => problem.point(plans, watch),
+            Err(other) => Err(other),
+        };
+        let there = match there {
+            Ok(there) => there,
+            Err(Failed::Interrupted) => return Err(Failed::Interrupted),
+            Err(reason) => {
+                lost.push(reason.to_string());
+                trust *= 0.5;
+                continue;
+            }
+        };
+        let next = problem.merit(&there, &original);
+        let ratio = (merit.value() - next.value()) / predicted;
+        let slopes = [&merit, &next].map(|merit| merit.lagrangian(&multipliers));
+        update(&mut curvature, &step, &(&slopes[1] - &slopes[0]));
+        if ratio > 0.75 && step.amax() > 0.9 * trust {
+            trust = (2.0 * trust).min(TRUST_MAX);
+        } else if ratio < 0.25 {
+            trust *= 0.5;
+        }
+        if ratio > 1e-3 {
+            (here, merit) = (there, next);
+            steps.push(problem.step(&here, merit.value()));
+            if let Some(step) = steps.last() {
+                each(step);
+            }
+        }
+    }
+    Ok(Optimised { steps, plans: here.plans, lost })
+}
+
+/// Damped update of BFGS: the curvature stays positive.
+fn update(curvature: &mut DMatrix<f64>, step: &DVector<f64>, change: &DVector<f64>) {
+    let along = &*curvature * step;
+    let (old, new) = (step.dot(&along), step.dot(change));
+    if old <= 0.0 {
+        return;
+    }
+    let share = if new >= 0.2 * old { 1.0 } else { 0.8 * old / (old - new) };
+    let change = change * share + &along * (1.0 - share);
+    let new = step.dot(&change);
+    *curvature += &change * change.transpose() / new - &along * along.transpose() / old;
+}
+
+fn values_of(point: &Point) -> Vec<Vec<f64>> {
+    let values = |of: &Vec<(f64, DVector<f64>)>| of.iter().map(|(value, _)| *value).collect();
+    point.quantities.iter().map(values).collect()
+}
+
+/// Merit with its slopes, in units of the parameters.
+struct Merit {
+    objective: f64,
+    slope: DVector<f64>,
+    /// Of what is kept: the excess, and its slopes.
+    kept: Vec<(f64, DVector<f64>)>,
+}
+
+impl Merit {
+    fn value(&self) -> f64 {
+        self.objective + EXCESS * self.kept.iter().map(|(excess, _)| excess.max(0.0)).sum::<f64>()
+    }
+
+    fn predicted_gain(&self, step: &DVector<f64>, curvature: &DMatrix<f64>) -> f64 {
+        let objective = self.slope.dot(step) + 0.5 * step.dot(&(curvature * step));
+        let excess =
+            |(now, slope): &(f64, DVector<f64>)| (now + slope.dot(step)).max(0.0) - now.max(0.0);
+        -objective - EXCESS * self.kept.iter().map(excess).sum::<f64>()
+    }
+
+    /// Slope of the Lagrangian.
+    fn lagrangian(&self, multipliers: &[f64]) -> DVector<f64> {
+        let kept = self.kept.iter().zip(multipliers);
+        kept.fold(self.slope.clone(), |sum, ((_, slope), by)| sum + slope * *by)
+    }
+}
+
+/// The outer problem.
+struct Outer<'a> {
+    designed: &'a Designed,
+    goal: &'a Goal,
+}
+
+impl Outer<'_> {
+    /// Parameters as changes from the original, in their units.
+    fn scaled(&self, values: &[f64]) -> DVector<f64> {
+        let original = self.designed.original();
+        DVector::from_fn(values.len(), |k, _| (values[k] - original[k]) / self.designed.unit(k))
+    }
+
+    /// Plans of the design at `x` from those of a neighbour.
+    fn plan(&self, from: &Point, x: &DVector<f64>, watch: &mut Watch<'_>) -> Result<Plans, Failed> {
+        let original = self.designed.original();
+        let value = |(k, x): (usize, &f64)| original[k] + x * self.designed.unit(k);
+        let values: Vec<f64> = x.iter().enumerate().map(value).collect();
+        let plans = self.designed.plan_from(&from.plans, &values, false, watch)?;
+        plans.all_solved()?;
+        Ok(plans)
+    }
+
+    /// All quantities of a design with their slopes.
+    fn point(&self, plans: Plans, watch: &mut Watch<'_>) -> Result<Point, Failed> {
+        let values = &plans.variant.values;
+        let around = (0..values.len()).map(|k| self.designed.around(values, k));
+        let around = around.collect::<Result<Vec<_>, _>>()?;
+        let mut quantities = Vec::new();
+        for (index, solution) in plans.solutions.iter().enumerate() {
+            let optimal: Optimal = optimal(solution, watch)?;
+            let motion = &solution.plan.motion;
+            let motions: Vec<_> =
+                around.iter().map(|neighbours| neighbours.motions(index, motion)).collect();
+            let parameters: Vec<_> =
+                around.iter().zip(&motions).map(|(of, motions)| of.of_motion(motions)).collect();
+            let of = |objective: Objective| -> Result<_, Failed> {
+                let (value, slopes) = optimal.gradient(objective, &parameters)?;
+                let slope = |k: usize, _| slopes[k] * self.designed.unit(k);
+                Ok((value, DVector::from_fn(slopes.len(), slope)))
+            };
+            let wanted = self.goal.minimise.iter().chain(&self.goal.keep);
+            quantities.push(wanted.map(|(objective, _)| of(*objective)).collect::<Result<_, _>>()?);
+        }
+        Ok(Point { plans, quantities })
+    }
+
+    fn merit(&self, at: &Point, original: &[Vec<f64>]) -> Merit {
+        let x = self.scaled(&at.plans.variant.values);
+        let pull = self.goal.pull;
+        let mut merit =
+            Merit { objective: pull * x.norm_squared(), slope: &x * 2.0 * pull, kept: Vec::new() };
+        let weights: Vec<f64> = self.designed.file.motions.iter().map(|of| of.weight).collect();
+        let all: f64 = weights.iter().sum();
+        let objectives = self.goal.minimise.len();
+        for (index, of_motion) in at.quantities.iter().enumerate() {
+            let (minimised, kept) = of_motion.split_at(objectives);
+            for (k, ((value, slope), (objective, weight))) in
+                minimised.iter().zip(&self.goal.minimise).enumerate()
+            {
+                let reference = original[index][k].max(Quantity::of(*objective).little);
+                let by = weights[index] / all * weight / reference;
+                merit.objective += by * value;
+                merit.slope += slope * by;
+            }
+            for ((value, slope), (_, bound)) in kept.iter().zip(&self.goal.keep) {
+                merit.kept.push((value / bound - 1.0, slope / *bound));
+            }
+        }
+        merit
+    }
+
+    /// The best step within the trust region and the bounds, with the multipliers of what is kept.
+    fn quadratic(
+        &self,
+        at: &Point,
+        merit: &Merit,
+        curvature: &DMatrix<f64>,
+        trust: f64,
+    ) -> Option<(DVector<f64>, Vec<f64>)> {
+        let values = &at.plans.variant.values;
+        let room =
+            |k: usize, to: f64| ((to - values[k]) / self.designed.unit(k)).clamp(-trust, trust);
+        let of = |k: usize| &self.designed.file.parameters[k];
+        let quadratic = Quadratic {
+            curvature: curvature.clone(),
+            slope: merit.slope.clone(),
+            lower: DVector::from_fn(values.len(), |k, _| room(k, of(k).min)),
+            upper: DVector::from_fn(values.len(), |k, _| room(k, of(k).max)),
+            limits: merit.kept.iter().map(|(excess, slope)| (slope.clone(), -excess)).collect(),
+        };
+        quadratic.minimum()
+    }
+
+    fn step(&self, at: &Point, merit: f64) -> Step {
+        Step { values: at.plans.variant.values.clone(), merit, quantities: values_of(at) }
+    }
+}

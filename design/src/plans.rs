@@ -1,0 +1,133 @@
+//! Plans of all motions of a design.
+
+use crate::designed::{Designed, Variant, on_samples_of};
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::sensitivity::NotOptimal;
+use rollwalk_planner::{Options, Progress, Solution, optimise_solution};
+use rollwalk_robot::document::DocumentError;
+use std::ops::ControlFlow;
+use thiserror::Error;
+
+/// Sees every iteration of the planner, with the name of the motion, and may stop it.
+pub type Watch<'a> = dyn FnMut(&str, &Progress) -> ControlFlow<()> + 'a;
+
+/// A robot with plans of its motions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plans {
+    /// The robot.
+    pub variant: Variant,
+    /// A solution for each motion, in their order. It need not have converged.
+    pub solutions: Vec<Solution>,
+}
+
+/// Reason for which work on a design ended.
+#[derive(Debug, Error)]
+pub enum Failed {
+    /// The caller stopped it.
+    #[error("interrupted")]
+    Interrupted,
+    /// There is no robot at these values of the parameters.
+    #[error(transparent)]
+    Robot(#[from] DocumentError),
+    /// A motion that the robot cannot do: nothing can be learned of its plan.
+    #[error("the robot cannot do `{motion}` as it is designed: {reason}")]
+    CannotDo {
+        /// Name of the motion.
+        motion: String,
+        /// What its plan came to, and why.
+        reason: String,
+    },
+    /// A plan has no derivatives.
+    #[error(transparent)]
+    NotOptimal(#[from] NotOptimal),
+}
+
+impl Plans {
+    /// The plans.
+    pub fn plans(&self) -> impl Iterator<Item = &Plan> {
+        self.solutions.iter().map(|solution| &solution.plan)
+    }
+
+    /// That the robot can do all of its motions.
+    ///
+    /// # Errors
+    /// The first that it cannot.
+    pub fn all_solved(&self) -> Result<(), Failed> {
+        let lost = self.plans().find(|plan| !plan.solve.status.is_solved());
+        lost.map_or(Ok(()), |plan| Err(cannot(plan)))
+    }
+}
+
+fn cannot(plan: &Plan) -> Failed {
+    let solve = &plan.solve;
+    let reason = match &solve.diagnosis {
+        Some(diagnosis) => diagnosis.to_string(),
+        None => solve.status.to_string(),
+    };
+    Failed::CannotDo { motion: plan.motion.name.clone(), reason }
+}
+
+impl Designed {
+    /// Plans all motions from scratch.
+    ///
+    /// # Errors
+    /// There is no robot at these values, or the caller stops it.
+    pub fn plan(&self, values: &[f64], watch: &mut Watch<'_>) -> Result<Plans, Failed> {
+        let variant = self.at(values)?;
+        let solve = |motion| {
+            let progress = &mut |state: &Progress| watch(named(motion), state);
+            unless_interrupted(optimise_solution(
+                &variant.robot,
+                motion,
+                &Options::default(),
+                progress,
+            ))
+        };
+        let solutions = variant.motions.iter().map(solve).collect::<Result<_, _>>()?;
+        Ok(Plans { variant, solutions })
+    }
+
+    /// Plans all motions from plans of neighbouring values, which takes a few iterations of each. With `refine` plans that
+    /// do not hold as played get more samples; without, they have those of `plans`.
+    ///
+    /// # Errors
+    /// As [`plan`](Self::plan).
+    pub fn plan_from(
+        &self,
+        plans: &Plans,
+        values: &[f64],
+        refine: bool,
+        watch: &mut Watch<'_>,
+    ) -> Result<Plans, Failed> {
+        let variant = self.at(values)?;
+        let options = Options { refine, ..Options::default() };
+        let solve = |(motion, solution): (_, &Solution)| {
+            let motion = on_samples_of(motion, &solution.plan.motion);
+            let progress = &mut |state: &Progress| watch(&motion.name, state);
+            // Multipliers of a robot that is not near lead astray.
+            let plan = rollwalk_planner::replan_solution(
+                &solution.plan,
+                &variant.robot,
+                &motion,
+                &options,
+                progress,
+            );
+            unless_interrupted(plan.map_err(NotOptimal::from)?)
+        };
+        let both = variant.motions.iter().zip(&plans.solutions);
+        let solutions = both.map(solve).collect::<Result<_, _>>()?;
+        Ok(Plans { variant, solutions })
+    }
+}
+
+fn named(motion: &rollwalk_planner::motion::Motion) -> &str {
+    &motion.name
+}
+
+/// A solution that the caller did not stop.
+pub(crate) fn unless_interrupted(solution: Solution) -> Result<Solution, Failed> {
+    match solution.plan.solve.status {
+        Status::Interrupted => Err(Failed::Interrupted),
+        _ => Ok(solution),
+    }
+}

@@ -1,0 +1,116 @@
+//! Small quadratic programs: steps of designs within their bounds, solved by clarabel.
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{
+    DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT,
+};
+use nalgebra::{DMatrix, DVector};
+
+/// ½ xᵀPx + qᵀx, P positive semidefinite, with lower ≤ x ≤ upper and Ax ≤ b.
+#[derive(Clone, Debug)]
+pub struct Quadratic {
+    /// P.
+    pub curvature: DMatrix<f64>,
+    /// q.
+    pub slope: DVector<f64>,
+    /// Lower bounds.
+    pub lower: DVector<f64>,
+    /// Upper bounds.
+    pub upper: DVector<f64>,
+    /// Rows of A with their b.
+    pub limits: Vec<(DVector<f64>, f64)>,
+}
+
+/// Price of a unit by which a limit is exceeded: limits hold unless others, or a gain of this size, stand against them.
+pub const EXCESS: f64 = 10.0;
+
+impl Quadratic {
+    /// The minimum, with the multipliers of the limits. Limits that cannot hold together are exceeded by as little as can be;
+    /// bounds always hold. `None` if the numbers are no numbers.
+    pub fn minimum(&self) -> Option<(DVector<f64>, Vec<f64>)> {
+        let (n, m) = (self.slope.len(), self.limits.len());
+        let unknowns = n + m;
+        let mut curvature = DMatrix::zeros(unknowns, unknowns);
+        curvature.view_mut((0, 0), (n, n)).copy_from(&self.curvature);
+        let mut slope: Vec<f64> = self.slope.iter().copied().collect();
+        slope.extend(vec![EXCESS; m]);
+        // Rows: x ≤ upper, −x ≤ −lower, Ax − excess ≤ b, −excess ≤ 0.
+        let mut rows = DMatrix::zeros(2 * n + 2 * m, unknowns);
+        let mut right = Vec::with_capacity(2 * n + 2 * m);
+        for k in 0..n {
+            rows[(k, k)] = 1.0;
+            rows[(n + k, k)] = -1.0;
+        }
+        right.extend(self.upper.iter());
+        right.extend(self.lower.iter().map(|lower| -lower));
+        for (k, (row, limit)) in self.limits.iter().enumerate() {
+            rows.view_mut((2 * n + k, 0), (1, n)).copy_from(&row.transpose());
+            rows[(2 * n + k, n + k)] = -1.0;
+            right.push(*limit);
+        }
+        for k in 0..m {
+            rows[(2 * n + m + k, n + k)] = -1.0;
+            right.push(0.0);
+        }
+        let settings = DefaultSettingsBuilder::default().verbose(false).build().ok()?;
+        let cones = [SupportedConeT::NonnegativeConeT(right.len())];
+        let (curvature, rows) = (upper_triangle(&curvature), sparse(&rows));
+        let mut solver =
+            DefaultSolver::new(&curvature, &slope, &rows, &right, &cones, settings).ok()?;
+        solver.solve();
+        let solution = &solver.solution;
+        let solved = matches!(
+            solution.status,
+            SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress
+        );
+        let inside = |k: usize| {
+            let (lower, upper) = (self.lower[k], self.upper[k]);
+            solution.x[k].clamp(lower.min(upper), upper)
+        };
+        solved
+            .then(|| (DVector::from_fn(n, |k, _| inside(k)), solution.z[2 * n..2 * n + m].to_vec()))
+    }
+}
+
+fn sparse(dense: &DMatrix<f64>) -> CscMatrix<f64> {
+    let rows: Vec<Vec<f64>> = dense.row_iter().map(|row| row.iter().copied().collect()).collect();
+    CscMatrix::from(&rows)
+}
+
+fn upper_triangle(dense: &DMatrix<f64>) -> CscMatrix<f64> {
+    sparse(&dense.upper_triangle())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn distance_to(x: f64, y: f64) -> Quadratic {
+        Quadratic {
+            curvature: DMatrix::identity(2, 2),
+            slope: DVector::from_vec(vec![-x, -y]),
+            lower: DVector::from_element(2, -1.0),
+            upper: DVector::from_element(2, 1.0),
+            limits: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn bounds_and_limits_hold_and_limits_that_contradict_give_way() {
+        let near = |found: &DVector<f64>, x: f64, y: f64| {
+            (found[0] - x).abs() < 1e-6 && (found[1] - y).abs() < 1e-6
+        };
+        let (free, _) = distance_to(0.5, -0.25).minimum().unwrap();
+        assert!(near(&free, 0.5, -0.25), "{free}");
+        let (bounded, _) = distance_to(3.0, -0.25).minimum().unwrap();
+        assert!(near(&bounded, 1.0, -0.25), "{bounded}");
+        // The foot of the perpendicular, and how much farther it is for each unit of the limit.
+        let mut limited = distance_to(1.0, 1.0);
+        limited.limits.push((DVector::from_vec(vec![1.0, 1.0]), 1.0));
+        let (found, multipliers) = limited.minimum().unwrap();
+        assert!(near(&found, 0.5, 0.5) && (multipliers[0] - 0.5).abs() < 1e-6, "{found}");
+        limited.limits.push((DVector::from_vec(vec![-1.0, -1.0]), -1.5));
+        let (found, _) = limited.minimum().unwrap();
+        assert!((1.0 - 1e-6..1.5 + 1e-6).contains(&(found[0] + found[1])), "{found}");
+    }
+}
