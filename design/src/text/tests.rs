@@ -52,7 +52,7 @@ fn a_part_that_stretches_grows_in_mass_and_size() {
     text.set(&place(Kind::Length, Some("leg"), "*_thigh", None), 0.18).unwrap();
     let text = text.to_string();
     assert!(text.contains("mass_kg = 0.09"), "{text}");
-    assert!(text.contains("box_m = [0.03, 0.04, 0.150"), "{text}");
+    assert!(text.contains("box_m = [0.03, 0.04, 0.15]"), "{text}");
 }
 
 #[test]
