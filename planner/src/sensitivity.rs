@@ -32,7 +32,7 @@ use thiserror::Error;
 pub use crate::solve::optimum::Change;
 
 /// Newton steps to the optimum from a plan that is near it, and from any; and the length of the last, scaled variables.
-const POLISH_NEAR: usize = 4;
+const POLISH_NEAR: usize = 8;
 const POLISH_STEPS: usize = 25;
 const POLISHED: f64 = 1e-7;
 /// Goal of the iterations that are added where a plan is too far from its optimum for Newton's method.

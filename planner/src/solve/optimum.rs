@@ -35,8 +35,10 @@ const DERIVATIVE: Effort = Effort { leave: 1e-9, refinements: 10, curvature: 1.0
 const STEP: Effort = Effort { leave: 1e-6, refinements: 3, curvature: 1.0 };
 /// Parts of the second derivatives that steps take into account: away from the optimum the Hessian may be indefinite.
 const CURVATURES: [f64; 3] = [1.0, 0.5, 0.0];
-/// Squares of the conditions, in units of energy, that may be rounding.
+/// Squares of the conditions, in units of energy, that may be rounding; and length of a step, scaled variables, to which they
+/// are rounded where products of differences are inexact.
 const ROUNDING: f64 = 1e-17;
+const NEARLY_NO_STEP: f64 = 1e-5;
 /// Shares of a Newton step that are tried.
 const SHARES: [f64; 6] = [1.0, 0.5, 0.25, 0.1, 0.03, 0.01];
 
@@ -184,7 +186,8 @@ impl<'a> Optimum<'a> {
             let before = here.squares(self.penalty());
             if !self.take(&step, before) {
                 // At the end rounding decides.
-                return if before < ROUNDING { Ok(()) } else { Err(NoOptimum::Diverges) };
+                let is_there = before < ROUNDING || last < NEARLY_NO_STEP;
+                return if is_there { Ok(()) } else { Err(NoOptimum::Diverges) };
             }
             self.factorise()?;
             if last < length {
