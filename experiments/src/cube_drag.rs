@@ -18,15 +18,19 @@ const ABOVE_M: f64 = 0.15;
 /// Of the thesis (Table A.2).
 const THESIS: Work = Work { iterations: 20.0, simulation_s: 0.044, optimisation_s: 3.3 };
 
-/// The gripper above the cube, and the assembly of both.
-pub(crate) fn scene() -> (Assembly, Gripper) {
+/// The gripper above the cube, tied by strings that are stretched by a share of their length, and the assembly of both.
+pub(crate) fn hung(stretch: f64) -> (Assembly, Gripper) {
     let mut assembly = Assembly::default();
     let rest = Vector3::z() * rest_m();
     let gripper = Gripper::add(&mut assembly, rest + Vector3::z() * ABOVE_M);
     let cube = add_cube(&mut assembly, Motion::at(rest));
     touch_ground(&mut assembly, cube);
-    tie(&mut assembly, [gripper.body, cube], 0.01, true);
+    tie(&mut assembly, [gripper.body, cube], stretch, true);
     (assembly, gripper)
+}
+
+pub(crate) fn scene() -> (Assembly, Gripper) {
+    hung(0.01)
 }
 
 pub(crate) fn system() -> System {

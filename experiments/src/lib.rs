@@ -22,6 +22,7 @@
 //! | `manipulation` | an effector whose way is optimised step by step |
 //! | `cube_drag`, `coupled_cubes` | a cube that a gripper drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
 //! | `cube_arc` | a cube dragged along an arc, by Gauss–Newton's method and by CMA-ES (Fig. A.2) |
+//! | `cube_tip` | a cube that rubber bands tip over (Fig. 4.14c) |
 //! | `sheet_flip` | a sheet that is turned over by its corners (Fig. 4.17) |
 //! | `throw_controller` | a network that learns to throw (Fig. 4.19) |
 //! | `chain` | computing time by the number of bodies (Fig. A.3) |
@@ -35,6 +36,7 @@ mod cma_es;
 mod coupled_cubes;
 mod cube_arc;
 mod cube_drag;
+mod cube_tip;
 mod incline;
 mod landscape;
 mod manipulation;
@@ -98,6 +100,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. 4.14",
         about: "poses of a gripper that drags a cube by strings to a target",
         run: cube_drag::run,
+    },
+    Experiment {
+        name: "cube-tip",
+        source: "Fig. 4.14c",
+        about: "poses of a gripper that tips a cube over by rubber bands",
+        run: cube_tip::run,
     },
     Experiment {
         name: "incline",
