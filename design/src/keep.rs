@@ -12,11 +12,11 @@
 //! hundredths of a degree.
 
 use crate::designed::{Designed, on_samples_of};
-use crate::plans::{Failed, Plans, Watch, unless_interrupted};
+use crate::plans::{Failed, Plans, Watch, optimal, unless_interrupted};
 use crate::quadratic::Quadratic;
 use nalgebra::{DMatrix, DVector};
 use rollwalk_planner::sensitivity::{Change, Design, Feature, Optimal};
-use rollwalk_planner::{Options, Progress, Solution};
+use rollwalk_planner::{Options, Progress};
 
 /// Damping δ of free parameters, in their units.
 const DAMPING: f64 = 1e-2;
@@ -160,17 +160,4 @@ impl Linear {
         }
         Ok(Plans { variant, solutions })
     }
-}
-
-/// The optimum of a solution.
-pub(crate) fn optimal(solution: &Solution, watch: &mut Watch<'_>) -> Result<Optimal, Failed> {
-    let motion = &solution.plan.motion.name;
-    let mut stopped = false;
-    let progress = &mut |state: &Progress| {
-        let flow = watch(motion, state);
-        stopped |= flow.is_break();
-        flow
-    };
-    let found = Optimal::of(solution, &Options::default(), progress);
-    if stopped { Err(Failed::Interrupted) } else { Ok(found?) }
 }

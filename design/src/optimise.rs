@@ -12,8 +12,7 @@
 
 use crate::designed::Designed;
 use crate::goal::{Goal, Quantity};
-use crate::keep::optimal;
-use crate::plans::{Failed, Plans, Watch};
+use crate::plans::{Failed, Plans, Watch, optimal};
 use crate::quadratic::{EXCESS, Quadratic};
 use nalgebra::{DMatrix, DVector};
 use rollwalk_planner::sensitivity::{Objective, Optimal};

@@ -2,7 +2,7 @@
 
 use crate::designed::{Designed, Variant, on_samples_of};
 use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::sensitivity::NotOptimal;
+use rollwalk_planner::sensitivity::{NotOptimal, Optimal};
 use rollwalk_planner::{Options, Progress, Solution, optimise_solution};
 use rollwalk_robot::document::DocumentError;
 use std::ops::ControlFlow;
@@ -130,4 +130,20 @@ pub(crate) fn unless_interrupted(solution: Solution) -> Result<Solution, Failed>
         Status::Interrupted => Err(Failed::Interrupted),
         _ => Ok(solution),
     }
+}
+
+/// The optimum of a solution.
+///
+/// # Errors
+/// It has none, or the caller stops it.
+pub fn optimal(solution: &Solution, watch: &mut Watch<'_>) -> Result<Optimal, Failed> {
+    let motion = &solution.plan.motion.name;
+    let mut stopped = false;
+    let progress = &mut |state: &Progress| {
+        let flow = watch(motion, state);
+        stopped |= flow.is_break();
+        flow
+    };
+    let found = Optimal::of(solution, &Options::default(), progress);
+    if stopped { Err(Failed::Interrupted) } else { Ok(found?) }
 }

@@ -38,8 +38,8 @@ impl Optimal {
 }
 
 impl Solution {
-    /// Prices of all constraints that push, dearest first, from the multipliers as the solve left them. [`Optimal::prices`] are
-    /// exact; these are good enough to say what limits a motion.
+    /// Prices of all constraints that push, dearest first, from the multipliers as the solve left them: rough, because a solve
+    /// ends when its constraints hold. [`Optimal::prices`] are those of the optimum.
     ///
     /// # Errors
     /// The plan did not converge.

@@ -3,6 +3,7 @@
 use super::{Shown, plan_original, read, report};
 use crate::Exit;
 use crate::output::{self, Table};
+use rollwalk_design::plans::{self, Failed};
 use rollwalk_planner::Options;
 use rollwalk_planner::sensitivity::Price;
 use serde::Serialize;
@@ -33,6 +34,8 @@ pub struct Args {
 struct Limits {
     motion: String,
     prices: Vec<Limit>,
+    /// Why the prices are estimates, if they are.
+    estimated: Option<String>,
 }
 
 /// A constraint that pushes.
@@ -52,14 +55,25 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
     let mut shown = Shown::new("planning");
     let plans = plan_original(&designed, &mut shown)?;
-    drop(shown);
+    shown.now("pricing");
     plans.all_solved().map_err(report)?;
     let mut all = Vec::new();
     for solution in &plans.solutions {
-        let prices = solution.prices(&Options::default()).map_err(|error| report(error.into()))?;
+        let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
+        let prices = match plans::optimal(solution, watch) {
+            Ok(optimal) => (optimal.prices(), None),
+            Err(Failed::Interrupted) => return Err(report(Failed::Interrupted)),
+            Err(reason) => {
+                let prices = solution.prices(&Options::default());
+                (prices.map_err(|error| report(error.into()))?, Some(reason.to_string()))
+            }
+        };
+        let (prices, estimated) = prices;
         let motion = solution.plan.motion.name.clone();
-        all.push(Limits { motion, prices: prices.into_iter().map(limit).collect() });
+        let prices = prices.into_iter().map(limit).collect();
+        all.push(Limits { motion, prices, estimated });
     }
+    drop(shown);
     if args.json {
         output::print_json(&all)?;
     } else {
@@ -96,5 +110,6 @@ fn describe(limits: &Limits) -> String {
         };
         table.row([of.constraint.clone(), number, cost, of.subjects.join(", ")]);
     }
-    table.render()
+    let note = limits.estimated.as_ref().map(|why| format!("\nonly roughly: {why}"));
+    table.render() + &note.unwrap_or_default()
 }

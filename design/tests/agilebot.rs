@@ -1,0 +1,145 @@
+//! Designs of AgileBot: changed by hand, keeping its pitch, and optimised.
+
+use rollwalk_design::designed::{Designed, NamedText};
+use rollwalk_design::goal::Goal;
+use rollwalk_design::keep::keep;
+use rollwalk_design::optimise::optimise;
+use rollwalk_design::plans::{Failed, Plans};
+use rollwalk_planner::Progress;
+use rollwalk_planner::families::Family;
+use rollwalk_planner::plan::Status;
+use rollwalk_planner::sensitivity::{Feature, Objective, Optimal};
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+fn read(path: &str) -> NamedText {
+    let at = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
+    NamedText { name: path.to_owned(), text: fs::read_to_string(at).unwrap() }
+}
+
+fn on(_: &str, _: &Progress) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+/// The shipped design, for some of its motions.
+fn legs(motions: &[&str]) -> Designed {
+    let mut design = read("designs/agilebot_legs.toml");
+    let list: Vec<String> =
+        motions.iter().map(|motion| format!("{{ file = \"../{motion}\" }}")).collect();
+    let start = design.text.find("motions = [").unwrap();
+    let end = start + design.text[start..].find("\n]").unwrap() + 2;
+    design.text.replace_range(start..end, &format!("motions = [ {} ]", list.join(", ")));
+    let motions = motions.iter().map(|motion| read(motion)).collect();
+    Designed::new(&design, read("robots/agilebot.toml"), motions).unwrap()
+}
+
+fn planned(designed: &Designed) -> Plans {
+    let plans = designed.plan(designed.original(), &mut on).unwrap();
+    plans.all_solved().unwrap();
+    plans
+}
+
+/// Mean and largest change of the pitch, degrees.
+fn pitched(before: &Plans, after: &Plans) -> [f64; 2] {
+    let curve = |plans: &Plans| Feature::Pitch.of_plan(&plans.solutions[0].plan);
+    let (before, after) = (curve(before), curve(after));
+    assert_eq!(before.len(), after.len());
+    let off: Vec<f64> =
+        before.iter().zip(&after).map(|(a, b)| (a - b).abs().to_degrees()).collect();
+    [off.iter().sum::<f64>() / off.len() as f64, off.iter().copied().fold(0.0, f64::max)]
+}
+
+#[test]
+fn longer_front_legs_pitch_the_body_by_hand_and_not_with_the_others_following() {
+    let designed = legs(&["motions/trot.toml"]);
+    let before = planned(&designed);
+    let mut values = designed.original().to_vec();
+    values[0] += 0.02;
+    let by_hand = designed.plan_from(&before, &values, false, &mut on).unwrap();
+    assert_eq!(by_hand.solutions[0].plan.solve.status, Status::Converged);
+    let kept = keep(&designed, &before, &[(0, values[0])], Feature::Pitch, &mut on).unwrap();
+    let [by_hand, kept_at] = [&by_hand, &kept].map(|after| pitched(&before, after));
+    assert!(by_hand[0] > 1.0 && kept_at[1] < 0.1, "{by_hand:?} {kept_at:?}");
+    let parameters = &designed.file.parameters;
+    for (value, of) in kept.variant.values.iter().zip(parameters) {
+        assert!((of.min..=of.max).contains(value), "{} = {value}", of.name);
+    }
+    assert!((kept.variant.values[0] - values[0]).abs() < 1e-9, "what is given is given");
+}
+
+#[test]
+fn optimised_legs_are_better_within_their_bounds_and_what_is_kept() {
+    let designed = legs(&["motions/trot.toml", "motions/drive_1m.toml"]);
+    let before = planned(&designed);
+    let bound = 1.5;
+    let goal = Goal {
+        minimise: vec![(Objective::CostOfTransport, 1.0)],
+        keep: vec![(Objective::PeakJointTorque, bound)],
+        pull: 1e-3,
+    };
+    let mut seen = 0;
+    let found = optimise(&designed, &before, &goal, &mut on, &mut |_| seen += 1).unwrap();
+    assert!(found.steps.len() == seen && seen > 2, "{seen} steps");
+    let merits = found.steps.windows(2).all(|pair| pair[1].merit < pair[0].merit);
+    assert!(merits, "{:?}", found.steps);
+    let (first, last) = (&found.steps[0], &found.steps[seen - 1]);
+    assert!(first.quantities[0][1] > bound, "the trot begins above its bound");
+    for (motion, quantities) in last.quantities.iter().enumerate() {
+        assert!(quantities[1] < 1.005 * bound, "{motion}: {quantities:?}");
+    }
+    let share = |step: &rollwalk_design::optimise::Step| -> f64 {
+        step.quantities.iter().zip(&first.quantities).map(|(now, then)| now[0] / then[0]).sum()
+    };
+    assert!(share(last) < 0.95 * share(first), "{:?}", last.quantities);
+    for (value, of) in last.values.iter().zip(&designed.file.parameters) {
+        assert!((of.min..=of.max).contains(value), "{} = {value}", of.name);
+    }
+}
+
+#[test]
+fn the_caller_ends_it() {
+    let designed = legs(&["motions/trot.toml"]);
+    let stop = &mut |_: &str, _: &Progress| ControlFlow::Break(());
+    let stopped = designed.plan(designed.original(), stop);
+    assert!(matches!(stopped, Err(Failed::Interrupted)));
+    let before = planned(&designed);
+    let stopped = keep(&designed, &before, &[(0, 0.13)], Feature::Pitch, stop);
+    assert!(matches!(stopped, Err(Failed::Interrupted)), "{stopped:?}");
+}
+
+#[test]
+fn results_are_multiples_of_what_can_be_made() {
+    let designed = legs(&["motions/trot.toml"]);
+    let rounded = designed.rounded(&[0.12349, 0.0899999, 0.16, 0.1, 0.0704, 0.19]);
+    assert_eq!(rounded, [0.123, 0.09, 0.16, 0.1, 0.07, 0.19]);
+    let variant = designed.at(&rounded).unwrap();
+    assert!(variant.text.contains("origin_in_parent_m = [0.19, 0.07, 0.0]"), "{}", variant.text);
+}
+
+#[test]
+fn prices_say_what_a_stronger_servo_is_worth() {
+    let mut design = read("designs/agilebot_legs.toml");
+    let first = design.text.find("[[parameter]]").unwrap();
+    design.text.truncate(first);
+    design.text +=
+        "[[parameter]]\nname = \"torque\"\ntorque_of = \"xm540\"\nmin_nm = 1.0\nmax_nm = 3.0\n";
+    let motions = ["motions/trot.toml", "motions/walk.toml", "motions/turn_in_place.toml"];
+    let mut robot = read("robots/agilebot.toml");
+    robot.text = robot.text.replace("torque_max_nm = 4.38", "torque_max_nm = 1.79");
+    let designed = Designed::new(&design, robot, motions.map(read).to_vec()).unwrap();
+    let before = planned(&designed);
+    let solution = &before.solutions[0];
+    let on = &mut |_: &Progress| ControlFlow::Continue(());
+    let optimal = Optimal::of(solution, &Default::default(), on).unwrap();
+    let prices = optimal.prices();
+    let torque = prices.iter().find(|price| price.family == Family::JointTorque).unwrap();
+    assert_eq!(torque.given, Some(("torque_max_nm", 1.79)));
+    assert!(torque.subjects.iter().all(|joint| joint.contains("knee") || joint.contains("pitch")));
+    let around = designed.around(designed.original(), 0).unwrap();
+    let motions = around.motions(0, &solution.plan.motion);
+    let (_, slopes) = optimal.gradient(Objective::PlanCost, &[around.of_motion(&motions)]).unwrap();
+    // Inside the band of a limit a multiplier is part smoothing.
+    let ratio = torque.per_unit / slopes[0];
+    assert!((0.8..1.25).contains(&ratio), "{ratio}: {prices:?}");
+}
