@@ -8,11 +8,13 @@
 mod feature;
 mod objective;
 mod price;
+mod shortfall;
 mod time_shift;
 
 pub use feature::Feature;
 pub use objective::Objective;
 pub use price::Price;
+pub use shortfall::{Shortfall, Slopes};
 
 use crate::formulation::System;
 use crate::formulation::rows::{Columns, Differentiated, Role, Row, Rows};
@@ -60,6 +62,12 @@ pub enum NotOptimal {
         motion: String,
         /// Reason.
         reason: &'static str,
+    },
+    /// The caller did not want to wait.
+    #[error("`{motion}` was interrupted before it was at its optimum")]
+    Interrupted {
+        /// Name of the motion.
+        motion: String,
     },
     /// The neighbour's problem is another one.
     #[error("{0}")]
@@ -285,19 +293,8 @@ impl Optimal {
         Ok(ahead?.minus(&behind?, 1.0 / apart))
     }
 
-    /// The problem of a neighbouring design, its unknowns scaled as those of this one.
     fn neighbour(&self, design: &Design<'_>) -> Result<Problem, NotOptimal> {
-        let Design { robot, motion } = *design;
-        if !same_structure(self.problem.model.robot(), robot) {
-            return Err(NotOptimal::OtherProblem(ReplanError::OtherStructure {
-                motion: self.motion.name.clone(),
-                planned: self.problem.model.robot().name.clone(),
-                wanted: robot.name.clone(),
-            }));
-        }
-        let mut problem = Problem::new(Model::new(robot), motion, self.problem.weights.clone());
-        problem.layout.scale = self.problem.layout.scale.clone();
-        Ok(problem)
+        neighbour(&self.problem, design)
     }
 
     /// Lends the optimum with its factor.
@@ -314,6 +311,21 @@ impl Optimal {
     fn failed(&self, reason: NoOptimum) -> NotOptimal {
         failed(&self.motion, reason)
     }
+}
+
+/// The problem of a neighbouring design, its unknowns scaled as those of `problem`.
+fn neighbour(problem: &Problem, design: &Design<'_>) -> Result<Problem, NotOptimal> {
+    let Design { robot, motion } = *design;
+    if !same_structure(problem.model.robot(), robot) {
+        return Err(NotOptimal::OtherProblem(ReplanError::OtherStructure {
+            motion: motion.name.clone(),
+            planned: problem.model.robot().name.clone(),
+            wanted: robot.name.clone(),
+        }));
+    }
+    let mut other = Problem::new(Model::new(robot), motion, problem.weights.clone());
+    other.layout.scale = problem.layout.scale.clone();
+    Ok(other)
 }
 
 fn failed(motion: &Motion, reason: NoOptimum) -> NotOptimal {

@@ -9,6 +9,7 @@
 
 mod curvature;
 mod fronts;
+pub mod minimum;
 mod multipliers;
 pub mod normal;
 mod one_sided;
@@ -19,7 +20,7 @@ mod settings;
 mod trial;
 
 pub use multipliers::Multipliers;
-pub use progress::{Progress, worst};
+pub use progress::{Progress, level, worst};
 pub use settings::{Method, Settings};
 
 use crate::families::Family;

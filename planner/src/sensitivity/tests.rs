@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::optimise_solution;
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 use std::fs;
 use std::path::Path;
 
@@ -196,4 +197,61 @@ fn plans_that_did_not_converge_have_no_derivatives() {
     let solution = optimise_solution(&robot, &motion, &options, &mut on);
     let found = Optimal::of(&solution, &options, &mut on).unwrap_err();
     assert!(matches!(found, NotOptimal::NotConverged { .. }), "{found}");
+}
+
+#[test]
+fn the_tilted_car_stands_as_its_closed_form_says() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/car_tilted.toml");
+    let robot = Robot::from_toml("car_tilted", &fs::read_to_string(file).unwrap()).unwrap();
+    let (_, mut stand) = read("pup_stand.toml");
+    stand.posture_rad.clear();
+    let optimal = Optimal::of(&planned(&robot, &stand), &Options::default(), &mut on).unwrap();
+    // The body pitches until the tilted wheels touch: sin θ = r (1 − √(1 − cos²θ / 2)) / 0.24.
+    let mut pitch = 0.0_f64;
+    for _ in 0..50 {
+        pitch = (0.05 * (1.0 - (1.0 - 0.5 * pitch.cos().powi(2)).sqrt()) / 0.24).asin();
+    }
+    assert!((pitch.to_degrees() - 3.482_740).abs() < 1e-6);
+    // Their axes, seen from above, lead by sin θ for cos 45° across and cos 45° up.
+    let points = pitch.sin().atan();
+    assert!((points.to_degrees() - 3.476_324).abs() < 1e-6);
+    let layout = &optimal.problem.layout;
+    for slot in &optimal.unknowns.slots {
+        assert!((slot[BASE_YAW + 1].abs() - pitch).abs() < 1e-6, "{}", slot[BASE_YAW + 1]);
+        for (j, side) in [-1.0, 1.0].into_iter().enumerate() {
+            let yaw = slot[layout.end_effectors[j].wheel.unwrap().yaw] - slot[BASE_YAW];
+            assert!((side * yaw - points).abs() < 1e-6, "{yaw} {points}");
+        }
+    }
+}
+
+#[test]
+fn a_standing_body_rises_with_its_legs() {
+    let (robot, stand) = read("stand.toml");
+    // Forces that need not be even let the legs keep their angles, of 0.6 rad at the thighs.
+    let mut options = Options { refine: false, ..Options::default() };
+    options.weights.force = 1e-7;
+    let solution = optimise_solution(&robot, &stand, &options, &mut on);
+    let optimal = Optimal::of(&solution, &options, &mut on).unwrap();
+    let thighs = |by_m: f64, which: &str| {
+        let mut robot = robot.clone();
+        let knees = robot.joints.iter_mut().filter(|joint| joint.name.ends_with("_knee"));
+        for knee in knees.filter(|knee| knee.name.starts_with(which)) {
+            knee.parent_from_joint.translation.z -= by_m;
+        }
+        robot
+    };
+    let rises = |made: &dyn Fn(f64) -> Robot| {
+        let [ahead, behind] = [1e-5, -1e-5].map(made);
+        let design = |robot| Design { robot, motion: &stand };
+        let parameter = Parameter { ahead: design(&ahead), behind: design(&behind), apart: 2e-5 };
+        let change = optimal.changes(&[parameter]).unwrap().remove(0);
+        let system = System::selected(&optimal.problem, Default::default());
+        let moved = system.moved(&optimal.unknowns, &change.unknowns);
+        moved.slots[5][BASE_POSITION + 2] - optimal.unknowns.slots[5][BASE_POSITION + 2]
+    };
+    let near = |found: f64, exact: f64| assert!((found - exact).abs() < 1e-5, "{found} {exact}");
+    near(rises(&|by_m| radius(&robot, by_m)), 1.0);
+    near(rises(&|by_m| thighs(by_m, "")), 0.6_f64.cos());
+    near(rises(&|by_m| thighs(by_m, "front")), 0.5 * 0.6_f64.cos());
 }

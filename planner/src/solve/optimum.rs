@@ -424,7 +424,7 @@ impl<'a> Optimum<'a> {
             return product;
         }
         let slopes = slopes(rows, shifts, penalty);
-        let length = DIFFERENCE / v.iter().fold(f64::MIN_POSITIVE, |most, x| x.abs().max(most));
+        let length = difference_length(v);
         let [ahead, behind] = [length, -length].map(|length| {
             let rows = self.evaluate(&along(position, length, v), shifts);
             weighted(&rows, shifts, &slopes, v.len())
@@ -464,7 +464,7 @@ fn slopes(rows: &Rows, shifts: &[f64], penalty: f64) -> Vec<f64> {
 }
 
 /// Σ slope·∇r over the rows that count.
-fn weighted(rows: &Rows, shifts: &[f64], slopes: &[f64], columns: usize) -> Vec<f64> {
+pub(super) fn weighted(rows: &Rows, shifts: &[f64], slopes: &[f64], columns: usize) -> Vec<f64> {
     let mut sum = vec![0.0; columns];
     for ((row, &shift), &slope) in rows.rows.iter().zip(shifts).zip(slopes) {
         if slope != 0.0 && row.counts(shift) {
@@ -475,16 +475,21 @@ fn weighted(rows: &Rows, shifts: &[f64], slopes: &[f64], columns: usize) -> Vec<
     sum
 }
 
+/// Share of a direction over which a product with the Hessian is a difference.
+pub(super) fn difference_length(v: &[f64]) -> f64 {
+    DIFFERENCE / v.iter().fold(f64::MIN_POSITIVE, |most, x| x.abs().max(most))
+}
+
 /// ∇r·v.
-fn change_of(rows: &Rows, row: &Row, v: &[f64]) -> f64 {
+pub(super) fn change_of(rows: &Rows, row: &Row, v: &[f64]) -> f64 {
     row.entries.clone().map(|k| rows.derivatives[k] * v[rows.columns[k]]).sum()
 }
 
-fn along(from: &[f64], share: f64, step: &[f64]) -> Vec<f64> {
+pub(super) fn along(from: &[f64], share: f64, step: &[f64]) -> Vec<f64> {
     from.iter().zip(step).map(|(from, step)| from + share * step).collect()
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -493,4 +498,4 @@ fn norm(a: &[f64]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

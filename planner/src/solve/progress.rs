@@ -40,13 +40,17 @@ impl Progress {
     }
 }
 
-/// Index of the worst constraint row, and its residual over its tolerance.
-pub fn worst(rows: &Rows) -> (usize, f64) {
-    let level = |row: &Row| match row.role {
+/// Residual of a constraint over its tolerance; 0 for costs.
+pub fn level(row: &Row) -> f64 {
+    match row.role {
         Role::Equality => row.value.abs() * row.scale / row.level,
         Role::Inequality { .. } => row.value.max(0.0) * row.scale / row.level,
         Role::Cost { .. } => 0.0,
-    };
+    }
+}
+
+/// Index of the worst constraint row, and its residual over its tolerance.
+pub fn worst(rows: &Rows) -> (usize, f64) {
     rows.rows
         .iter()
         .enumerate()

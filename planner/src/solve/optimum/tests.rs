@@ -5,10 +5,10 @@ use crate::families::Family;
 use crate::formulation::rows::{Differentiated, Subject};
 
 /// Values and derivatives of rows at a point.
-type ValuesAt<'a> = &'a dyn Fn(&[f64]) -> Vec<(f64, Vec<f64>)>;
+pub type ValuesAt<'a> = &'a dyn Fn(&[f64]) -> Vec<(f64, Vec<f64>)>;
 
 /// A problem of a few unknowns: roles of its rows, and their values and derivatives at a point.
-struct Toy<'a> {
+pub struct Toy<'a> {
     columns: Columns,
     roles: &'a [Role],
     rows: ValuesAt<'a>,
@@ -17,7 +17,8 @@ struct Toy<'a> {
 }
 
 impl<'a> Toy<'a> {
-    fn new(base: &[f64], penalty: f64, roles: &'a [Role], rows: ValuesAt<'a>) -> Self {
+    /// At a base point.
+    pub fn new(base: &[f64], penalty: f64, roles: &'a [Role], rows: ValuesAt<'a>) -> Self {
         let count = base.len();
         let columns =
             Columns { of_slot: vec![(0..count).map(Some).collect()], placement: None, count };

@@ -1,0 +1,302 @@
+//! What a motion falls short of on a design that cannot do it, and how that changes with the design.
+//!
+//! Such a request has no optimum with multipliers. What there is instead is the point at which the energy with a penalty on every
+//! constraint is least: the violations left there say what the design lacks, and by the envelope theorem the slope of that energy
+//! along a parameter p is ∂E/∂p at fixed unknowns,
+//!
+//! ```text
+//! dE/dp = Σ_constraints 2ρ s ∂g/∂p + Σ_costs 2w r ∂r/∂p        s = φ(g + s₀)
+//! ```
+//!
+//! with s₀ = 0, or the multipliers of a design that nearly can.
+
+use super::{Around, Design, NotOptimal, Parameter, failed, neighbour, same_pattern, time_shift};
+use crate::diagnose::diagnose;
+use crate::families::Family;
+use crate::formulation::System;
+use crate::formulation::rows::Rows;
+use crate::motion::{Ends, Motion};
+use crate::plan::{Diagnosis, Plan, Status, Verdict};
+use crate::planning::{Options, Solution, from_near};
+use crate::problem::variables::Layout;
+use crate::problem::{Problem, Unknowns};
+use crate::solve::minimum::Minimum;
+use crate::solve::normal::{NormalEquations, row_energy};
+use crate::solve::optimum::NoOptimum;
+use crate::solve::{Multipliers, Progress, level, worst};
+use crate::start;
+use rollwalk_multibody::euler::Model;
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+
+/// Newton steps to the least energy.
+const STEPS: usize = 300;
+
+/// The point at which a motion violates its constraints least, on a design that cannot do it or nearly can.
+#[derive(Clone, Debug)]
+pub struct Shortfall {
+    problem: Problem,
+    motion: Motion,
+    unknowns: Unknowns,
+    /// Multipliers that are held.
+    shifts: Vec<f64>,
+    pin: Option<Vec<f64>>,
+    rows: Rows,
+    energy: f64,
+    /// Multipliers that the violations stand for, those that are held included.
+    multipliers: Vec<f64>,
+    steps: usize,
+}
+
+/// How a shortfall changes with parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Slopes {
+    /// Derivative of the energy by each parameter.
+    pub gradient: Vec<f64>,
+    /// Its second derivatives, `[parameter][parameter]`: mixed ones without what second derivatives of rows by two
+    /// parameters add.
+    pub hessian: Vec<Vec<f64>>,
+    /// How the point moves with each parameter, scaled variables.
+    pub unknowns: Vec<Vec<f64>>,
+}
+
+type Watch<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
+
+impl Shortfall {
+    /// Goes from a plan, which need not hold, to the least energy of its design near it.
+    ///
+    /// # Errors
+    /// The plan is a transition, no minimum is found, or `progress` stopped it.
+    pub fn of(
+        plan: &Plan,
+        options: &Options,
+        progress: &mut Watch<'_>,
+    ) -> Result<Self, NotOptimal> {
+        let Plan { robot, motion, solve, .. } = plan;
+        if motion.ends == Ends::Prescribed {
+            let (motion, status) = (motion.name.clone(), solve.status);
+            return Err(NotOptimal::NotConverged { motion, status });
+        }
+        let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
+        let mut unknowns = start::neighbour(&problem, plan);
+        problem.add_up(&mut unknowns);
+        Self::near(problem, motion, unknowns, None, progress)
+    }
+
+    fn near(
+        problem: Problem,
+        motion: &Motion,
+        mut unknowns: Unknowns,
+        shifts: Option<Vec<f64>>,
+        progress: &mut Watch<'_>,
+    ) -> Result<Self, NotOptimal> {
+        let failed = |reason| failed(motion, reason);
+        let system = System::selected(&problem, Default::default());
+        let rows = system.rows(&unknowns, Rows::default());
+        let shifts = shifts.unwrap_or_else(|| vec![0.0; rows.rows.len()]);
+        if shifts.len() != rows.rows.len() {
+            return Err(NotOptimal::OtherRows { motion: motion.name.clone() });
+        }
+        let pin = time_shift::free(&problem, &unknowns, system.columns());
+        let around = Around { system: &system, unknowns: &unknowns };
+        let mut minimum = Minimum::near(&around, shifts.clone(), pin.clone()).map_err(failed)?;
+        let mut steps = 0;
+        while !minimum.step().map_err(failed)? {
+            steps += 1;
+            let (rows, energy) = (minimum.rows(), minimum.energy());
+            let state = Progress::at(rows, worst(rows), energy, system.penalty());
+            if progress(&Progress { iteration: steps, ..state }).is_break() {
+                return Err(NotOptimal::Interrupted { motion: motion.name.clone() });
+            }
+            if steps >= STEPS {
+                return Err(failed(NoOptimum::Diverges));
+            }
+        }
+        let (position, multipliers) = (minimum.position().to_vec(), minimum.multipliers());
+        let (rows, energy) = (minimum.rows().clone(), minimum.energy());
+        drop(minimum);
+        unknowns = system.moved(&unknowns, &position);
+        drop(system);
+        let motion = motion.clone();
+        Ok(Self { problem, motion, unknowns, shifts, pin, rows, energy, multipliers, steps })
+    }
+
+    /// The motion.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// The energy: penalties of the violations, and costs.
+    pub fn energy(&self) -> f64 {
+        self.energy
+    }
+
+    /// Newton steps that it took.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// The constraint that is violated most, and its residual over its tolerance.
+    pub fn worst(&self) -> (Family, f64) {
+        let (row, level) = worst(&self.rows);
+        (self.rows.rows[row].family, level)
+    }
+
+    /// Worst residual of each family of constraints that is violated, over its tolerance.
+    pub fn levels(&self) -> BTreeMap<Family, f64> {
+        let mut of_families = BTreeMap::<Family, f64>::new();
+        for row in &self.rows.rows {
+            let level = level(row);
+            if level > 0.0 {
+                let worst = of_families.entry(row.family).or_default();
+                *worst = worst.max(level);
+            }
+        }
+        of_families
+    }
+
+    /// Which constraints contradict each other, where, and by how much; `None` if none is violated. Nothing has been tried:
+    /// it names no numbers that would do.
+    pub fn diagnosis(&self) -> Option<Diagnosis> {
+        let mut diagnosis = diagnose(&self.problem, &self.rows, Verdict::Contradiction)?;
+        diagnosis.culprits.iter_mut().for_each(|culprit| culprit.would_do = None);
+        Some(diagnosis)
+    }
+
+    /// Derivative of the energy by parameters, per unit of each.
+    ///
+    /// # Errors
+    /// A parameter changes what the problem is made of.
+    pub fn gradient(&self, parameters: &[Parameter<'_>]) -> Result<Vec<f64>, NotOptimal> {
+        let slope = |parameter: &Parameter<'_>| {
+            let [ahead, behind] = self.around(parameter)?;
+            Ok((self.energy_of(&ahead) - self.energy_of(&behind)) / parameter.apart)
+        };
+        parameters.iter().map(slope).collect()
+    }
+
+    /// Derivatives of the energy and of the point by parameters, per unit of each.
+    ///
+    /// # Errors
+    /// A parameter changes what the problem is made of, or the point is no minimum.
+    pub fn slopes(&self, parameters: &[Parameter<'_>]) -> Result<Slopes, NotOptimal> {
+        let failed = |reason| failed(&self.motion, reason);
+        let system = System::selected(&self.problem, Default::default());
+        let around = Around { system: &system, unknowns: &self.unknowns };
+        let minimum =
+            Minimum::near(&around, self.shifts.clone(), self.pin.clone()).map_err(failed)?;
+        let curvatures = self.rows.rows.iter().zip(&self.shifts).map(|(row, &shift)| {
+            if row.counts(shift) { row_energy(row, shift, system.penalty())[2] } else { 0.0 }
+        });
+        let curvatures: Vec<f64> = curvatures.collect();
+        let mut found = Slopes { gradient: vec![], hessian: vec![], unknowns: vec![] };
+        let (mut by_rows, mut by_gradients): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (vec![], vec![]);
+        for parameter in parameters {
+            let [ahead, behind] = self.around(parameter)?;
+            let difference = |one: f64, other: f64| (one - other) / parameter.apart;
+            let rows = ahead.rows.iter().zip(&behind.rows);
+            let of_rows: Vec<f64> =
+                rows.map(|(one, other)| difference(one.value, other.value)).collect();
+            let [one, other] = [&ahead, &behind].map(|rows| minimum.gradient_of(rows));
+            let of_gradient: Vec<f64> =
+                one.iter().zip(&other).map(|(one, other)| difference(*one, *other)).collect();
+            let [above, below] = [&ahead, &behind].map(|rows| self.energy_of(rows));
+            let half = 0.5 * parameter.apart;
+            let across = |other: &Vec<f64>| {
+                let products = curvatures.iter().zip(&of_rows).zip(other);
+                products.map(|((curvature, one), other)| curvature * one * other).sum::<f64>()
+            };
+            let mixed = by_rows.iter().map(across);
+            let own = (above - 2.0 * self.energy + below) / (half * half);
+            found.hessian.push(mixed.chain([own]).collect());
+            found.gradient.push(difference(above, below));
+            found.unknowns.push(minimum.change(&of_gradient).map_err(failed)?);
+            by_rows.push(of_rows);
+            by_gradients.push(of_gradient);
+        }
+        // What the point's own moves take away, and the other half.
+        let count = parameters.len();
+        let reduced = |i: usize, j: usize| {
+            let of = |a: usize, b: usize| {
+                found.unknowns[a].iter().zip(&by_gradients[b]).map(|(a, b)| a * b).sum::<f64>()
+            };
+            found.hessian[i.max(j)][i.min(j)] + 0.5 * (of(i, j) + of(j, i))
+        };
+        found.hessian = (0..count).map(|i| (0..count).map(|j| reduced(i, j)).collect()).collect();
+        Ok(found)
+    }
+
+    /// The shortfall of a neighbouring design, with the same multipliers held. `by` are changes of parameters, and how the point
+    /// moves per unit of each ([`slopes`](Self::slopes)).
+    ///
+    /// # Errors
+    /// The design has another structure, no minimum is found, or `progress` stopped it.
+    pub fn of_neighbour(
+        &self,
+        design: Design<'_>,
+        by: &[(f64, &[f64])],
+        progress: &mut Watch<'_>,
+    ) -> Result<Self, NotOptimal> {
+        let problem = neighbour(&self.problem, &design)?;
+        let system = System::selected(&self.problem, Default::default());
+        let mut unknowns = self.unknowns.clone();
+        for (amount, change) in by {
+            let step: Vec<f64> = change.iter().map(|x| amount * x).collect();
+            unknowns = system.moved(&unknowns, &step);
+        }
+        Self::near(problem, design.motion, unknowns, Some(self.shifts.clone()), progress)
+    }
+
+    /// The same with its violations turned into multipliers, so that they become less where the design can do the motion.
+    ///
+    /// # Errors
+    /// No minimum is found, or `progress` stopped it.
+    pub fn pressed(&self, progress: &mut Watch<'_>) -> Result<Self, NotOptimal> {
+        let (problem, unknowns) = (self.problem.clone(), self.unknowns.clone());
+        Self::near(problem, &self.motion, unknowns, Some(self.multipliers.clone()), progress)
+    }
+
+    /// Plans the motion from here: a plan like others, which converges if the design can do it.
+    pub fn replan(&self, options: &Options, progress: &mut Watch<'_>) -> Solution {
+        let mut problem = self.problem.clone();
+        problem.layout = Layout::new(&problem.model);
+        let penalty = problem.weights.penalty;
+        let multipliers = Multipliers::of(&self.rows, self.multipliers.clone(), penalty);
+        let options = Options { weights: problem.weights.clone(), ..options.clone() };
+        let unknowns = self.unknowns.clone();
+        from_near(&problem, &self.motion, unknowns, Some(&multipliers), &options, progress)
+    }
+
+    /// The point itself as a plan, which does not hold.
+    pub fn plan(&self) -> Plan {
+        let mut options = Options::default();
+        options.settings.iterations = 0;
+        let mut plan = self.replan(&options, &mut |_| ControlFlow::Continue(())).plan;
+        if plan.solve.status != Status::Converged {
+            plan.solve.status = Status::Infeasible;
+            plan.solve.diagnosis = self.diagnosis();
+        }
+        plan
+    }
+
+    /// Rows of the neighbours along a parameter at the same unknowns.
+    fn around(&self, parameter: &Parameter<'_>) -> Result<[Rows; 2], NotOptimal> {
+        let rows = |design: &Design<'_>| {
+            let problem = neighbour(&self.problem, design)?;
+            let system = System::selected(&problem, Default::default());
+            let rows = system.rows(&self.unknowns, Rows::default());
+            if !same_pattern(&rows, &self.rows) {
+                return Err(NotOptimal::OtherRows { motion: self.motion.name.clone() });
+            }
+            Ok(rows)
+        };
+        Ok([rows(&parameter.ahead)?, rows(&parameter.behind)?])
+    }
+
+    fn energy_of(&self, rows: &Rows) -> f64 {
+        NormalEquations::energy(rows, &self.shifts, self.problem.weights.penalty)
+    }
+}
+
+#[cfg(test)]
+mod tests;
