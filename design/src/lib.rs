@@ -12,6 +12,7 @@
 //! | [`optimise`](mod@optimise) | parameters with which the motions are best |
 //! | [`parameter`] | kinds of parameters |
 //! | [`plans`] | plans of all motions of a design |
+//! | [`repair`](mod@repair) | the least change after which motions can be done that cannot be done as it is |
 //! | [`text`] | a robot file in which parameters change numbers |
 
 pub mod designed;
@@ -22,4 +23,5 @@ pub mod optimise;
 pub mod parameter;
 pub mod plans;
 mod quadratic;
+pub mod repair;
 pub mod text;

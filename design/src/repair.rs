@@ -1,0 +1,513 @@
+//! Repair: the least change within bounds after which a robot can do motions that it cannot do as it is (thesis 2.5.5, Fig. 2.8).
+//!
+//! A design that cannot do a motion has no optimum to differentiate, but a point that violates the constraints least, and that has
+//! a slope along every parameter ([`Shortfall`]). So the energies there, summed over motions, are minimised over the parameters by
+//! Newton's method in a box: the parameters' bounds, and a step of two centimetres at most,
+//!
+//! ```text
+//! min_p  Σ_motions min_m E(m, p; s)  +  pull Σ ((p − p₀) / unit)²
+//! ```
+//!
+//! The pull decides between many cures of one flaw. A penalty leaves violations that balance costs, and the pull: they become
+//! multipliers s, and the parameters are sought again, until plans of the motions converge, or violations do not become less.
+
+use crate::quadratic::Quadratic;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::{Diagnosis, Plan, Status};
+use rollwalk_planner::sensitivity::{Design, NotOptimal, Parameter, Shortfall};
+use rollwalk_planner::{ACCEPTED_LEVEL, Options, Progress, Solution};
+use rollwalk_robot::Robot;
+use std::fmt;
+use std::ops::ControlFlow;
+use thiserror::Error;
+
+/// Weight of the square of a change by one unit.
+const PULL: f64 = 3e-3;
+/// Longest change of a parameter in one step, and the length of steps that are too short to matter, units.
+const TRUST: f64 = 2.0;
+const SHORT: f64 = 2e-4;
+/// Part of the energy that a step must promise.
+const WORTH: f64 = 1e-9;
+/// Steps for one set of multipliers.
+const STEPS: usize = 30;
+/// Most sets of multipliers, and how many of them may pass without the violations becoming less, by this factor.
+const ROUNDS: usize = 8;
+const IN_VAIN: usize = 2;
+const LESS: f64 = 0.7;
+/// Iterations of a plan of a design that may be able to do its motion.
+const ITERATIONS: usize = 60;
+/// Distance of the neighbours from which derivatives are taken, units.
+const HALF_DIFFERENCE: f64 = 1e-3;
+
+/// A parameter that may change.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Free {
+    /// Its name.
+    pub name: String,
+    /// Value to begin with, which is preferred.
+    pub original: f64,
+    /// Least and largest value.
+    pub bounds: [f64; 2],
+    /// A change that is small, but not very small, such as 1 cm.
+    pub unit: f64,
+    /// Symbol of the unit in which values are given.
+    pub symbol: &'static str,
+}
+
+impl Free {
+    /// The nearest value within the bounds, and a bound for one that is practically there.
+    fn within_bounds(&self, value: f64) -> f64 {
+        let [low, high] = self.bounds;
+        let is_at = |bound: &f64| (value - bound).abs() < SHORT * self.unit;
+        self.bounds.into_iter().find(is_at).unwrap_or_else(|| value.clamp(low, high))
+    }
+}
+
+/// A robot with its motions.
+#[derive(Clone, Debug)]
+pub struct Made {
+    /// The robot.
+    pub robot: Robot,
+    /// The motions, as it does them.
+    pub motions: Vec<Motion>,
+}
+
+/// What a repair shows while it works.
+#[derive(Clone, Copy, Debug)]
+pub enum Shown<'a> {
+    /// An iteration of a planner.
+    Iteration(&'a Progress),
+    /// A step of the design, with what every motion falls short of there.
+    Step(&'a Step, &'a [Shortfall]),
+}
+
+/// A design on the way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// Values of the parameters.
+    pub values: Vec<f64>,
+    /// Sum of the energies, without the pull. Comparable in one round only.
+    pub energy: f64,
+    /// Worst residual of all motions over its tolerance.
+    pub worst_level: f64,
+    /// How often violations had become multipliers before.
+    pub round: usize,
+    /// Newton steps of the motions in all.
+    pub newton_steps: usize,
+}
+
+/// Result of a repair.
+#[derive(Clone, Debug)]
+pub struct Repair {
+    /// Values of the parameters.
+    pub values: Vec<f64>,
+    /// The designs from the original one on.
+    pub steps: Vec<Step>,
+    /// Whether the motions can be done.
+    pub outcome: Outcome,
+}
+
+/// Whether a design can do its motions.
+#[derive(Clone, Debug)]
+pub enum Outcome {
+    /// It can: here are plans of all of them.
+    Feasible(Vec<Solution>),
+    /// No design near the bounds' best one can.
+    Nearest(Nearest),
+    /// The caller stopped the work.
+    Interrupted,
+}
+
+/// The design within the bounds that falls short least.
+#[derive(Clone, Debug)]
+pub struct Nearest {
+    /// What it falls short of, by the names of motions that it cannot do.
+    pub misses: Vec<(String, Diagnosis)>,
+    /// Names, values and units of the parameters at a bound.
+    pub at_bounds: Vec<(String, f64, &'static str)>,
+}
+
+impl fmt::Display for Nearest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "no design within the bounds can do it: the nearest one ")?;
+        match self.misses.len() {
+            0 => write!(f, "violates nothing, but its plans do not converge.")?,
+            _ => write!(f, "misses")?,
+        }
+        for (motion, diagnosis) in &self.misses {
+            let culprits: Vec<String> =
+                diagnosis.culprits.iter().map(ToString::to_string).collect();
+            write!(f, " in `{motion}`: {}.", culprits.join("; "))?;
+        }
+        let bound = |(name, value, unit): &(String, f64, &str)| format!("{name} {value:.4} {unit}");
+        match self.at_bounds.iter().map(bound).collect::<Vec<_>>() {
+            none if none.is_empty() => write!(f, " No parameter is at a bound"),
+            bounds => write!(f, " At their bounds: {}", bounds.join(", ")),
+        }
+    }
+}
+
+/// Reason for which a design cannot be repaired.
+#[derive(Debug, Error)]
+pub enum Failed<E> {
+    /// There is no robot at some values of the parameters.
+    #[error(transparent)]
+    Made(E),
+    /// Nothing can be learned of how a motion changes.
+    #[error(transparent)]
+    NotOptimal(NotOptimal),
+}
+
+/// Makes a robot and its motions at values of the parameters.
+type Make<'a, E> = dyn Fn(&[f64]) -> Result<Made, E> + 'a;
+/// Sees the work and may stop it.
+type Watch<'a> = dyn FnMut(Shown<'_>) -> ControlFlow<()> + 'a;
+
+/// Reason for which work ended.
+enum Ended<E> {
+    Failed(Failed<E>),
+    Interrupted,
+}
+
+impl<E> From<NotOptimal> for Ended<E> {
+    fn from(error: NotOptimal) -> Self {
+        match error {
+            NotOptimal::Interrupted { .. } => Self::Interrupted,
+            other => Self::Failed(Failed::NotOptimal(other)),
+        }
+    }
+}
+
+/// Changes parameters until all motions can be done.
+///
+/// `plans` are those of the motions by the robot as it is, in their order; they need not hold. `make` returns the robot and its
+/// motions at values of the parameters, a little beyond their bounds too. `watch` may stop the work.
+///
+/// # Errors
+/// There is no robot at the original values or around them, or the motions are none whose plans can be differentiated.
+pub fn repair<E>(
+    free: &[Free],
+    plans: &[Plan],
+    make: &Make<'_, E>,
+    options: &Options,
+    watch: &mut Watch<'_>,
+) -> Result<Repair, Failed<E>> {
+    let values = free.iter().map(|free| free.original).collect();
+    let mut work = Work { free, plans, make, options, watch, values, steps: Vec::new() };
+    let outcome = match work.run() {
+        Ok(outcome) => outcome,
+        Err(Ended::Interrupted) => Outcome::Interrupted,
+        Err(Ended::Failed(failed)) => return Err(failed),
+    };
+    Ok(Repair { values: work.values, steps: work.steps, outcome })
+}
+
+/// A repair in progress.
+struct Work<'a, 'w, E> {
+    free: &'a [Free],
+    plans: &'a [Plan],
+    make: &'a Make<'a, E>,
+    options: &'a Options,
+    watch: &'a mut Watch<'w>,
+    values: Vec<f64>,
+    steps: Vec<Step>,
+}
+
+/// Values that were tried, with what motions fall short of there.
+type Tried = (Vec<f64>, Vec<Shortfall>);
+
+/// Robots on either side of some values along a parameter.
+struct Neighbours {
+    ahead: Made,
+    behind: Made,
+    apart: f64,
+}
+
+impl Neighbours {
+    /// As a parameter of the plan of one of the motions.
+    fn of_motion(&self, index: usize) -> Parameter<'_> {
+        let [ahead, behind] = [&self.ahead, &self.behind]
+            .map(|made| Design { robot: &made.robot, motion: &made.motions[index] });
+        Parameter { ahead, behind, apart: self.apart }
+    }
+}
+
+/// Slopes of the energy with the pull, in units of the parameters, and how every motion's point moves.
+struct Around {
+    gradient: DVector<f64>,
+    curvature: DMatrix<f64>,
+    moves: Vec<Vec<Vec<f64>>>,
+}
+
+impl<E> Work<'_, '_, E> {
+    fn run(&mut self) -> Result<Outcome, Ended<E>> {
+        let mut short = Vec::new();
+        for plan in self.plans {
+            short.push(Shortfall::of(plan, self.options, &mut self.iterated())?);
+        }
+        self.note(self.values.clone(), &short, 0)?;
+        let (mut least, mut in_vain) = (f64::INFINITY, 0);
+        let mut nearest = None;
+        for round in 0..ROUNDS {
+            self.descend(&mut short, round)?;
+            let solutions = self.planned(&short)?;
+            if round > 0 && solutions.iter().all(is_solved) {
+                return self.finish(&solutions);
+            }
+            let level = worst_level(&short);
+            nearest.get_or_insert_with(|| (self.values.clone(), short.clone(), solutions));
+            in_vain = if level < LESS * least { 0 } else { in_vain + 1 };
+            least = least.min(level);
+            if in_vain >= IN_VAIN {
+                break;
+            }
+            let pressed: Result<Vec<_>, _> =
+                short.iter().map(|short| short.pressed(&mut self.iterated())).collect();
+            match pressed {
+                Ok(pressed) => short = pressed,
+                Err(NotOptimal::NoOptimum { .. }) => break,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        // Without multipliers: with them the point is the further away the longer nothing helps.
+        let (values, short, solutions) = nearest.expect("there is a round");
+        self.values = values;
+        if solutions.iter().all(is_solved) {
+            return self.finish(&solutions);
+        }
+        Ok(Outcome::Nearest(self.nearest(&short)))
+    }
+
+    /// Lowers the energy over the parameters, as far as it goes.
+    fn descend(&mut self, short: &mut Vec<Shortfall>, round: usize) -> Result<(), Ended<E>> {
+        if self.free.is_empty() {
+            return Ok(());
+        }
+        let mut trust = TRUST;
+        for _ in 0..STEPS {
+            let around = self.around(short)?;
+            let energy = self.energy(&self.values, short);
+            loop {
+                let step = self.in_box(&around, trust);
+                let along = around.gradient.dot(&step);
+                let promised = -along - 0.5 * step.dot(&(&around.curvature * &step));
+                if step.amax() < SHORT || promised < WORTH * energy {
+                    return Ok(());
+                }
+                let Some((values, there)) = self.attempt(short, &around.moves, &step)? else {
+                    trust = 0.3 * step.amax();
+                    continue;
+                };
+                let kept = (energy - self.energy(&values, &there)) / promised;
+                if kept < 0.25 {
+                    trust = 0.3 * step.amax();
+                } else if kept > 0.75 {
+                    trust = (2.0 * trust).min(TRUST);
+                }
+                if kept > 1e-3 {
+                    *short = there;
+                    self.note(values, short, round)?;
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The shortfalls after a step; `None` if there is no such robot, or no minimum is found for it.
+    fn attempt(
+        &mut self,
+        short: &[Shortfall],
+        moves: &[Vec<Vec<f64>>],
+        step: &DVector<f64>,
+    ) -> Result<Option<Tried>, Ended<E>> {
+        let changes: Vec<f64> =
+            self.free.iter().zip(step.iter()).map(|(free, step)| free.unit * step).collect();
+        let ends = self.free.iter().zip(&self.values).zip(&changes);
+        let values: Vec<f64> =
+            ends.map(|((free, from), change)| free.within_bounds(from + change)).collect();
+        let Ok(made) = self.made(&values) else { return Ok(None) };
+        let mut there = Vec::new();
+        for ((short, motion), moves) in short.iter().zip(&made.motions).zip(moves) {
+            let by: Vec<(f64, &[f64])> =
+                changes.iter().copied().zip(moves.iter().map(Vec::as_slice)).collect();
+            let design = Design { robot: &made.robot, motion };
+            match short.of_neighbour(design, &by, &mut self.iterated()) {
+                Ok(short) => there.push(short),
+                Err(NotOptimal::NoOptimum { .. }) => return Ok(None),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(Some((values, there)))
+    }
+
+    fn around(&mut self, short: &[Shortfall]) -> Result<Around, Ended<E>> {
+        let count = self.free.len();
+        let mut neighbours = Vec::new();
+        for (k, free) in self.free.iter().enumerate() {
+            let half = HALF_DIFFERENCE * free.unit;
+            let at = |by: f64| {
+                let mut values = self.values.clone();
+                values[k] += by;
+                self.made(&values)
+            };
+            neighbours.push(Neighbours { ahead: at(half)?, behind: at(-half)?, apart: 2.0 * half });
+        }
+        let mut around = Around {
+            gradient: DVector::zeros(count),
+            curvature: DMatrix::zeros(count, count),
+            moves: Vec::new(),
+        };
+        for (index, short) in short.iter().enumerate() {
+            let parameters: Vec<Parameter<'_>> =
+                neighbours.iter().map(|beside| beside.of_motion(index)).collect();
+            let slopes = match short.slopes(&parameters) {
+                Ok(slopes) => slopes,
+                // Nearly no minimum: the gradient alone, and a curvature with which it leads to the end of the trust region.
+                Err(NotOptimal::NoOptimum { .. }) => {
+                    let gradient = short.gradient(&parameters)?;
+                    let steepest = gradient.iter().zip(self.free).map(|(g, f)| (g * f.unit).abs());
+                    let curvature = steepest.fold(0.0, f64::max) / TRUST;
+                    for (k, free) in self.free.iter().enumerate() {
+                        around.gradient[k] += gradient[k] * free.unit;
+                        around.curvature[(k, k)] += curvature;
+                    }
+                    around.moves.push(Vec::new());
+                    continue;
+                }
+                Err(error) => return Err(error.into()),
+            };
+            for (i, one) in self.free.iter().enumerate() {
+                around.gradient[i] += slopes.gradient[i] * one.unit;
+                for (j, other) in self.free.iter().enumerate() {
+                    around.curvature[(i, j)] += slopes.hessian[i][j] * one.unit * other.unit;
+                }
+            }
+            around.moves.push(slopes.unknowns);
+        }
+        for (k, change) in self.changes(&self.values).enumerate() {
+            around.gradient[k] += 2.0 * PULL * change;
+            around.curvature[(k, k)] += 2.0 * PULL;
+        }
+        // Where the energy is not convex the step goes as far as if it curved the other way.
+        let mut eigen = SymmetricEigen::new(around.curvature);
+        eigen.eigenvalues.apply(|value| *value = value.abs().max(2.0 * PULL));
+        around.curvature = eigen.recompose();
+        Ok(around)
+    }
+
+    /// Step to the least of the quadratic model within the bounds and the trust region, in units of the parameters.
+    fn in_box(&self, around: &Around, trust: f64) -> DVector<f64> {
+        let ends = |k: usize| {
+            self.free.iter().zip(&self.values).map(move |(free, value)| {
+                ((free.bounds[k] - value) / free.unit).clamp(-trust, trust)
+            })
+        };
+        let quadratic = Quadratic {
+            curvature: around.curvature.clone(),
+            slope: around.gradient.clone(),
+            lower: DVector::from_iterator(self.free.len(), ends(0)),
+            upper: DVector::from_iterator(self.free.len(), ends(1)),
+            limits: Vec::new(),
+        };
+        quadratic.minimum().map_or_else(|| DVector::zeros(self.free.len()), |(step, _)| step)
+    }
+
+    /// Changes from the original values, in units.
+    fn changes(&self, values: &[f64]) -> impl Iterator<Item = f64> {
+        let changes = self.free.iter().zip(values);
+        changes.map(|(free, value)| (value - free.original) / free.unit)
+    }
+
+    /// The energy, and the pull.
+    fn energy(&self, values: &[f64], short: &[Shortfall]) -> f64 {
+        let pull: f64 = self.changes(values).map(|change| PULL * change * change).sum();
+        short.iter().map(Shortfall::energy).sum::<f64>() + pull
+    }
+
+    /// Goes to a design and shows it.
+    fn note(
+        &mut self,
+        values: Vec<f64>,
+        short: &[Shortfall],
+        round: usize,
+    ) -> Result<(), Ended<E>> {
+        let step = Step {
+            values: values.clone(),
+            energy: short.iter().map(Shortfall::energy).sum(),
+            worst_level: worst_level(short),
+            round,
+            newton_steps: short.iter().map(Shortfall::steps).sum(),
+        };
+        self.values = values;
+        let stopped = (self.watch)(Shown::Step(&step, short)).is_break();
+        self.steps.push(step);
+        if stopped { Err(Ended::Interrupted) } else { Ok(()) }
+    }
+
+    /// Plans from the points of least violation.
+    fn planned(&mut self, short: &[Shortfall]) -> Result<Vec<Solution>, Ended<E>> {
+        let mut options = Options { refine: false, ..self.options.clone() };
+        options.settings.iterations = ITERATIONS;
+        let plan =
+            |short: &Shortfall| unless_interrupted(short.replan(&options, &mut self.iterated()));
+        short.iter().map(plan).collect()
+    }
+
+    /// Plans of a design that can do all motions, as they are played.
+    fn finish(&mut self, solutions: &[Solution]) -> Result<Outcome, Ended<E>> {
+        let made = self.made(&self.values)?;
+        let refined = |(solution, motion): (&Solution, &Motion)| {
+            let solution = solution.replan(&made.robot, motion, self.options, &mut self.iterated());
+            unless_interrupted(solution.map_err(NotOptimal::from)?)
+        };
+        let solutions = solutions.iter().zip(&made.motions).map(refined);
+        Ok(Outcome::Feasible(solutions.collect::<Result<_, _>>()?))
+    }
+
+    fn nearest(&self, short: &[Shortfall]) -> Nearest {
+        let misses = short.iter().filter(|short| short.worst().1 > ACCEPTED_LEVEL);
+        let misses =
+            misses.filter_map(|short| Some((short.motion().name.clone(), short.diagnosis()?)));
+        let at_bound = |(free, value): &(&Free, &f64)| free.bounds.contains(value);
+        let values = self.free.iter().zip(&self.values).filter(at_bound);
+        Nearest {
+            misses: misses.collect(),
+            at_bounds: values
+                .map(|(free, value)| (free.name.clone(), *value, free.symbol))
+                .collect(),
+        }
+    }
+
+    /// The robot at some values, with its motions on the samples of their plans.
+    fn made(&self, values: &[f64]) -> Result<Made, Ended<E>> {
+        let mut made = (self.make)(values).map_err(|error| Ended::Failed(Failed::Made(error)))?;
+        for (motion, plan) in made.motions.iter_mut().zip(self.plans) {
+            motion.stance.clone_from(&plan.motion.stance);
+        }
+        Ok(made)
+    }
+
+    fn iterated(&mut self) -> impl FnMut(&Progress) -> ControlFlow<()> {
+        |state| (self.watch)(Shown::Iteration(state))
+    }
+}
+
+fn worst_level(short: &[Shortfall]) -> f64 {
+    short.iter().map(|short| short.worst().1).fold(0.0, f64::max)
+}
+
+fn is_solved(solution: &Solution) -> bool {
+    solution.plan.solve.status.is_solved()
+}
+
+fn unless_interrupted<E>(solution: Solution) -> Result<Solution, Ended<E>> {
+    match solution.plan.solve.status {
+        Status::Interrupted => Err(Ended::Interrupted),
+        _ => Ok(solution),
+    }
+}
+
+#[cfg(test)]
+mod tests;

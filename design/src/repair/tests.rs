@@ -1,0 +1,208 @@
+//! The car of Fig. 2.8, which cannot drive, and the walker of Fig. 2.5, which cannot reach its target.
+
+use super::*;
+use rollwalk_planner::motion::{Subject, Target};
+use rollwalk_planner::optimise;
+use rollwalk_planner::start::Start;
+use std::convert::Infallible;
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::fs;
+use std::path::Path;
+
+/// How far front wheels that are tilted by 45 degrees hang above the ground, m.
+const HANGS_M: f64 = 0.05 * (1.0 - FRAC_1_SQRT_2);
+
+fn text(path: &str) -> String {
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)).unwrap()
+}
+
+fn robot(name: &str) -> Robot {
+    Robot::from_toml(name, &text(&format!("robots/{name}.toml"))).unwrap()
+}
+
+fn motion(name: &str, robot: &Robot) -> Motion {
+    Motion::from_toml(name, &text(&format!("motions/{name}.toml")), robot).unwrap()
+}
+
+fn free(name: &str, original: f64, bounds: [f64; 2]) -> Free {
+    Free { name: name.into(), original, bounds, unit: 0.01, symbol: "m" }
+}
+
+/// Repairs from some iterations towards a plan that there is not.
+fn repaired(free: &[Free], made: &dyn Fn(&[f64]) -> Made, watch: &mut Watch<'_>) -> Repair {
+    let original: Vec<f64> = free.iter().map(|free| free.original).collect();
+    let Made { robot, motions } = made(&original);
+    let mut few = Options { start: Start::Standing, refine: false, ..Options::default() };
+    few.settings.iterations = 40;
+    let plan = |motion| optimise(&robot, motion, &few, &mut |_| ControlFlow::Continue(()));
+    let plans: Vec<Plan> = motions.iter().map(plan).collect();
+    let make = |values: &[f64]| Ok::<_, Infallible>(made(values));
+    repair(free, &plans, &make, &Options::default(), watch).unwrap()
+}
+
+fn on(_: Shown<'_>) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+/// The tilted car with its wheels at these places, mirrored: x, y and z of the front ones and of the rear ones.
+fn car(places_m: &[f64]) -> Made {
+    let mut robot = robot("car_tilted");
+    for (j, wheel) in robot.end_effectors.iter_mut().enumerate() {
+        let side = wheel.center_in_link_m.y.signum();
+        let [x, y, z] = [0, 1, 2].map(|k| places_m[3 * (j / 2) + k]);
+        wheel.center_in_link_m = [x, side * y, z].into();
+    }
+    let motions = vec![motion("car_drive", &robot)];
+    Made { robot, motions }
+}
+
+const CAR: [f64; 6] = [0.12, 0.09, -0.03, -0.12, 0.09, -0.03];
+
+fn car_with_front(height_m: f64) -> Made {
+    let mut places = CAR;
+    places[2] = height_m;
+    car(&places)
+}
+
+fn drives(repair: &Repair) {
+    let Outcome::Feasible(solutions) = &repair.outcome else { panic!("{:?}", repair.outcome) };
+    let plan = &solutions[0].plan;
+    assert_eq!(plan.solve.status, Status::Converged);
+    let [start, end] = [plan.samples.first(), plan.samples.last()].map(|s| s.unwrap().com_m[0]);
+    assert!((end - start - 0.5).abs() < 5e-4, "{start} {end}");
+    for sample in &plan.samples {
+        assert!(sample.base_yaw_pitch_roll_rad[1].abs() < 1e-4, "it pitches");
+    }
+}
+
+#[test]
+fn the_car_is_repaired_by_lowering_its_front_wheels() {
+    let front = free("front height", -0.03, [-0.07, 0.01]);
+    let mut seen = Vec::new();
+    let watch = &mut |shown: Shown<'_>| {
+        if let Shown::Step(step, short) = shown {
+            assert_eq!(short[0].energy(), step.energy);
+            seen.push(step.clone());
+        }
+        ControlFlow::Continue(())
+    };
+    let found = repaired(&[front], &|values| car_with_front(values[0]), watch);
+    drives(&found);
+    let change_m = found.values[0] + 0.03;
+    assert!((change_m + HANGS_M).abs() < 2e-5, "{change_m}");
+    assert_eq!(seen, found.steps);
+    // Three steps of the design, of which the last only sets free what the pull held back.
+    assert!(found.steps.len() <= 4, "{:?}", found.steps);
+    let levels: Vec<f64> = found.steps.iter().map(|step| step.worst_level).collect();
+    assert!(levels.is_sorted_by(|before, after| after < before), "{levels:?}");
+    assert!(levels[0] > 5.0 && levels[2] < 0.05, "{levels:?}");
+}
+
+#[test]
+fn of_six_coordinates_two_change_by_half_as_much() {
+    let names = ["front x", "front y", "front z", "rear x", "rear y", "rear z"];
+    let six: Vec<Free> =
+        names.iter().zip(CAR).map(|(name, at)| free(name, at, [at - 0.03, at + 0.03])).collect();
+    let found = repaired(&six, &car, &mut on);
+    drives(&found);
+    let changes_mm: Vec<f64> =
+        found.values.iter().zip(CAR).map(|(value, from)| 1e3 * (value - from)).collect();
+    let half_mm = 500.0 * HANGS_M;
+    for (change, expected) in changes_mm.iter().zip([0.0, 0.0, -half_mm, 0.0, 0.0, half_mm]) {
+        assert!((change - expected).abs() < 0.03, "{changes_mm:?}");
+    }
+    assert!((changes_mm[5] - changes_mm[2] - 1e3 * HANGS_M).abs() < 0.02, "{changes_mm:?}");
+}
+
+#[test]
+fn bounds_that_allow_no_repair_are_named_with_what_the_nearest_design_misses() {
+    let front = free("front height", -0.03, [-0.035, 0.01]);
+    let found = repaired(&[front], &|values| car_with_front(values[0]), &mut on);
+    assert_eq!(found.values, [-0.035]);
+    let Outcome::Nearest(nearest) = &found.outcome else { panic!("{:?}", found.outcome) };
+    let text = nearest.to_string();
+    for part in ["no design", "`car_drive`: displacement goal", "front height -0.0350 m"] {
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn a_repair_can_be_stopped_at_any_step_and_iteration() {
+    for at_step in [true, false] {
+        let front = free("front height", -0.03, [-0.07, 0.01]);
+        let watch = &mut |shown: Shown<'_>| match shown {
+            Shown::Step(..) if at_step => ControlFlow::Break(()),
+            Shown::Iteration(state) if !at_step && state.iteration == 3 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        };
+        let found = repaired(&[front], &|values| car_with_front(values[0]), watch);
+        assert!(matches!(found.outcome, Outcome::Interrupted));
+        assert_eq!((found.values, found.steps.len()), (vec![-0.03], usize::from(at_step)));
+    }
+}
+
+#[test]
+fn wheels_grow_until_their_motors_are_fast_enough() {
+    // 0.8 m in 2 s: motors of 6.85 rad/s get wheels of 5 cm 0.685 m far.
+    let made = |values: &[f64]| {
+        let mut robot = robot("car");
+        robot.end_effectors.iter_mut().for_each(|wheel| wheel.radius_m = values[0]);
+        let mut drive = motion("car_drive", &robot);
+        drive.goal.forward_m = Some(0.8);
+        let stand = motion("pup_stand", &robot);
+        Made { robot, motions: vec![drive, stand] }
+    };
+    let radius = free("radius", 0.05, [0.03, 0.09]);
+    let found = repaired(&[radius], &made, &mut on);
+    let Outcome::Feasible(solutions) = &found.outcome else { panic!("{:?}", found.outcome) };
+    assert!(solutions.iter().all(is_solved) && solutions.len() == 2);
+    let speeds = solutions[0].plan.samples.iter().map(|s| s.end_effectors[0].motor_speed_rad_s);
+    let fastest = speeds.fold(0.0, f64::max);
+    assert!(fastest < 6.85 && (0.8 / 2.0 / 6.85..0.085).contains(&found.values[0]), "{fastest}");
+    // What one motion lacks the other is not blamed for.
+    let radius = free("radius", 0.05, [0.03, 0.055]);
+    let found = repaired(&[radius], &made, &mut on);
+    let Outcome::Nearest(nearest) = &found.outcome else { panic!("{:?}", found.outcome) };
+    let names: Vec<&str> = nearest.misses.iter().map(|(motion, _)| motion.as_str()).collect();
+    assert_eq!((names, nearest.at_bounds.len()), (vec!["car_drive"], 1), "{nearest}");
+}
+
+/// Pup on legs of these lengths, m, thighs then shanks, front then rear, with a target for its body.
+fn walker(lengths_m: &[f64], up_m: f64) -> Made {
+    let mut robot = robot("pup");
+    for knee in robot.joints.iter_mut().filter(|joint| joint.name.ends_with("_knee")) {
+        let thigh = if knee.name.starts_with("front") { 0 } else { 2 };
+        knee.parent_from_joint.translation.z = -lengths_m[thigh];
+    }
+    for wheel in &mut robot.end_effectors {
+        let shank = if wheel.name.starts_with("front") { 1 } else { 3 };
+        wheel.center_in_link_m.z = -lengths_m[shank];
+    }
+    let mut walk = motion("pup_walk", &robot);
+    walk.targets.push(Target {
+        of: Subject::Body,
+        at_s: 0.8,
+        position_m: [None, None, Some(up_m)],
+        velocity_m_s: [None; 3],
+        heading_rad: None,
+    });
+    Made { robot, motions: vec![walk] }
+}
+
+#[test]
+fn legs_grow_until_the_body_reaches_its_target() {
+    // Legs of 0.23 m that stretch to 0.229, for 0.26 m.
+    let names = ["front thigh", "front shank", "rear thigh", "rear shank"];
+    let four: Vec<Free> = names.iter().map(|name| free(name, 0.1, [0.05, 0.18])).collect();
+    let found = repaired(&four, &|lengths| walker(lengths, 0.26), &mut on);
+    let Outcome::Feasible(solutions) = &found.outcome else { panic!("{:?}", found.outcome) };
+    assert!(matches!(solutions[0].plan.solve.status, Status::Converged));
+    let heights = solutions[0].plan.samples.iter().map(|sample| sample.base_position_m[2]);
+    assert!((heights.fold(0.0, f64::max) - 0.26).abs() < 2e-3);
+    // At least what the knees need that do not stretch further than 0.2 rad; all grow, and none to its bound.
+    let needed_m = (0.26 - 0.03) / 0.1_f64.cos();
+    for legs in found.values.chunks(2) {
+        assert!(legs[0] + legs[1] > needed_m - 0.002, "{:?}", found.values);
+        assert!(legs.iter().all(|part| (0.11..0.15).contains(part)), "{:?}", found.values);
+    }
+}
