@@ -23,8 +23,8 @@ const STARTS: [(usize, [f64; 3], &str); 3] =
     [(0, [0.45, 0.0, 1.2], "4"), (1, [0.45, 0.0, 0.4], "24"), (2, [0.45, 0.0, -0.1], "28")];
 
 /// Cells along an edge of the ball's mesh, and stiffness of a node's contact, N/m: what steps of 1 ms resolve, and the thesis's.
-const CELLS: usize = 3;
-const SOFT_N_M: f64 = 10.0;
+pub const CELLS: usize = 3;
+pub const SOFT_N_M: f64 = 10.0;
 const STIFF_N_M: f64 = 1e3;
 /// Bounces of the toss that CMA-ES has to find, too.
 const BY_EVOLUTION: usize = 1;

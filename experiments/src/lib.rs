@@ -14,6 +14,7 @@
 //! | `throwing`, `cma_es` | what throws have in common; an optimiser without derivatives, to compare with |
 //! | `recovery` | parameters found again from a bounce (Fig. 4.9) |
 //! | `landscape` | the objective of a toss by its velocity (Fig. 4.2) |
+//! | `wall` | a soft ball thrown at a target by way of wall and floor (Fig. 4.13a) |
 //! | `backspin` | a ball that backspin stops (Fig. 4.12b) |
 //! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
 //! | `stiff_cube` | a stiff cube thrown with ever stiffer contacts (Fig. A.5) |
@@ -50,6 +51,7 @@ mod stiff_cube;
 mod throw_controller;
 mod throwing;
 mod tori;
+mod wall;
 
 pub use outcome::{Chart, Check, Outcome};
 
@@ -136,6 +138,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. 4.12b",
         about: "a soft ball thrown so that backspin stops it after the bounce",
         run: backspin::run,
+    },
+    Experiment {
+        name: "wall",
+        source: "Fig. 4.13a",
+        about: "a soft ball thrown at a target by way of wall and floor",
+        run: wall::run,
     },
     Experiment {
         name: "restitution-points",
