@@ -19,6 +19,7 @@ mod link;
 mod output;
 mod packed;
 mod planning;
+mod played;
 mod problem;
 mod progress;
 mod shipped;

@@ -46,6 +46,6 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         .plan_from(&before, &values, true, &mut |motion, state| shown.iteration(motion, state))
         .map_err(report)?;
     drop(shown);
-    let outcome = Outcome::new("edit", &designed, &before, &after);
+    let outcome = Outcome::new("edit", &designed, &before, &after)?;
     folder.write(&outcome, &before, &after)
 }

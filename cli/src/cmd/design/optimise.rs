@@ -59,7 +59,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         .plan_from(&found.plans, &values, true, &mut |motion, state| shown.iteration(motion, state))
         .map_err(report)?;
     drop(shown);
-    let mut outcome = Outcome::new("optimise", &designed, &before, &after);
+    let mut outcome = Outcome::new("optimise", &designed, &before, &after)?;
     (outcome.steps, outcome.lost) = (found.steps, found.lost);
     folder.write(&outcome, &before, &after)
 }

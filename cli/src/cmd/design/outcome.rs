@@ -2,7 +2,7 @@
 
 use crate::files::{self, Output};
 use crate::output::{self, Table};
-use crate::{Exit, planning};
+use crate::{Exit, planning, played};
 use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
 use rollwalk_design::optimise::Step;
@@ -152,6 +152,8 @@ struct Compared {
     holds: bool,
     /// What its plan is worth.
     conclusion: String,
+    /// What becomes of it in the simulated world, before and after; absent of plans that did not converge.
+    simulated: [Option<String>; 2],
     quantities: Vec<Pair>,
 }
 
@@ -193,8 +195,16 @@ impl Drift {
 }
 
 impl Outcome {
-    /// Compares two designs.
-    pub fn new(command: &'static str, designed: &Designed, before: &Plans, after: &Plans) -> Self {
+    /// Compares two designs; plays their plans in the simulated world.
+    ///
+    /// # Errors
+    /// A step of that world has no solution.
+    pub fn new(
+        command: &'static str,
+        designed: &Designed,
+        before: &Plans,
+        after: &Plans,
+    ) -> miette::Result<Self> {
         let values = before.variant.values.iter().zip(&after.variant.values);
         let parameters = designed.file.parameters.iter().zip(values).map(|(of, values)| Changed {
             name: of.name.clone(),
@@ -206,15 +216,15 @@ impl Outcome {
         });
         let motions =
             before.plans().zip(after.plans()).map(|(before, after)| compared(before, after));
-        Self {
+        Ok(Self {
             command,
             design: designed.file.name.clone(),
             parameters: parameters.collect(),
-            motions: motions.collect(),
+            motions: motions.collect::<miette::Result<_>>()?,
             drifts: Vec::new(),
             steps: Vec::new(),
             lost: Vec::new(),
-        }
+        })
     }
 
     fn text(&self) -> String {
@@ -247,7 +257,15 @@ impl Outcome {
                     of.unit.to_owned(),
                 ]);
             }
-            parts.push(format!("{}\n{}", table.render(), motion.conclusion));
+            let [before, after] = &motion.simulated;
+            let simulated = |of: &Option<String>| of.clone().unwrap_or("no plan".to_owned());
+            parts.push(format!(
+                "{}\n{}\nsimulated: {}; before: {}",
+                table.render(),
+                motion.conclusion,
+                simulated(after),
+                simulated(before)
+            ));
         }
         if !self.drifts.is_empty() {
             let mut table = Table::new(["change of", "mean", "largest", "unit"]);
@@ -281,7 +299,7 @@ impl Outcome {
     }
 }
 
-fn compared(before: &Plan, after: &Plan) -> Compared {
+fn compared(before: &Plan, after: &Plan) -> miette::Result<Compared> {
     let weights = Weights::default();
     let of = |quantity: Quantity| {
         let Quantity { objective, name, unit, little, .. } = quantity;
@@ -292,12 +310,17 @@ fn compared(before: &Plan, after: &Plan) -> Compared {
     let all = Quantity::ALL.into_iter();
     let quantities = all.filter(|of| of.objective.is_defined(&after.motion)).map(of);
     let report = Report::new(after);
-    Compared {
+    let simulated = |plan: &Plan| {
+        let outcome = plan.solve.status.is_solved().then(|| played::play(plan, true));
+        outcome.transpose().map(|outcome| outcome.as_ref().map(played::ratios))
+    };
+    Ok(Compared {
         motion: after.motion.name.clone(),
         holds: report.judgement.is_good(),
         conclusion: planning::conclusion(after, &report),
+        simulated: [simulated(before)?, simulated(after)?],
         quantities: quantities.collect(),
-    }
+    })
 }
 
 /// A number with four digits that count, not in exponents.

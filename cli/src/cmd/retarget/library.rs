@@ -1,10 +1,11 @@
 //! Every motion of a library, corrected: a folder from which the library is built again.
 
-use super::{Args, Corrected, STEADIER, falls, on, ratios};
+use super::{Args, Corrected, STEADIER, falls, on};
 use crate::files::{self, Output, file_name};
 use crate::inputs::{Library, Source};
 use crate::output::{self, Table};
 use crate::planning::{Planned, plan_motions};
+use crate::played::ratios;
 use crate::{Exit, interrupt};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::plan::Status;

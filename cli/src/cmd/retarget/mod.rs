@@ -3,17 +3,16 @@
 mod library;
 mod plan;
 
+use crate::played;
 use crate::{Exit, interrupt};
 use indicatif::ProgressBar;
-use miette::{IntoDiagnostic, miette};
-use rollwalk_physics::ground::Plane;
+use miette::miette;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
+use rollwalk_simulate::Outcome;
 use rollwalk_simulate::retarget::{Options, Retargeted, retarget};
-use rollwalk_simulate::{Options as RunOptions, Outcome, play};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Find setpoints with which a robot with soft servos follows its plan.
 ///
@@ -60,9 +59,6 @@ pub struct Args {
     json: bool,
 }
 
-/// Steps of the world per second, and periods, of the runs before and after.
-const CHECK: (u32, usize) = (120, 5);
-
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     interrupt::listen();
@@ -96,17 +92,7 @@ struct Document<'a> {
 impl Corrected {
     /// Corrects a plan; none after Ctrl-C.
     fn find(plan: &Plan, args: &Args, feed_forward: bool) -> miette::Result<Option<Self>> {
-        let played = |plan: &Plan| {
-            let (rate_hz, cycles) = CHECK;
-            let options = RunOptions {
-                feed_forward,
-                cycles,
-                rate_hz,
-                ground: Arc::new(Plane::level()),
-                shoves: Vec::new(),
-            };
-            play(plan, &options, |_| !interrupt::requested()).into_diagnostic()
-        };
+        let played = |plan: &Plan| played::play(plan, feed_forward);
         let before = played(plan)?;
         let options = Options {
             feed_forward,
@@ -182,16 +168,4 @@ fn on(plan: Plan, robot: Robot, path: &Path) -> miette::Result<Plan> {
         )
     })?;
     Ok(plan)
-}
-
-/// Ways and turns of a run by those of the plan.
-fn ratios(outcome: &Outcome) -> String {
-    if let Some(time_s) = outcome.fell_at_s {
-        return format!("falls after {time_s:.2} s");
-    }
-    let goals = ["forward", "left", "turn"].into_iter().enumerate();
-    let ratios: Vec<_> = goals
-        .filter_map(|(of, name)| Some(format!("{name} {:.3} of the plan", outcome.ratio(of)?)))
-        .collect();
-    if ratios.is_empty() { "stays where it is".to_owned() } else { ratios.join(", ") }
 }

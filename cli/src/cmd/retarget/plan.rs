@@ -1,8 +1,9 @@
 //! One plan, corrected.
 
-use super::{Args, Corrected, STEADIER, falls, on, ratios};
+use super::{Args, Corrected, STEADIER, falls, on};
 use crate::files::Output;
 use crate::inputs::Source;
+use crate::played::ratios;
 use crate::{Exit, inputs, output};
 use miette::miette;
 use rollwalk_planner::plan::Plan;

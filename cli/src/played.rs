@@ -1,0 +1,39 @@
+//! What becomes of a plan in the simulated world, in a few words.
+
+use crate::interrupt;
+use miette::IntoDiagnostic;
+use rollwalk_physics::ground::Plane;
+use rollwalk_planner::plan::Plan;
+use rollwalk_simulate::{Options, Outcome};
+use std::sync::Arc;
+
+/// Steps of the world per second, and periods of motions that repeat.
+const RATE_HZ: u32 = 120;
+const PERIODS: usize = 5;
+
+/// Plays a plan on level ground, open loop; ends early after Ctrl-C.
+///
+/// # Errors
+/// A step of the world has no solution.
+pub fn play(plan: &Plan, feed_forward: bool) -> miette::Result<Outcome> {
+    let options = Options {
+        feed_forward,
+        cycles: PERIODS,
+        rate_hz: RATE_HZ,
+        ground: Arc::new(Plane::level()),
+        shoves: Vec::new(),
+    };
+    rollwalk_simulate::play(plan, &options, |_| !interrupt::requested()).into_diagnostic()
+}
+
+/// Ways and turns of a run by those of the plan.
+pub fn ratios(outcome: &Outcome) -> String {
+    if let Some(time_s) = outcome.fell_at_s {
+        return format!("falls after {time_s:.2} s");
+    }
+    let goals = ["forward", "left", "turn"].into_iter().enumerate();
+    let ratios: Vec<_> = goals
+        .filter_map(|(of, name)| Some(format!("{name} {:.3} of the plan", outcome.ratio(of)?)))
+        .collect();
+    if ratios.is_empty() { "stays where it is".to_owned() } else { ratios.join(", ") }
+}

@@ -1,0 +1,75 @@
+//! Designs: robot files that come of changes, with plans, figures and reports.
+
+use crate::results::json;
+use crate::{checkout, desk_with_shipped_files};
+use rollwalk_tests::Desk;
+
+fn desk() -> Desk {
+    let desk = desk_with_shipped_files();
+    desk.copy_folder(&checkout().join("designs"), "designs");
+    let text = desk.read_text("designs/agilebot_legs.toml");
+    let turn = "  { file = \"../motions/turn_in_place.toml\" },\n";
+    let walk = "  { file = \"../motions/walk.toml\" },\n";
+    desk.write("designs/legs.toml", text.replace(turn, "").replace(walk, ""));
+    desk
+}
+
+#[test]
+fn a_longer_leg_is_edited_into_the_robot_file_and_planned() {
+    let desk = desk();
+    let listed = desk.run(&["design", "check", "designs/agilebot_legs.toml"]);
+    listed.succeeds_with(0, &["front_thigh", "half_track", "turn_in_place.toml"]);
+    let args = ["design", "edit", "designs/legs.toml", "front_thigh+=0.01", "-o", "longer"];
+    desk.run(&args).succeeds_with(0, &["+0.0100", "cost_of_transport", "simulated: forward"]);
+    let robot = desk.read_text("longer/agilebot.toml");
+    for part in ["# AgileBot: four legs", "template = \"leg_front\"", "-0.13]"] {
+        assert!(robot.contains(part), "{part}");
+    }
+    desk.run(&["robot", "check", "longer/agilebot.toml"]).succeeds();
+    desk.run(&["report", "longer/trot.plan.json"]).succeeds();
+    let figure = desk.read_text("longer/trot.svg");
+    assert!(figure.contains("dashed lines: before") && !figure.contains("NaN"));
+    assert!(desk.read_text("longer/report.md").contains("![trot](trot.svg)"));
+    // What was written is the design's robot, to the digit.
+    let text = desk.read_text("designs/legs.toml");
+    desk.write("longer/legs.toml", text.replace("../robots/", ""));
+    let again = ["design", "check", "longer/legs.toml", "--json"];
+    let found = json(&desk.run(&again).succeeds());
+    assert_eq!(found[0]["value"], 0.13, "{found}");
+}
+
+#[test]
+fn the_other_legs_follow_to_keep_the_pitch() {
+    let desk = desk();
+    let args = ["design", "keep", "designs/legs.toml", "front_thigh+=0.01", "--feature", "pitch"];
+    let found = json(&desk.run(&[&args[..], &["-o", "level", "--json"]].concat()).succeeds());
+    let drift = |index: usize| found["drifts"][index][1]["mean"].as_f64().unwrap();
+    assert!(drift(1) < 0.1 * drift(0), "{found}");
+    assert_eq!(found["motions"][0]["holds"], true);
+}
+
+#[test]
+fn requests_that_make_no_sense_are_refused_with_what_would() {
+    let desk = desk();
+    let run = |args: &[&str]| desk.run(&[&["design"], args].concat());
+    let legs = "designs/legs.toml";
+    let edit = |given: &str| run(&["edit", legs, given, "-o", "x"]);
+    edit("thigh=0.13").fails(1, &["no parameter `thigh`", "it has front_thigh, rear_thigh"]);
+    edit("front_thigh=0.3").fails(1, &["front_thigh = 0.3 m is outside its bounds, 0.09 to 0.16"]);
+    edit("front_thigh=0.12").fails(1, &["has these values already"]);
+    edit("front_thigh=1cm").fails(2, &["`1cm` is not a number"]);
+    let twice = ["edit", legs, "front_thigh=0.13", "front_thigh=0.12", "-o", "x"];
+    run(&twice).fails(1, &["`front_thigh` is given twice"]);
+    let feature = ["keep", legs, "front_thigh=0.13", "--feature", "yaw", "-o", "x"];
+    run(&feature).fails(2, &["there is no feature `yaw`", "pitch, tilt, height"]);
+    desk.edit(legs, "[goal]", "[gaol]");
+    run(&["check", legs]).fails(1, &["designs/legs.toml", "unknown key `gaol`", "`goal`"]);
+    desk.edit(legs, "[gaol]", "[goal]");
+    desk.edit(legs, "peak_joint_speed = 1.0", "peak_speed = 1.0");
+    run(&["optimise", legs, "-o", "x"]).fails(1, &["unknown key `peak_speed`"]);
+    let robot = ["check", "robots/agilebot.toml"];
+    run(&robot).fails(1, &["robots/agilebot.toml is a robot file"]);
+    // An input is not written over.
+    desk.edit(legs, "peak_speed = 1.0", "peak_joint_speed = 1.0");
+    run(&["edit", legs, "front_thigh=0.13", "-o", "robots"]).fails(1, &["robots/agilebot.toml"]);
+}
