@@ -6,6 +6,7 @@
 //! benchmark shows: `docs/benchmarks.md`.
 
 pub mod chart;
+mod design_edits;
 mod fault_campaign;
 mod figure_2_3;
 mod figure_3_2;
@@ -54,6 +55,9 @@ pub enum Benchmark {
     /// Size of the shipped motion libraries, in bytes a second, against raw f32, postcard and zstd.
     #[command(name = "library-format")]
     LibraryFormat(only::Only),
+    /// What an edit of a robot costs against planning from scratch.
+    #[command(name = "design-edits")]
+    DesignEdits(only::Only),
     /// Requests beyond what robots can do: whether the numbers that their diagnoses suggest work.
     Suggestions(suggestions::Args),
     /// The experiments of the differentiable simulator (ch. 4), with the thesis's numbers beside ours.
@@ -78,6 +82,7 @@ impl Benchmark {
             Self::Table32(args) => table_3_2::run(args, program),
             Self::Table33(args) => table_3_3::run(args, program),
             Self::LibraryFormat(only) => library_format::run(only, program),
+            Self::DesignEdits(only) => design_edits::run(only, program),
             Self::Suggestions(args) => suggestions::run(args, program),
             Self::Physics(args) => physics::run(args, program),
             Self::FaultCampaign(args) => fault_campaign::run(args, program),

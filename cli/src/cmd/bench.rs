@@ -26,6 +26,7 @@ Examples:
   rollwalk bench table-3-2 --out bench
   rollwalk bench table-3-3 --out bench
   rollwalk bench library-format --out bench
+  rollwalk bench design-edits --only trot --out bench
   rollwalk bench suggestions --only walk --out bench
   rollwalk bench physics bounce --out bench
   rollwalk bench fault-campaign --seeds 100 --out bench

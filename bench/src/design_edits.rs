@@ -1,0 +1,153 @@
+//! What an edit of a robot costs against planning from scratch: carried plans, derivatives, predicted plans.
+
+use crate::measure::{self, median};
+use crate::only::Only;
+use crate::{Block, Findings, Program, table, unless_interrupted};
+use cpu_time::ThreadTime;
+use rollwalk_planner::motion::{Ends, Motion};
+use rollwalk_planner::sensitivity::{Design, Optimal, Parameter};
+use rollwalk_planner::{Options, replan_solution};
+use rollwalk_robot::Robot;
+use serde::Serialize;
+use std::collections::BTreeSet;
+
+/// The edit, m: the length of all links between joints.
+const EDIT_M: f64 = 0.01;
+/// Half of the distance at which derivatives are taken, m.
+const HALF_M: f64 = 1e-5;
+
+/// One motion, measured; CPU times in ms.
+#[derive(Serialize)]
+struct Row {
+    motion: String,
+    /// The edited robot, from scratch.
+    scratch_ms: f64,
+    scratch_iterations: usize,
+    /// From the plan before the edit.
+    carried_ms: f64,
+    carried_iterations: usize,
+    /// To the optimum and its derivative; null where it has none.
+    derived_ms: Option<f64>,
+    /// From where the optimum goes.
+    predicted_ms: Option<f64>,
+    predicted_iterations: Option<usize>,
+    /// Whether all plans converged.
+    solved: bool,
+}
+
+/// Runs the benchmark.
+pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings>> {
+    let files: Vec<String> = crate::motions().collect::<BTreeSet<_>>().into_iter().collect();
+    let mut rows: Vec<Row> = Vec::new();
+    for file in only.choose(&files, |file| file)? {
+        let (robot, motion) = program.motion(file)?;
+        let has_links = longer(&robot, EDIT_M) != robot;
+        if motion.ends == Ends::Prescribed || !has_links {
+            continue;
+        }
+        program.say(&motion.name);
+        rows.extend(measured(program, &robot, &motion));
+        if program.interrupted() {
+            return Ok(None);
+        }
+    }
+    let mut table = table([
+        "motion",
+        "scratch ms",
+        "it",
+        "carried ms",
+        "it",
+        "derived ms",
+        "predicted ms",
+        "it",
+    ]);
+    let number = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.0}"));
+    for row in &rows {
+        table.push(vec![
+            row.motion.clone(),
+            number(Some(row.scratch_ms)),
+            row.scratch_iterations.to_string(),
+            number(Some(row.carried_ms)),
+            row.carried_iterations.to_string(),
+            number(row.derived_ms),
+            number(row.predicted_ms),
+            row.predicted_iterations.map_or("–".to_owned(), |count| count.to_string()),
+        ]);
+    }
+    let blocks = vec![Block::Table(table), Block::Text(summary(&rows))];
+    Ok(Some(Findings::new("design-edits", blocks, &rows)))
+}
+
+fn summary(rows: &[Row]) -> String {
+    let of = |cost: &dyn Fn(&Row) -> Option<f64>| {
+        let both = rows.iter().filter_map(|row| Some((row.scratch_ms, cost(row)?)));
+        let both: Vec<(f64, f64)> = both.collect();
+        let times = median(both.iter().map(|(scratch, cost)| scratch / cost));
+        let under = both.iter().filter(|(_, cost)| *cost < 50.0).count();
+        format!("{times:.1} times cheaper than from scratch, {under} of {} under 50 ms", both.len())
+    };
+    let first = |row: &Row| Some(row.derived_ms? + row.predicted_ms?);
+    format!(
+        "{} m on all links; medians of CPU time:\n\
+         carried plan: {}\n\
+         optimum, derivative and predicted plan: {}\n\
+         predicted plan, where the derivative is known: {}",
+        EDIT_M,
+        of(&|row| Some(row.carried_ms)),
+        of(&first),
+        of(&|row| row.predicted_ms),
+    )
+}
+
+/// Measures one motion; `None` if it has no plan before the edit.
+fn measured(program: &dyn Program, robot: &Robot, motion: &Motion) -> Option<Row> {
+    let options = Options { refine: false, ..Options::default() };
+    let before = measure::cold(program, robot, motion, &options);
+    if !before.solved() {
+        return None;
+    }
+    let edited = longer(robot, EDIT_M);
+    let scratch = measure::cold(program, &edited, motion, &options);
+    let on = &mut |_: &_| unless_interrupted(program);
+    let clock = ThreadTime::now();
+    let carried = replan_solution(before.plan(), &edited, motion, &options, on).ok()?;
+    let carried_ms = 1e3 * clock.elapsed().as_secs_f64();
+    let [ahead, behind] = [HALF_M, -HALF_M].map(|by_m| longer(robot, by_m));
+    let design = |robot| Design { robot, motion };
+    let parameter =
+        Parameter { ahead: design(&ahead), behind: design(&behind), apart: 2.0 * HALF_M };
+    let clock = ThreadTime::now();
+    let derived = Optimal::of(&before.solution, &options, on)
+        .and_then(|optimal| Ok((optimal.changes(&[parameter])?.remove(0), optimal)));
+    let derived_ms = 1e3 * clock.elapsed().as_secs_f64();
+    let clock = ThreadTime::now();
+    let predicted = derived.as_ref().ok().and_then(|(change, optimal)| {
+        let by = [(EDIT_M, change)];
+        optimal.replan(design(&edited), &by, &options, on).ok()
+    });
+    let predicted_ms = 1e3 * clock.elapsed().as_secs_f64();
+    let converged = |plan: &rollwalk_planner::plan::Plan| plan.solve.status.is_solved();
+    Some(Row {
+        motion: motion.name.clone(),
+        scratch_ms: 1e3 * scratch.cpu_s,
+        scratch_iterations: scratch.iterations,
+        carried_ms,
+        carried_iterations: carried.plan.solve.iterations,
+        derived_ms: derived.is_ok().then_some(derived_ms),
+        predicted_ms: predicted.as_ref().map(|_| predicted_ms),
+        predicted_iterations: predicted.as_ref().map(|of| of.plan.solve.iterations),
+        solved: scratch.solved()
+            && converged(&carried.plan)
+            && predicted.is_none_or(|of| converged(&of.plan)),
+    })
+}
+
+/// The robot with longer links between its joints.
+fn longer(robot: &Robot, by_m: f64) -> Robot {
+    let mut robot = robot.clone();
+    for joint in robot.joints.iter_mut().filter(|joint| joint.parent != 0) {
+        let z = &mut joint.parent_from_joint.translation.z;
+        *z += if *z == 0.0 { 0.0 } else { z.signum() * by_m };
+    }
+    robot
+}
