@@ -9,6 +9,7 @@ pub mod chart;
 mod design_edits;
 mod fault_campaign;
 mod figure_2_3;
+mod figure_2_8;
 mod figure_3_2;
 mod figure_3_6;
 mod library_format;
@@ -40,6 +41,9 @@ pub enum Benchmark {
     /// Figure 2.3: convergence of Newton with two Hessians, of L-BFGS, and of Gauss-Newton with multipliers.
     #[command(name = "figure-2-3")]
     Figure23(figure_2_3::Args),
+    /// Figures 2.8 and 2.5: designs that cannot do a motion, repaired: a car with tilted wheels, a walker below its target.
+    #[command(name = "figure-2-8")]
+    Figure28(figure_2_8::Args),
     /// Figure 3.2: convergence with and without the thesis's warm start.
     #[command(name = "figure-3-2")]
     Figure32(only::Only),
@@ -77,6 +81,7 @@ impl Benchmark {
             Self::Table21(args) => table_2_1::run(args, program),
             Self::Samples(args) => samples::run(args, program),
             Self::Figure23(args) => figure_2_3::run(args, program),
+            Self::Figure28(args) => figure_2_8::run(args, program),
             Self::Figure32(only) => figure_3_2::run(only, program),
             Self::Figure36 => figure_3_6::run(program),
             Self::Table32(args) => table_3_2::run(args, program),
@@ -196,6 +201,7 @@ pub fn motions() -> impl Iterator<Item = String> {
     let rows = table_2_1::ROWS.iter().map(|row| row.0);
     let rows = rows.chain(table_3_2::ROWS.map(|row| row.0)).chain(table_3_3::ROWS.map(|row| row.0));
     let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION, figure_3_6::MOTION]);
+    let others = others.chain([figure_2_8::CAR, figure_2_8::WALK]);
     rows.chain(others).map(str::to_owned).chain(gaits).chain(suggestions::motions())
 }
 

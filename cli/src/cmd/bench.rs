@@ -21,6 +21,7 @@ Examples:
   rollwalk bench table-2-1 --seeds 3 --only skatebot_skating --out bench
   rollwalk bench samples --out bench
   rollwalk bench figure-2-3 --out bench
+  rollwalk bench figure-2-8 --only car --out bench
   rollwalk bench figure-3-2 --only trot --out bench
   rollwalk bench figure-3-6 --out bench
   rollwalk bench table-3-2 --out bench

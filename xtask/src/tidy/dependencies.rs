@@ -48,6 +48,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &[
             "rollwalk-bus",
             "rollwalk-campaign",
+            "rollwalk-design",
             "rollwalk-experiments",
             "rollwalk-physics",
             "rollwalk-planner",
