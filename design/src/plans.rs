@@ -1,6 +1,8 @@
 //! Plans of all motions of a design.
 
 use crate::designed::{Designed, Variant, on_samples_of};
+use crate::file::Parameter;
+use crate::repair::{self, Free, Made, Outcome, Repair, Shown};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::sensitivity::{NotOptimal, Optimal};
 use rollwalk_planner::{Options, Progress, Solution, optimise_solution};
@@ -122,6 +124,59 @@ impl Designed {
 
 fn named(motion: &rollwalk_planner::motion::Motion) -> &str {
     &motion.name
+}
+
+/// A design that could not do its motions, repaired or not.
+#[derive(Clone, Debug)]
+pub enum Repaired {
+    /// It can, at other values.
+    Feasible {
+        /// Plans of the repaired design.
+        plans: Box<Plans>,
+        /// The designs on the way, from the original one on.
+        steps: Vec<repair::Step>,
+    },
+    /// No design within the bounds can.
+    Nearest(repair::Nearest),
+}
+
+impl Designed {
+    /// Changes parameters within their bounds as little as can be, until the robot can do all motions.
+    ///
+    /// # Errors
+    /// There is no robot around the original values, nothing can be learned of its motions, or the caller stops it.
+    pub fn repair(&self, plans: &Plans, watch: &mut Watch<'_>) -> Result<Repaired, Failed> {
+        let free = |(k, of): (usize, &Parameter)| Free {
+            name: of.name.clone(),
+            original: self.original()[k],
+            bounds: [of.min, of.max],
+            unit: self.unit(k),
+            symbol: of.place.kind.unit().0,
+        };
+        let free: Vec<Free> = self.file.parameters.iter().enumerate().map(free).collect();
+        let given: Vec<Plan> = plans.plans().cloned().collect();
+        let make = |values: &[f64]| -> Result<Made, DocumentError> {
+            self.at(values).map(|Variant { robot, motions, .. }| Made { robot, motions })
+        };
+        let all = self.file.name.clone();
+        let shown = &mut |shown: Shown<'_>| match shown {
+            Shown::Iteration(progress) => watch(&all, progress),
+            Shown::Step(..) => ControlFlow::Continue(()),
+        };
+        let repair = repair::repair(&free, &given, &make, &Options::default(), shown);
+        let Repair { values, steps, outcome } = repair.map_err(|failed| match failed {
+            repair::Failed::Made(error) => Failed::Robot(error),
+            repair::Failed::NotOptimal(error) => Failed::NotOptimal(error),
+        })?;
+        match outcome {
+            Outcome::Feasible(solutions) => {
+                let plans = Box::new(Plans { variant: self.at(&values)?, solutions });
+                Ok(Repaired::Feasible { plans, steps })
+            }
+            Outcome::Nearest(nearest) => Ok(Repaired::Nearest(nearest)),
+            Outcome::Interrupted => Err(Failed::Interrupted),
+        }
+    }
 }
 
 /// A solution that the caller did not stop.

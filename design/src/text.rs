@@ -47,6 +47,9 @@ impl RobotText {
             let Some(template) = templates.first() else { return Err(nothing(place, &[])) };
             return self.value(&place.of_template(template));
         }
+        if let Some(all) = self.all_of(place)? {
+            return all.first().map_or_else(|| Err(nothing(place, &[])), |first| self.value(first));
+        }
         match place.kind {
             Kind::Length => Ok(self.reach(place)?.norm()),
             Kind::Speed | Kind::Torque => {
@@ -89,6 +92,15 @@ impl RobotText {
         if place.kind != Kind::Mount && !place.limbs.is_empty() {
             let templates = split::apart(&mut self.document, place)?;
             return templates.iter().try_for_each(|of| self.set(&place.of_template(of), to));
+        }
+        if let Some(all) = self.all_of(place)? {
+            let first = self.value(place)?;
+            for one in all {
+                // Mirrored sides have the other sign.
+                let to = if self.value(&one)? * first < 0.0 { -to } else { to };
+                self.set(&one, to)?;
+            }
+            return Ok(());
         }
         let by = to - self.value(place)?;
         match place.kind {
@@ -133,6 +145,32 @@ impl RobotText {
             }
         }
         Ok(())
+    }
+
+    /// The places that a name with `*` stands for in a robot's own parts; in templates `*` is the limb's name.
+    fn all_of(&mut self, place: &Place) -> Result<Option<Vec<Place>>, Nothing> {
+        let table = match place.kind {
+            Kind::Length | Kind::Mass => "link",
+            Kind::Joint => "joint",
+            Kind::Center | Kind::Radius | Kind::Tilt => "end_effector",
+            Kind::Mount | Kind::Speed | Kind::Torque => return Ok(None),
+        };
+        let Some((start, end)) = place.name.split_once('*').filter(|_| place.template.is_none())
+        else {
+            return Ok(None);
+        };
+        let known: Vec<String> = self
+            .tables(place, table)
+            .iter()
+            .map(|table| text_of(&**table, "name").to_owned())
+            .collect();
+        let fits = |name: &&String| {
+            name.strip_prefix(start)
+                .is_some_and(|rest| rest.len() >= end.len() && rest.ends_with(end))
+        };
+        let one = |name: &String| Place { name: name.clone(), ..place.clone() };
+        let all: Vec<Place> = known.iter().filter(fits).map(one).collect();
+        if all.is_empty() { Err(nothing(place, &known)) } else { Ok(Some(all)) }
     }
 
     /// From a link's joint to its next joint, or to its foot or wheel, in its frame.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::parameter::Axis;
-use rollwalk_robot::Robot;
+use rollwalk_robot::{Contact, Robot};
 
 const AGILEBOT: &str = include_str!("../../../robots/agilebot.toml");
 
@@ -147,4 +147,30 @@ fn some_limbs_change_alone_and_share_what_is_theirs() {
     let nothing = RobotText::new(AGILEBOT).unwrap().set(&missing, 0.1).unwrap_err();
     assert_eq!(nothing.problem, "the robot has no limb `middle`");
     assert_eq!(nothing.help, "there are front_left, front_right, rear_left, rear_right");
+}
+
+#[test]
+fn a_star_stands_for_all_parts_of_the_robot_that_fit_mirrored_ones_with_the_other_sign() {
+    let mut text = RobotText::new(include_str!("../../../robots/car_tilted.toml")).unwrap();
+    let before = read(&text);
+    let height = place(Kind::Center, None, "front_*", Some(Axis::Z));
+    let track = place(Kind::Center, None, "*", Some(Axis::Y));
+    let tilt = place(Kind::Tilt, None, "front_*", None);
+    assert_eq!(text.value(&height), Ok(-0.03));
+    text.set(&height, -0.04).unwrap();
+    text.set(&track, 0.1).unwrap();
+    text.set(&tilt, 0.1).unwrap();
+    let after = read(&text);
+    for (before, after) in before.end_effectors.iter().zip(&after.end_effectors) {
+        let front = before.name.starts_with("front");
+        let side = before.center_in_link_m.y.signum();
+        let expected =
+            Vector3::new(before.center_in_link_m.x, 0.1 * side, if front { -0.04 } else { -0.03 });
+        assert!((after.center_in_link_m - expected).norm() < 1e-12, "{}", after.name);
+        let Contact::ActuatedWheel { axis_in_link: axis, .. } = &after.contact else { panic!() };
+        let tilt = if front { 0.1 * side } else { 0.0 };
+        assert!((axis.z.atan2(axis.y) - tilt).abs() < 1e-6, "{}", after.name);
+    }
+    let nothing = text.value(&place(Kind::Radius, None, "middle_*", None)).unwrap_err();
+    assert!(nothing.help.contains("front_left"), "{}", nothing.help);
 }

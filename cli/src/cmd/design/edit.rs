@@ -40,7 +40,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Err(miette!("the robot file has these values already: nothing changes"));
     }
     let mut shown = Shown::new("planning");
-    let before = plan_original(&designed, &mut shown)?;
+    let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
+    let before = plan_original(&designed, watch)?;
     shown.now("again");
     let after = designed
         .plan_from(&before, &values, true, &mut |motion, state| shown.iteration(motion, state))

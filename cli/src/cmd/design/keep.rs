@@ -52,7 +52,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let folder = args.folder.open(&designed)?;
     let mut shown = Shown::new("planning");
-    let before = plan_original(&designed, &mut shown)?;
+    let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
+    let before = plan_original(&designed, watch)?;
     shown.now("following");
     let kept = keep::keep(&designed, &before, &given, args.feature, &mut |motion, state| {
         shown.iteration(motion, state)

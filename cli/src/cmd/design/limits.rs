@@ -54,7 +54,8 @@ struct Limit {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
     let mut shown = Shown::new("planning");
-    let plans = plan_original(&designed, &mut shown)?;
+    let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
+    let plans = plan_original(&designed, watch)?;
     shown.now("pricing");
     plans.all_solved().map_err(report)?;
     let mut all = Vec::new();

@@ -13,7 +13,7 @@ use crate::progress::Watch;
 use crate::{Exit, interrupt};
 use miette::{Report, miette};
 use rollwalk_design::designed::Designed;
-use rollwalk_design::plans::{Failed, Plans};
+use rollwalk_design::plans::{Failed, Plans, Watch as Seen};
 use rollwalk_planner::Progress;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -61,7 +61,7 @@ fn report(failed: Failed) -> Report {
             "the parameters lead to a robot file, or to motions of it, that break a rule",
         ),
         Failed::CannotDo { .. } => miette!(
-            help = "`rollwalk plan` shows more of what stands in its way; a design can be changed from one that works",
+            help = "`rollwalk design optimise` looks for the smallest changes with which it can",
             "{failed}"
         ),
         Failed::NotOptimal(_) => miette!(
@@ -117,13 +117,9 @@ fn read(path: &Path) -> miette::Result<Designed> {
     Source::Disk.design(path)
 }
 
-/// Plans the motions of the original robot, all of which it must be able to do.
-fn plan_original(designed: &Designed, shown: &mut Shown) -> miette::Result<Plans> {
-    shown.now("planning");
-    let plans = designed
-        .plan(designed.original(), &mut |motion, progress| shown.iteration(motion, progress))
-        .map_err(report)?;
-    shown.clear();
+/// Plans the motions of the original robot, which it need not be able to do.
+fn plan_original(designed: &Designed, watch: &mut Seen<'_>) -> miette::Result<Plans> {
+    let plans = designed.plan(designed.original(), watch).map_err(report)?;
     if plans.solutions.is_empty() {
         return Err(miette!(
             help = "add motions = [ { file = \"walk.toml\" } ]",

@@ -2,16 +2,19 @@
 
 use super::outcome::{Folder, Outcome};
 use super::{Shown, plan_original, read, report};
-use crate::Exit;
+use crate::{Exit, output};
 use miette::miette;
 use rollwalk_design::optimise;
+use rollwalk_design::plans::Repaired;
 use std::cell::RefCell;
 use std::path::PathBuf;
 
 /// Find parameters within their bounds with which the motions are best.
 ///
 /// What is best stands in the design file's `[goal]`: quantities to minimise, and bounds to keep. Several motions are optimised
-/// at once (thesis 2.5.3). Writes what `rollwalk design edit` writes, with a row for every step of the design.
+/// at once (thesis 2.5.3). A robot that cannot do a motion as it is designed is repaired first, by the smallest changes with
+/// which it can; without `[goal]` that is all. Writes what `rollwalk design edit` writes, with a row for every step of the design.
+/// The exit code is 3 if no design within the bounds can do the motions.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -19,7 +22,7 @@ Examples:
 Then:
   rollwalk simulate best/walk.plan.json")]
 pub struct Args {
-    /// Design file (TOML) with a `[goal]`.
+    /// Design file (TOML).
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
     #[command(flatten)]
@@ -29,37 +32,53 @@ pub struct Args {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
-    let Some(goal) = &designed.file.goal else {
-        return Err(miette!(
-            help = "add [goal] with minimise = { peak_joint_speed = 1.0 }; docs/design.md lists the quantities",
-            "design `{}` has no [goal]",
-            designed.file.name
-        ));
-    };
     let folder = args.folder.open(&designed)?;
     let shown = RefCell::new(Shown::new("planning"));
-    let before = plan_original(&designed, &mut shown.borrow_mut())?;
-    shown.borrow_mut().now("step 1,");
-    let mut taken = 0;
-    let found = optimise::optimise(
-        &designed,
-        &before,
-        goal,
-        &mut |motion, state| shown.borrow_mut().iteration(motion, state),
-        &mut |_| {
-            taken += 1;
-            shown.borrow_mut().now(&format!("step {taken},"));
-        },
-    )
-    .map_err(report)?;
-    let mut shown = shown.into_inner();
-    shown.now("again");
-    let values = designed.rounded(&found.plans.variant.values);
-    let after = designed
-        .plan_from(&found.plans, &values, true, &mut |motion, state| shown.iteration(motion, state))
-        .map_err(report)?;
+    let watch = &mut |motion: &str, state: &_| shown.borrow_mut().iteration(motion, state);
+    let before = plan_original(&designed, watch)?;
+    let (start, repairs) = match before.all_solved() {
+        Ok(()) => (before.clone(), Vec::new()),
+        Err(why) => {
+            output::say(&why);
+            shown.borrow_mut().now("repairing");
+            match designed.repair(&before, watch).map_err(report)? {
+                Repaired::Feasible { plans, steps } => (*plans, steps),
+                Repaired::Nearest(nearest) => {
+                    drop(shown);
+                    output::say(&nearest);
+                    return Ok(Exit::DoesNotHold);
+                }
+            }
+        }
+    };
+    let found = match &designed.file.goal {
+        Some(goal) => {
+            shown.borrow_mut().now("step 1,");
+            let mut taken = 0;
+            let each = &mut |_: &_| {
+                taken += 1;
+                shown.borrow_mut().now(&format!("step {taken},"));
+            };
+            Some(optimise::optimise(&designed, &start, goal, watch, each).map_err(report)?)
+        }
+        None if repairs.is_empty() => {
+            return Err(miette!(
+                help = "add [goal] with minimise = { peak_joint_speed = 1.0 }; docs/design.md lists the quantities",
+                "design `{}` has no [goal], and can do its motions as it is",
+                designed.file.name
+            ));
+        }
+        None => None,
+    };
+    shown.borrow_mut().now("again");
+    let last = found.as_ref().map_or(&start, |found| &found.plans);
+    let values = designed.rounded(&last.variant.values);
+    let after = designed.plan_from(last, &values, true, watch).map_err(report)?;
     drop(shown);
     let mut outcome = Outcome::new("optimise", &designed, &before, &after)?;
-    (outcome.steps, outcome.lost) = (found.steps, found.lost);
+    outcome.repairs = repairs;
+    if let Some(found) = found {
+        (outcome.steps, outcome.lost) = (found.steps, found.lost);
+    }
     folder.write(&outcome, &before, &after)
 }

@@ -7,6 +7,7 @@ use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
 use rollwalk_design::optimise::Step;
 use rollwalk_design::plans::Plans;
+use rollwalk_design::repair;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::report::Report;
 use rollwalk_planner::sample::resample;
@@ -125,6 +126,9 @@ pub struct Outcome {
     /// Of `optimise`: the designs on the way.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "steps")]
     pub steps: Vec<Step>,
+    /// Of `optimise` of a robot that could not do a motion: the designs until it could.
+    #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "repairs")]
+    pub repairs: Vec<repair::Step>,
     /// Designs on the way that could not do a motion.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lost: Vec<String>,
@@ -132,6 +136,10 @@ pub struct Outcome {
 
 fn steps<S: serde::Serializer>(steps: &[Step], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(steps.iter().map(|step| (&step.values, step.merit)))
+}
+
+fn repairs<S: serde::Serializer>(steps: &[repair::Step], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(steps.iter().map(|step| (&step.values, step.worst_level)))
 }
 
 /// A parameter before and after.
@@ -223,6 +231,7 @@ impl Outcome {
             motions: motions.collect::<miette::Result<_>>()?,
             drifts: Vec::new(),
             steps: Vec::new(),
+            repairs: Vec::new(),
             lost: Vec::new(),
         })
     }
@@ -279,22 +288,34 @@ impl Outcome {
             }
             parts.push(table.render());
         }
+        if !self.repairs.is_empty() {
+            let rows =
+                self.repairs.iter().map(|step| (format!("{:.3}", step.worst_level), &step.values));
+            parts.push(self.steps_table("repair", "worst, of its tolerance", rows).render());
+        }
         if !self.steps.is_empty() {
-            parts.push(self.steps_table().render());
+            let rows = self.steps.iter().map(|step| (format!("{:.4}", step.merit), &step.values));
+            parts.push(self.steps_table("step", "objective", rows).render());
         }
         parts.extend(self.lost.iter().map(|lost| format!("on the way: {lost}")));
         parts.join("\n\n")
     }
 
-    fn steps_table(&self) -> Table {
+    /// Designs on the way, with what they were judged by.
+    fn steps_table<'a>(
+        &self,
+        number: &str,
+        judged_by: &str,
+        steps: impl Iterator<Item = (String, &'a Vec<f64>)>,
+    ) -> Table {
         let names = self.parameters.iter().map(|of| of.name.clone());
-        let titles = ["step", "objective"].map(str::to_owned).into_iter().chain(names).collect();
-        let row = |(number, step): (usize, &Step)| {
-            let start = vec![number.to_string(), format!("{:.4}", step.merit)];
-            start.into_iter().chain(step.values.iter().map(|value| digits(*value))).collect()
+        let titles = [number, judged_by].map(str::to_owned).into_iter().chain(names).collect();
+        let row = |(number, (judged, values)): (usize, (String, &Vec<f64>))| {
+            let values = values.iter().map(|value| digits(*value));
+            [number.to_string(), judged].into_iter().chain(values).collect()
         };
         let rows: Vec<Vec<String>> =
-            std::iter::once(titles).chain(self.steps.iter().enumerate().map(row)).collect();
+            std::iter::once(titles).chain(steps.enumerate().map(row)).collect();
         Table::from(rows)
     }
 }
