@@ -9,6 +9,7 @@ pub mod chart;
 mod design_edits;
 mod fault_campaign;
 mod figure_2_3;
+mod figure_2_4;
 mod figure_2_8;
 mod figure_3_2;
 mod figure_3_6;
@@ -24,6 +25,7 @@ mod table_3_3;
 
 pub use library_format::PlannedLibrary;
 
+use rollwalk_design::designed::Designed;
 use rollwalk_planner::motion::Motion;
 use rollwalk_robot::Robot;
 use serde::Serialize;
@@ -44,6 +46,9 @@ pub enum Benchmark {
     /// Figures 2.8 and 2.5: designs that cannot do a motion, repaired: a car with tilted wheels, a walker below its target.
     #[command(name = "figure-2-8")]
     Figure28(figure_2_8::Args),
+    /// Figure 2.4: longer front legs by hand, and with the others following so that the body stays level.
+    #[command(name = "figure-2-4")]
+    Figure24,
     /// Figure 3.2: convergence with and without the thesis's warm start.
     #[command(name = "figure-3-2")]
     Figure32(only::Only),
@@ -82,6 +87,7 @@ impl Benchmark {
             Self::Samples(args) => samples::run(args, program),
             Self::Figure23(args) => figure_2_3::run(args, program),
             Self::Figure28(args) => figure_2_8::run(args, program),
+            Self::Figure24 => figure_2_4::run(program),
             Self::Figure32(only) => figure_3_2::run(only, program),
             Self::Figure36 => figure_3_6::run(program),
             Self::Table32(args) => table_3_2::run(args, program),
@@ -102,6 +108,12 @@ pub trait Program: Sync {
     /// # Errors
     /// There is no such file.
     fn motion(&self, file: &str) -> miette::Result<(Robot, Motion)>;
+
+    /// A shipped design with its robot and motions, by the design file's path in the checkout.
+    ///
+    /// # Errors
+    /// There is no such file.
+    fn design(&self, file: &str) -> miette::Result<Designed>;
 
     /// A shipped library, planned and packed; `None` after an interrupt.
     ///
@@ -203,6 +215,11 @@ pub fn motions() -> impl Iterator<Item = String> {
     let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION, figure_3_6::MOTION]);
     let others = others.chain([figure_2_8::CAR, figure_2_8::WALK]);
     rows.chain(others).map(str::to_owned).chain(gaits).chain(suggestions::motions())
+}
+
+/// Design files that benchmarks read, by their path in the checkout.
+pub fn designs() -> impl Iterator<Item = &'static str> {
+    [figure_2_4::DESIGN].into_iter()
 }
 
 /// Library files that benchmarks read, by their path in the checkout.

@@ -16,6 +16,8 @@ macro_rules! shipped {
 shipped!(
     "gamepads/xbox.toml",
     "gamepads/playstation.toml",
+    "designs/agilebot_legs.toml",
+    "designs/car_tilted.toml",
     "motions/agilebot_library.toml",
     "motions/agilebot_skills_library.toml",
     "motions/anymal_drive.toml",

@@ -6,6 +6,7 @@ use crate::planning::plan_all;
 use crate::{Exit, files, interrupt};
 use miette::miette;
 use rollwalk_bench::{Benchmark, Block, Findings, PlannedLibrary, Program, Verdict};
+use rollwalk_design::designed::Designed;
 use rollwalk_planner::motion::Motion;
 use rollwalk_robot::Robot;
 use std::path::{Path, PathBuf};
@@ -22,6 +23,7 @@ Examples:
   rollwalk bench samples --out bench
   rollwalk bench figure-2-3 --out bench
   rollwalk bench figure-2-8 --only car --out bench
+  rollwalk bench figure-2-4 --out bench
   rollwalk bench figure-3-2 --only trot --out bench
   rollwalk bench figure-3-6 --out bench
   rollwalk bench table-3-2 --out bench
@@ -57,6 +59,10 @@ struct Rollwalk;
 impl Program for Rollwalk {
     fn motion(&self, file: &str) -> miette::Result<(Robot, Motion)> {
         Source::Shipped.motion(Path::new(file))
+    }
+
+    fn design(&self, file: &str) -> miette::Result<Designed> {
+        Source::Shipped.design(Path::new(file))
     }
 
     fn library(&self, file: &str) -> miette::Result<Option<PlannedLibrary>> {
@@ -117,9 +123,12 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn the_binary_carries_every_motion_and_library() {
+    fn the_binary_carries_every_motion_design_and_library() {
         for file in rollwalk_bench::motions() {
             Source::Shipped.motion(Path::new(&file)).unwrap();
+        }
+        for file in rollwalk_bench::designs() {
+            Source::Shipped.design(Path::new(file)).unwrap();
         }
         for file in rollwalk_bench::libraries() {
             Source::Shipped.library(Path::new(file)).unwrap();

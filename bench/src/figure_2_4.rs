@@ -1,0 +1,96 @@
+//! Figure 2.4 of the thesis: front legs get longer, by hand and with the other parts following so that the body stays level.
+
+use crate::chart::{self, Curve, Labels};
+use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
+use miette::IntoDiagnostic;
+use rollwalk_design::keep::keep;
+use rollwalk_design::plans::Plans;
+use rollwalk_planner::Progress;
+use rollwalk_planner::sensitivity::Feature;
+use serde::Serialize;
+
+/// Design file, its parameter that is given, and by how much it grows, m.
+pub const DESIGN: &str = "designs/agilebot_legs.toml";
+const GIVEN: &str = "front_thigh";
+const LONGER_M: f64 = 0.02;
+/// What the pitch may change by with the others following, and what it changes by at least without, degrees.
+const KEPT_DEG: f64 = 0.1;
+const BY_HAND_DEG: f64 = 1.0;
+
+/// A way to change the robot.
+#[derive(Clone, Serialize)]
+struct Row {
+    way: &'static str,
+    values: Vec<f64>,
+    /// Change of the body's pitch over the motion.
+    mean_deg: f64,
+    max_deg: f64,
+}
+
+/// Runs the benchmark.
+pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
+    let designed = program.design(DESIGN)?;
+    let parameters = &designed.file.parameters;
+    let given = parameters.iter().position(|of| of.name == GIVEN).unwrap_or(0);
+    let watch = &mut |_: &str, _: &Progress| unless_interrupted(program);
+    let worked = designed.plan(designed.original(), watch).and_then(|before| {
+        let mut values = designed.original().to_vec();
+        values[given] += LONGER_M;
+        let by_hand = designed.plan_from(&before, &values, false, watch)?;
+        let kept = keep(&designed, &before, &[(given, values[given])], Feature::Pitch, watch)?;
+        Ok((before, by_hand, kept))
+    });
+    if program.interrupted() {
+        return Ok(None);
+    }
+    let (before, by_hand, kept) = worked.into_diagnostic()?;
+    let ways = [("as designed", &before), ("by hand", &by_hand), ("others follow", &kept)];
+    let curves: Vec<Curve> = ways.map(|(way, plans)| (way.to_owned(), pitch_deg(plans))).to_vec();
+    let rows: Vec<Row> = ways.map(|(way, plans)| row(way, &before, plans)).to_vec();
+    let names = parameters.iter().map(|of| format!("{} mm", of.name));
+    let mut table = table(["way", "pitch changes by °", "at most °"]);
+    table[0].extend(names);
+    for row in &rows {
+        let mut cells =
+            vec![row.way.to_owned(), format!("{:.3}", row.mean_deg), format!("{:.3}", row.max_deg)];
+        let changes = row.values.iter().zip(designed.original());
+        cells.extend(changes.map(|(value, from)| format!("{:+.1}", 1e3 * (value - from))));
+        table.push(cells);
+    }
+    let holds = rows[1].mean_deg > BY_HAND_DEG && rows[2].max_deg < KEPT_DEG;
+    let text = format!(
+        "{GIVEN} {:.0} mm longer. The thesis's figure shows a body that pitches by hand and stays level with the others \
+         following, without numbers.\n{} by hand more than {BY_HAND_DEG}° on the mean, following at most {KEPT_DEG}°",
+        1e3 * LONGER_M,
+        if holds { "yes" } else { "NO " },
+    );
+    let labels = Labels {
+        title: "Pitch of the body, front thighs 20 mm longer",
+        x: "time, s",
+        y: "pitch, degrees",
+    };
+    let charts = vec![("figure-2-4.svg".to_owned(), chart::draw_linear(&labels, &curves)?)];
+    let blocks = vec![Block::Table(table), Block::Text(text)];
+    let verdict = if holds { Verdict::Passed } else { Verdict::OutOfBounds };
+    Ok(Some(Findings { charts, verdict, ..Findings::new("figure-2-4", blocks, &rows) }))
+}
+
+/// Times and pitches of the first motion, degrees.
+fn pitch_deg(plans: &Plans) -> Vec<(f64, f64)> {
+    let of_plan = |plan| {
+        let pitch = Feature::Pitch.of_plan(plan).into_iter().map(f64::to_degrees);
+        plan.samples.iter().map(|sample| sample.time_s).zip(pitch).collect()
+    };
+    plans.plans().next().map_or(Vec::new(), of_plan)
+}
+
+fn row(way: &'static str, before: &Plans, after: &Plans) -> Row {
+    let (before, now) = (pitch_deg(before), pitch_deg(after));
+    let off: Vec<f64> = before.iter().zip(&now).map(|(a, b)| (a.1 - b.1).abs()).collect();
+    Row {
+        way,
+        values: after.variant.values.clone(),
+        mean_deg: off.iter().sum::<f64>() / off.len() as f64,
+        max_deg: off.iter().copied().fold(0.0, f64::max),
+    }
+}
