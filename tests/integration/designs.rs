@@ -73,3 +73,26 @@ fn requests_that_make_no_sense_are_refused_with_what_would() {
     desk.edit(legs, "peak_speed = 1.0", "peak_joint_speed = 1.0");
     run(&["edit", legs, "front_thigh=0.13", "-o", "robots"]).fails(1, &["robots/agilebot.toml"]);
 }
+
+#[test]
+fn a_car_that_cannot_drive_is_repaired_or_what_it_misses_is_named() {
+    let desk = desk();
+    let design = "designs/car_tilted.toml";
+    let run = |folder: &str| desk.run(&["design", "optimise", design, "-o", folder, "--json"]);
+    let found = json(&run("car").succeeds());
+    assert_eq!(found["motions"][0]["holds"], true, "{found}");
+    // The tilted wheels hang 14.645 mm above the ground: half of it in front, half at the rear.
+    for (wheels, change) in [(0, -0.007_322), (1, 0.007_322)] {
+        let after = found["parameters"][wheels]["after"].as_f64().unwrap();
+        assert!((after + 0.03 - change).abs() < 3e-5, "{found}");
+    }
+    let levels = found["repairs"].as_array().unwrap();
+    assert!(levels.len() <= 4 && levels[0][1].as_f64() > Some(1.0), "{found}");
+    assert!(desk.read_text("car/car_tilted.toml").contains("# wheel and motor, front left"));
+    desk.run(&["report", "car/car_drive.plan.json"]).succeeds();
+    // Bounds of 5 mm are too narrow.
+    let text = desk.read_text(design).replace("-0.07", "-0.035").replace("-0.01", "-0.025");
+    desk.write(design, text);
+    let misses = ["no design within the bounds", "displacement goal", "front_height -0.0350 m"];
+    run("narrow").fails(3, &misses);
+}
