@@ -1,12 +1,14 @@
 //! A robot under design: the robot file at any values of its parameters, with the motions that it is for.
 
 use crate::file::DesignFile;
-use crate::parameter::Kind;
-use crate::text::RobotText;
+use crate::parameter::{Kind, Place};
+use crate::text::{Nothing, RobotText, number};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::sensitivity::{Design, Parameter};
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
+use std::path::Path;
+use toml_edit::DocumentMut;
 
 /// A file that has been read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,6 +19,25 @@ pub struct NamedText {
     pub text: String,
 }
 
+/// A motion file.
+#[derive(Clone, Debug)]
+struct MotionText {
+    name: String,
+    document: DocumentMut,
+}
+
+impl MotionText {
+    fn new(file: NamedText) -> Self {
+        // What is no TOML is said when the motion is read.
+        Self { document: file.text.parse().unwrap_or_default(), name: file.name }
+    }
+
+    /// Its file name without folder and ending, by which parameters name it.
+    fn stem(&self) -> &str {
+        Path::new(&self.name).file_stem().and_then(|stem| stem.to_str()).unwrap_or_default()
+    }
+}
+
 /// A robot file with parameters, and motion files.
 #[derive(Clone, Debug)]
 pub struct Designed {
@@ -24,7 +45,7 @@ pub struct Designed {
     pub file: DesignFile,
     robot: NamedText,
     text: RobotText,
-    motions: Vec<NamedText>,
+    motions: Vec<MotionText>,
     original: Vec<f64>,
 }
 
@@ -37,6 +58,8 @@ pub struct Variant {
     pub text: String,
     /// The robot that it describes.
     pub robot: Robot,
+    /// The motion files, comments kept.
+    pub motion_texts: Vec<String>,
     /// The motions, as this robot does them.
     pub motions: Vec<Motion>,
 }
@@ -55,7 +78,20 @@ impl Designed {
         // Its faults are said with their places, and nothing that it says is misread below.
         Robot::from_toml(&robot.name, &robot.text)?;
         let mut text = RobotText::new(&robot.text).unwrap_or_default();
-        let original = file.check(&design.name, &design.text, &mut text)?;
+        let motions: Vec<MotionText> = motions.into_iter().map(MotionText::new).collect();
+        let of_motion = |place: &Place| {
+            let stem = place.template.as_deref().unwrap_or_default();
+            let motion = motions.iter().find(|motion| motion.stem() == stem);
+            let known = || motions.iter().map(MotionText::stem).collect::<Vec<_>>().join(", ");
+            let motion = motion.ok_or_else(|| Nothing {
+                problem: format!("the design has no motion file `{stem}`"),
+                help: format!("there are {}: give {}/duration_s, for example", known(), stem),
+            })?;
+            number::value(&motion.document, &place.name)
+        };
+        let original = file.check(&design.name, &design.text, |place| {
+            if place.kind.is_of_motion() { of_motion(place) } else { text.value(place) }
+        })?;
         let designed = Self { file, robot, text, motions, original };
         designed.at(&designed.original)?;
         Ok(designed)
@@ -82,9 +118,20 @@ impl Designed {
         }
         let text = text.to_string();
         let robot = Robot::from_toml(&self.robot.name, &text)?;
-        let motion = |file: &NamedText| Motion::from_toml(&file.name, &file.text, &robot);
-        let motions = self.motions.iter().map(motion).collect::<Result<_, _>>()?;
-        Ok(Variant { values: values.to_vec(), text, robot, motions })
+        let changed = |motion: &MotionText| {
+            let mut document = motion.document.clone();
+            let all = self.file.parameters.iter().zip(values).filter(|(of, _)| {
+                of.place.kind.is_of_motion() && of.place.template.as_deref() == Some(motion.stem())
+            });
+            all.for_each(|(of, value)| number::set(&mut document, &of.place.name, *value));
+            document.to_string()
+        };
+        let motion_texts: Vec<String> = self.motions.iter().map(changed).collect();
+        let both = self.motions.iter().zip(&motion_texts);
+        let motion =
+            |(file, text): (&MotionText, &String)| Motion::from_toml(&file.name, text, &robot);
+        let motions = both.map(motion).collect::<Result<_, _>>()?;
+        Ok(Variant { values: values.to_vec(), text, robot, motion_texts, motions })
     }
 
     /// Neighbours on either side of some values along a parameter, from which derivatives by it are taken.
@@ -101,12 +148,14 @@ impl Designed {
         Ok(Neighbours { ahead: at(half)?, behind: at(-half)?, apart: 2.0 * half })
     }
 
-    /// A change of a parameter that is small, but not very small: 1 cm, 0.1 rad, a tenth of a limit or mass. Parameters are
+    /// A change of a parameter that is small, but not very small: 1 cm, 0.1 rad, a tenth of a limit, a mass or a number of a
+    /// motion. Parameters are
     /// compared in these units.
     pub fn unit(&self, parameter: usize) -> f64 {
         match self.file.parameters[parameter].place.kind {
             Kind::Tilt => 0.1,
             Kind::Speed | Kind::Torque | Kind::Mass => 0.1 * self.original[parameter].abs(),
+            kind if kind.is_of_motion() => 0.1 * self.original[parameter].abs().max(0.1),
             _ => 0.01,
         }
     }

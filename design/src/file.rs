@@ -32,7 +32,7 @@
 
 use crate::goal::Goal;
 use crate::parameter::{Axis, Kind, Place};
-use crate::text::{Nothing, RobotText};
+use crate::text::Nothing;
 use rollwalk_robot::document::{Document, DocumentError, Table};
 
 /// Most parameters of a design.
@@ -90,16 +90,16 @@ impl DesignFile {
         document.finish(design)
     }
 
-    /// Checks the parameters against a robot file: every one changes something of it, no two the same, and its values are
-    /// within the bounds.
+    /// Checks the parameters against a robot file and motion files: every one changes something of them, no two the same, and
+    /// its values are within the bounds. `value` has the present ones.
     ///
     /// # Errors
-    /// Parameters that do not fit the robot.
+    /// Parameters that do not fit.
     pub fn check(
         &self,
         file_name: &str,
         text: &str,
-        robot: &mut RobotText,
+        mut value: impl FnMut(&Place) -> Result<f64, Nothing>,
     ) -> Result<Vec<f64>, DocumentError> {
         let document = Document::parse(file_name, text)?;
         let mut values = Vec::new();
@@ -107,18 +107,18 @@ impl DesignFile {
         for (index, (parameter, table)) in self.parameters.iter().zip(&tables).enumerate() {
             let Parameter { name, place, min, max, .. } = parameter;
             let key = place.kind.key();
-            match robot.value(place) {
+            match value(place) {
                 Err(Nothing { problem, help }) => {
                     table.fault(
                         key,
                         format_args!("of parameter `{name}`: {problem}"),
-                        "not in the robot file",
+                        "not there",
                         help,
                     );
                 }
                 Ok(value) if !(*min..=*max).contains(&value) => {
                     let unit = place.kind.unit().0;
-                    let help = format!("the robot file has {value} {unit}: include it");
+                    let help = format!("it is {value} {unit} in its file: include it");
                     let problem = format_args!(
                         "of parameter `{name}` is {value} {unit}, outside its bounds {min} to {max}"
                     );
@@ -149,8 +149,9 @@ fn design(document: &Document<'_>) -> Option<DesignFile> {
         root.fault("parameter", "is missing", "nothing may change", "write [[parameter]] tables");
     }
     let parameters = tables.into_iter().map(parameter).collect::<Vec<_>>();
+    let names = parameters.iter().flatten().map(|of| of.name.clone()).collect::<Vec<_>>();
     let goal = match root.has("goal") {
-        true => Some(root.table("goal").and_then(|table| Goal::read(&table))?),
+        true => Some(root.table("goal").and_then(|table| Goal::read(&table, &names))?),
         false => None,
     };
     root.done();
@@ -214,7 +215,7 @@ fn place(table: &Table<'_>, kind: Kind) -> Option<Place> {
         Some((template, name)) => (Some(template.to_owned()), name.to_owned()),
         None => (None, part.to_owned()),
     };
-    let has_limbs = kind == Kind::Mount || template.is_some();
+    let has_limbs = kind == Kind::Mount || (template.is_some() && !kind.is_of_motion());
     let limbs = if has_limbs && table.has("limbs") { table.strings("limbs")? } else { Vec::new() };
     let limbs = limbs.into_iter().map(|(limb, _)| limb.to_owned()).collect();
     Some(Place { kind, template, name, axis, limbs })

@@ -1,7 +1,7 @@
 //! What a design is optimised for: the `[goal]` of a design file.
 
 use rollwalk_planner::sensitivity::Objective;
-use rollwalk_robot::document::Table;
+use rollwalk_robot::document::{NamedNumber, Table};
 
 /// Pull towards the original design, if a file names none: a part of the objective per square of a unit of a parameter. A
 /// change of 5 cm counts as much as a thousandth of the objective.
@@ -12,6 +12,9 @@ const PULL: f64 = 4e-5;
 pub struct Goal {
     /// Objectives with their weights; each is compared with its value at the original design.
     pub minimise: Vec<(Objective, f64)>,
+    /// Parameters by index with their weights, as shares of their original values; negative weights for those that shall be
+    /// large.
+    pub parameters: Vec<(usize, f64)>,
     /// Quantities that must not exceed a number, in their units, in any motion.
     pub keep: Vec<(Objective, f64)>,
     /// Price of a change, as a part of the objective per square of a parameter's unit.
@@ -68,41 +71,64 @@ impl Quantity {
 }
 
 impl Goal {
-    /// Reads a `[goal]` table.
-    pub(crate) fn read(table: &Table<'_>) -> Option<Self> {
-        let minimise = list(table, "minimise", |of| of.name);
-        let keep =
-            if table.has("keep") { list(table, "keep", |of| of.bound) } else { Some(Vec::new()) };
+    /// Reads a `[goal]` table of a design with these parameters.
+    pub(crate) fn read(table: &Table<'_>, parameters: &[String]) -> Option<Self> {
+        let read = |key, names: &[&'static str], parameters: &[String]| match table.has(key) {
+            true => list(table, key, names, parameters),
+            false => Some(Lists::default()),
+        };
+        let small = read("minimise", &Quantity::ALL.map(|of| of.name), parameters);
+        let large = read("maximise", &[], parameters);
+        let keep = read("keep", &Quantity::ALL.map(|of| of.bound), &[]);
         let pull =
             if table.has("pull") { table.number_in("pull", 0.0..=1.0, "") } else { Some(PULL) };
         table.done();
-        Some(Self { minimise: minimise?, keep: keep?, pull: pull? })
+        let (Lists { quantities: minimise, parameters: small }, large) = (small?, large?);
+        let large = large.parameters.into_iter().map(|(index, weight)| (index, -weight));
+        let parameters: Vec<_> = small.into_iter().chain(large).collect();
+        if minimise.is_empty() && parameters.is_empty() {
+            table.fault(
+                "minimise",
+                "is missing",
+                "no goal",
+                "give minimise = { peak_joint_speed = 1.0 }, or maximise with a parameter",
+            );
+            return None;
+        }
+        Some(Self { minimise, parameters, keep: keep?.quantities, pull: pull? })
     }
 }
 
-/// Objectives of an inline table, with their positive numbers.
+/// Quantities, and parameters by index, with their numbers.
+#[derive(Default)]
+struct Lists {
+    quantities: Vec<(Objective, f64)>,
+    parameters: Vec<(usize, f64)>,
+}
+
+/// Quantities by these names and parameters of an inline table, with their positive numbers.
 fn list(
     table: &Table<'_>,
     key: &'static str,
-    called: impl Fn(&Quantity) -> &'static str,
-) -> Option<Vec<(Objective, f64)>> {
+    names: &[&'static str],
+    parameters: &[String],
+) -> Option<Lists> {
     let inner = table.table(key)?;
-    let mut found = Vec::new();
-    for of in &Quantity::ALL {
-        if inner.has(called(of)) {
-            found.push((of.objective, inner.number_in(called(of), 1e-9..=1e9, of.unit)?));
+    let mut lists = Lists::default();
+    for NamedNumber { name, number, .. } in inner.named_numbers() {
+        let quantity = names.iter().position(|known| *known == name);
+        let parameter = parameters.iter().position(|known| known == name);
+        if !(number > 0.0 && number <= 1e9) {
+            inner.fault(name, format_args!("is {number}"), "not above 0", "give a number above 0");
+        } else if let Some(index) = quantity {
+            lists.quantities.push((Quantity::ALL[index].objective, number));
+        } else if let Some(index) = parameter {
+            lists.parameters.push((index, number));
+        } else {
+            let all = names.iter().copied().chain(parameters.iter().map(String::as_str));
+            let help = format!("give one or more of {}", all.collect::<Vec<_>>().join(", "));
+            inner.fault(name, "is neither a quantity nor a parameter", "unknown", help);
         }
     }
-    inner.done();
-    if found.is_empty() {
-        let names: Vec<&str> = Quantity::ALL.iter().map(called).collect();
-        table.fault(
-            key,
-            "is empty",
-            "nothing",
-            format!("give one or more of {}", names.join(", ")),
-        );
-        return None;
-    }
-    Some(found)
+    Some(lists)
 }

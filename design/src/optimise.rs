@@ -5,7 +5,7 @@
 //! is taken if the merit falls,
 //!
 //! ```text
-//! Σ_motions Σ_objectives w q(p) / q(p₀) + pull ‖Δp‖² + μ Σ max(0, kept / bound − 1),    μ = 10
+//! Σ_motions Σ_objectives w q(p) / q(p₀) + Σ_parameters w p / p₀ + pull ‖Δp‖² + μ Σ max(0, kept / bound − 1),    μ = 10
 //! ```
 //!
 //! A robot that cannot do one of the motions is no step, however good it is at the others.
@@ -220,6 +220,11 @@ impl Outer<'_> {
         let weights: Vec<f64> = self.designed.file.motions.iter().map(|of| of.weight).collect();
         let all: f64 = weights.iter().sum();
         let objectives = self.goal.minimise.len();
+        for &(k, weight) in &self.goal.parameters {
+            let reference = self.designed.original()[k].abs().max(self.designed.unit(k));
+            merit.objective += weight * at.plans.variant.values[k] / reference;
+            merit.slope[k] += weight * self.designed.unit(k) / reference;
+        }
         for (index, of_motion) in at.quantities.iter().enumerate() {
             let (minimised, kept) = of_motion.split_at(objectives);
             for (k, ((value, slope), (objective, weight))) in

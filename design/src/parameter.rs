@@ -56,11 +56,17 @@ pub enum Kind {
     Torque,
     /// Mass of a link, by its heaviest part.
     Mass,
+    /// A length in a motion file.
+    MotionLength,
+    /// A time in a motion file.
+    MotionTime,
+    /// An angle in a motion file.
+    MotionAngle,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 12] = [
         Self::Length,
         Self::Joint,
         Self::Mount,
@@ -70,6 +76,9 @@ impl Kind {
         Self::Speed,
         Self::Torque,
         Self::Mass,
+        Self::MotionLength,
+        Self::MotionTime,
+        Self::MotionAngle,
     ];
 
     /// Key in a design file.
@@ -84,18 +93,27 @@ impl Kind {
             Self::Speed => "speed_of",
             Self::Torque => "torque_of",
             Self::Mass => "mass_of",
+            Self::MotionLength => "length_in",
+            Self::MotionTime => "time_in",
+            Self::MotionAngle => "angle_in",
         }
     }
 
     /// Unit, and the keys of the lower bound, the upper bound and the manufacturing step.
     pub const fn unit(self) -> (&'static str, [&'static str; 3]) {
         match self {
-            Self::Tilt => ("rad", ["min_rad", "max_rad", "step_rad"]),
+            Self::Tilt | Self::MotionAngle => ("rad", ["min_rad", "max_rad", "step_rad"]),
             Self::Speed => ("rad/s", ["min_rad_s", "max_rad_s", "step_rad_s"]),
             Self::Torque => ("N·m", ["min_nm", "max_nm", "step_nm"]),
+            Self::MotionTime => ("s", ["min_s", "max_s", "step_s"]),
             Self::Mass => ("kg", ["min_kg", "max_kg", "step_kg"]),
             _ => ("m", ["min_m", "max_m", "step_m"]),
         }
+    }
+
+    /// Whether it changes a number of a motion file, which a design file names after the motion file: `walk/duration_s`.
+    pub const fn is_of_motion(self) -> bool {
+        matches!(self, Self::MotionLength | Self::MotionTime | Self::MotionAngle)
     }
 
     /// Whether its value is a coordinate, which a design file names with a dot: `leg/*_knee.z`.
@@ -109,9 +127,10 @@ impl Kind {
 pub struct Place {
     /// What.
     pub kind: Kind,
-    /// Template of the link, joint or end effector; none for the robot's own, and for servos.
+    /// Template of the link, joint or end effector; none for the robot's own, and for servos. Of numbers of motions the stem of
+    /// the motion file.
     pub template: Option<String>,
-    /// Name of the link, joint, end effector or servo.
+    /// Name of the link, joint, end effector or servo; of numbers of motions their keys, with dots.
     pub name: String,
     /// Coordinate, of kinds that have one.
     pub axis: Option<Axis>,

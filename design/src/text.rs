@@ -1,5 +1,6 @@
 //! A robot file in which parameters change numbers, its comments and its order as they were.
 
+pub(crate) mod number;
 mod split;
 
 use crate::parameter::{Kind, Place};
@@ -81,6 +82,7 @@ impl RobotText {
                 let mass = heaviest(table).and_then(|mass| mass.as_float());
                 mass.ok_or_else(|| nothing(place, &[]))
             }
+            Kind::MotionLength | Kind::MotionTime | Kind::MotionAngle => Err(nothing(place, &[])),
         }
     }
 
@@ -143,6 +145,7 @@ impl RobotText {
                     replace(mass, to);
                 }
             }
+            Kind::MotionLength | Kind::MotionTime | Kind::MotionAngle => {}
         }
         Ok(())
     }
@@ -153,7 +156,7 @@ impl RobotText {
             Kind::Length | Kind::Mass => "link",
             Kind::Joint => "joint",
             Kind::Center | Kind::Radius | Kind::Tilt => "end_effector",
-            Kind::Mount | Kind::Speed | Kind::Torque => return Ok(None),
+            _ => return Ok(None),
         };
         let Some((start, end)) = place.name.split_once('*').filter(|_| place.template.is_none())
         else {

@@ -75,6 +75,7 @@ fn optimised_legs_are_better_within_their_bounds_and_what_is_kept() {
     let bound = 1.5;
     let goal = Goal {
         minimise: vec![(Objective::CostOfTransport, 1.0)],
+        parameters: Vec::new(),
         keep: vec![(Objective::PeakJointTorque, bound)],
         pull: 1e-3,
     };
@@ -142,4 +143,31 @@ fn prices_say_what_a_stronger_servo_is_worth() {
     // Inside the band of a limit a multiplier is part smoothing.
     let ratio = torque.per_unit / slopes[0];
     assert!((0.8..1.25).contains(&ratio), "{ratio}: {prices:?}");
+}
+
+#[test]
+fn numbers_of_motions_are_parameters_and_parameters_are_goals() {
+    let read_fast = |from: &str, to: &str| {
+        let mut design = read("designs/agilebot_fast_trot.toml");
+        design.text = design.text.replace(from, to);
+        Designed::new(&design, read("robots/agilebot.toml"), vec![read("motions/trot.toml")])
+    };
+    let designed = read_fast("", "").unwrap();
+    assert_eq!(designed.original()[0], 0.16);
+    assert_eq!(designed.file.goal.as_ref().unwrap().parameters, [(0, -1.0)]);
+    let variant = designed.at(&[0.2, 0.12, 0.12, 0.08]).unwrap();
+    assert_eq!(variant.motions[0].goal.forward_m, Some(0.2));
+    assert!(variant.motion_texts[0].contains("forward_m = 0.2\n"), "{}", variant.motion_texts[0]);
+    assert!(variant.motion_texts[0].starts_with("# AgileBot trots"), "comments stay");
+    for (from, to, problem, help) in [
+        ("trot/goal", "walk/goal", "the design has no motion file `walk`", "there are trot"),
+        ("goal.forward_m", "goal.way_m", "has no `way_m`", "forward_m, left_m, turn_rad"),
+        ("trot/goal.forward_m", "trot/name", "`name` is no number", "name a number"),
+        ("{ way", "{ road", "`road` is neither a quantity nor a parameter", "way, thigh, shank"),
+    ] {
+        let error = read_fast(from, to).unwrap_err();
+        let fault = error.faults().next().unwrap();
+        let found = format!("{fault} {}", fault.help);
+        assert!(found.contains(problem) && found.contains(help), "{to}: {found}");
+    }
 }

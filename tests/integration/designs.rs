@@ -66,7 +66,8 @@ fn requests_that_make_no_sense_are_refused_with_what_would() {
     run(&["check", legs]).fails(1, &["designs/legs.toml", "unknown key `gaol`", "`goal`"]);
     desk.edit(legs, "[gaol]", "[goal]");
     desk.edit(legs, "peak_joint_speed = 1.0", "peak_speed = 1.0");
-    run(&["optimise", legs, "-o", "x"]).fails(1, &["unknown key `peak_speed`"]);
+    run(&["optimise", legs, "-o", "x"])
+        .fails(1, &["`peak_speed` is neither a quantity nor a parameter", "peak_joint_speed"]);
     let robot = ["check", "robots/agilebot.toml"];
     run(&robot).fails(1, &["robots/agilebot.toml is a robot file"]);
     // An input is not written over.

@@ -1,6 +1,7 @@
 //! Design files and their faults.
 
 use super::*;
+use crate::text::RobotText;
 
 const DESIGN: &str = r#"
 name = "agilebot_legs"
@@ -25,7 +26,7 @@ fn faults(text: &str) -> Vec<String> {
     let read = DesignFile::from_toml("design.toml", text);
     let checked = read.and_then(|design| {
         let mut robot = RobotText::new(include_str!("../../../robots/agilebot.toml")).unwrap();
-        design.check("design.toml", text, &mut robot)
+        design.check("design.toml", text, |place| robot.value(place))
     });
     checked.unwrap_err().faults().map(|fault| format!("{fault}; {}", fault.help)).collect()
 }
@@ -40,7 +41,10 @@ fn a_design_has_parameters_within_bounds() {
     assert_eq!(design.parameters[0].step, Some(0.001));
     assert_eq!(design.parameters[1].place.axis, Some(Axis::Y));
     let mut robot = RobotText::new(include_str!("../../../robots/agilebot.toml")).unwrap();
-    assert_eq!(design.check("design.toml", DESIGN, &mut robot).unwrap(), [0.12, 0.08]);
+    assert_eq!(
+        design.check("design.toml", DESIGN, |place| robot.value(place)).unwrap(),
+        [0.12, 0.08]
+    );
 }
 
 #[test]
@@ -61,7 +65,7 @@ fn faults_say_what_would_be_right() {
         (
             "min_m = 0.09",
             "min_m = 0.13",
-            "is 0.12 m, outside its bounds 0.13 to 0.16; the robot file has 0.12 m",
+            "is 0.12 m, outside its bounds 0.13 to 0.16; it is 0.12 m in its file: include it",
         ),
         ("min_m = 0.07", "min_rad = 0.07", "unknown key `min_rad`"),
         ("mount = \"leg.y\"\n", "", "changes nothing; give one of length_of, joint, mount"),

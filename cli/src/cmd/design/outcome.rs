@@ -15,6 +15,7 @@ use rollwalk_planner::sensitivity::Feature;
 use rollwalk_planner::{Weights, plot};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use toml_edit::{DocumentMut, Item, Value};
 
 /// Rate at which features of two plans are compared, Hz.
 const RATE_HZ: f64 = 60.0;
@@ -25,7 +26,7 @@ const ROBOT_FIGURE: &str = "robot.svg";
 /// Where results go, and how.
 #[derive(clap::Args)]
 pub struct Folder {
-    /// Folder for the robot file, the plans, the figures and the report; made if it is missing.
+    /// Folder for the robot file, the motion files, the plans, the figures and the report; made if it is missing.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Print the report as JSON.
@@ -55,10 +56,14 @@ impl Folder {
         for motion in &designed.file.motions {
             let stem = Path::new(&motion.file).file_stem().unwrap_or_default();
             let mut name = stem.to_string_lossy().into_owned();
-            while motions.contains(&name) {
+            // The robot's file lies there, too.
+            while motions.contains(&name) || robot.with_extension("").ends_with(&name) {
                 name.push('_');
             }
             motions.push(name);
+        }
+        for name in &motions {
+            Output::of_source(&self.output.join(format!("{name}.toml")))?;
         }
         let place = Place { folder: self, robot, motions };
         for file in place.plans().chain(REPORT.map(str::to_owned)) {
@@ -88,6 +93,10 @@ impl Place<'_> {
             write(&file, &after.to_json())?;
             write(&format!("{name}.svg"), &plot::comparison(before, after))?;
         }
+        for (name, text) in self.motions.iter().zip(&after.variant.motion_texts) {
+            let place = Output::of_source(&folder.join(format!("{name}.toml")))?;
+            place.write(self.of_robot(text).as_bytes())?;
+        }
         if let (Some(before), Some(after)) = (before.plans().next(), after.plans().next()) {
             write(ROBOT_FIGURE, &plot::strip(&[before, after], 4))?;
         }
@@ -101,10 +110,22 @@ impl Place<'_> {
         } else {
             let robot = self.robot.display();
             output::print(&format!(
-                "{text}\nwrote {robot}, with plans, figures and report.md beside it"
+                "{text}\nwrote {robot}, with motions, plans, figures and report.md beside it"
             ))?;
         }
         Ok(if outcome.motions.iter().all(|of| of.holds) { Exit::Ok } else { Exit::DoesNotHold })
+    }
+
+    /// A motion file that names the robot file beside it.
+    fn of_robot(&self, text: &str) -> String {
+        let Ok(mut document) = text.parse::<DocumentMut>() else { return text.to_owned() };
+        if let Some(value) = document.get_mut("robot").and_then(Item::as_value_mut) {
+            let decor = value.decor().clone();
+            let robot = self.robot.file_name().unwrap_or_default().to_string_lossy();
+            *value = Value::from(robot.as_ref());
+            *value.decor_mut() = decor;
+        }
+        document.to_string()
     }
 
     fn figures(&self) -> String {

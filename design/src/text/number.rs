@@ -1,0 +1,69 @@
+//! Numbers of motion files that parameters change: `walk/duration_s`, `reach/target.1.up_m`.
+
+use super::{Nothing, number_of, replace};
+use toml_edit::{DocumentMut, Item, TableLike, Value};
+
+/// A number at a path of keys and, in arrays, places from 1.
+///
+/// # Errors
+/// There is none.
+pub fn value(document: &DocumentMut, path: &str) -> Result<f64, Nothing> {
+    let mut here: &dyn TableLike = document.as_table();
+    let mut parts = path.split('.').peekable();
+    while let Some(part) = parts.next() {
+        let Some(item) = here.get(part) else { return Err(missing(path, part, here)) };
+        if parts.peek().is_none() {
+            return number_of(item).ok_or_else(|| no_number(path));
+        }
+        here = match (item.as_table_like(), item.as_array_of_tables()) {
+            (Some(table), _) => table,
+            (_, Some(tables)) => {
+                let index = parts.next().and_then(index);
+                index.and_then(|at| tables.get(at)).ok_or_else(|| no_number(path))?
+            }
+            _ => return Err(no_number(path)),
+        };
+    }
+    Err(no_number(path))
+}
+
+/// Puts another number there, if there is one.
+pub fn set(document: &mut DocumentMut, path: &str, to: f64) {
+    let mut here: Option<&mut dyn TableLike> = Some(document.as_table_mut());
+    let mut parts = path.split('.').peekable();
+    while let (Some(part), Some(table)) = (parts.next(), here.take()) {
+        let Some(item) = table.get_mut(part) else { return };
+        if parts.peek().is_none() {
+            if let Item::Value(value @ (Value::Float(_) | Value::Integer(_))) = item {
+                replace(value, to);
+            }
+            return;
+        }
+        here = match item {
+            Item::ArrayOfTables(tables) => {
+                let index = parts.next().and_then(index);
+                index.and_then(|at| tables.get_mut(at)).map(|table| table as &mut dyn TableLike)
+            }
+            other => other.as_table_like_mut(),
+        };
+    }
+}
+
+fn index(part: &str) -> Option<usize> {
+    part.parse::<usize>().ok()?.checked_sub(1)
+}
+
+fn missing(path: &str, part: &str, table: &dyn TableLike) -> Nothing {
+    let known: Vec<&str> = table.iter().map(|(key, _)| key).collect();
+    Nothing {
+        problem: format!("the motion file has no `{part}` for `{path}`"),
+        help: format!("there are {}", known.join(", ")),
+    }
+}
+
+fn no_number(path: &str) -> Nothing {
+    Nothing {
+        problem: format!("`{path}` is no number of the motion file"),
+        help: "name a number, such as duration_s, goal.forward_m, or target.1.up_m of the first [[target]]".into(),
+    }
+}
