@@ -86,7 +86,7 @@ impl Goal {
         let (Lists { quantities: minimise, parameters: small }, large) = (small?, large?);
         let large = large.parameters.into_iter().map(|(index, weight)| (index, -weight));
         let parameters: Vec<_> = small.into_iter().chain(large).collect();
-        if minimise.is_empty() && parameters.is_empty() {
+        if !table.has("minimise") && !table.has("maximise") {
             table.fault(
                 "minimise",
                 "is missing",
@@ -115,7 +115,11 @@ fn list(
 ) -> Option<Lists> {
     let inner = table.table(key)?;
     let mut lists = Lists::default();
-    for NamedNumber { name, number, .. } in inner.named_numbers() {
+    let given = inner.named_numbers();
+    if given.is_empty() {
+        table.fault(key, "is empty", "nothing", "name a quantity or a parameter");
+    }
+    for NamedNumber { name, number, .. } in given {
         let quantity = names.iter().position(|known| *known == name);
         let parameter = parameters.iter().position(|known| known == name);
         if !(number > 0.0 && number <= 1e9) {
