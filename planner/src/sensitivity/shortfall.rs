@@ -14,7 +14,7 @@ use super::{Around, Design, NotOptimal, Parameter, failed, neighbour, same_patte
 use crate::diagnose::diagnose;
 use crate::families::Family;
 use crate::formulation::System;
-use crate::formulation::rows::Rows;
+use crate::formulation::rows::{Columns, Rows};
 use crate::motion::{Ends, Motion};
 use crate::plan::{Diagnosis, Plan, Status, Verdict};
 use crate::planning::{Options, Solution, from_near};
@@ -38,14 +38,27 @@ pub struct Shortfall {
     problem: Problem,
     motion: Motion,
     unknowns: Unknowns,
-    /// Multipliers that are held.
-    shifts: Vec<f64>,
-    pin: Option<Vec<f64>>,
+    held: Held,
     rows: Rows,
     energy: f64,
     /// Multipliers that the violations stand for, those that are held included.
     multipliers: Vec<f64>,
     steps: usize,
+}
+
+/// What stays as it is while the energy is minimised, and from one design to the next, so that energies can be compared.
+#[derive(Clone, Debug)]
+struct Held {
+    /// Multipliers, as shifts of the rows.
+    shifts: Vec<f64>,
+    /// Direction in which the point stays where it is, because nothing determines where it is along it.
+    pin: Option<Vec<f64>>,
+}
+
+impl Held {
+    fn minimum<'a>(&self, around: &'a Around<'a>) -> Result<Minimum<'a>, NoOptimum> {
+        Minimum::near(around, self.shifts.clone(), self.pin.clone())
+    }
 }
 
 /// How a shortfall changes with parameters.
@@ -80,26 +93,37 @@ impl Shortfall {
         let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
         let mut unknowns = start::neighbour(&problem, plan);
         problem.add_up(&mut unknowns);
-        Self::near(problem, motion, unknowns, None, progress)
+        let (shifts, pin) = {
+            let system = System::selected(&problem, Default::default());
+            let rows = system.values(&unknowns, Rows::default()).rows.len();
+            (vec![0.0; rows], time_shift::free(&problem, &unknowns, system.columns()))
+        };
+        let found = Self::near(problem, motion, unknowns, Held { shifts, pin }, progress)?;
+        if found.held.pin.is_none() {
+            return Ok(found);
+        }
+        // The direction is that of the motion at the end, not at the beginning.
+        let Self { problem, unknowns, mut held, steps, .. } = found;
+        held.pin = time_shift::free(&problem, &unknowns, &Columns::new(&problem));
+        let found = Self::near(problem, motion, unknowns, held, progress)?;
+        Ok(Self { steps: steps + found.steps, ..found })
     }
 
     fn near(
         problem: Problem,
         motion: &Motion,
         mut unknowns: Unknowns,
-        shifts: Option<Vec<f64>>,
+        held: Held,
         progress: &mut Watch<'_>,
     ) -> Result<Self, NotOptimal> {
         let failed = |reason| failed(motion, reason);
         let system = System::selected(&problem, Default::default());
-        let rows = system.rows(&unknowns, Rows::default());
-        let shifts = shifts.unwrap_or_else(|| vec![0.0; rows.rows.len()]);
-        if shifts.len() != rows.rows.len() {
+        let rows = system.values(&unknowns, Rows::default());
+        if held.shifts.len() != rows.rows.len() {
             return Err(NotOptimal::OtherRows { motion: motion.name.clone() });
         }
-        let pin = time_shift::free(&problem, &unknowns, system.columns());
         let around = Around { system: &system, unknowns: &unknowns };
-        let mut minimum = Minimum::near(&around, shifts.clone(), pin.clone()).map_err(failed)?;
+        let mut minimum = held.minimum(&around).map_err(failed)?;
         let mut steps = 0;
         while !minimum.step().map_err(failed)? {
             steps += 1;
@@ -118,7 +142,7 @@ impl Shortfall {
         unknowns = system.moved(&unknowns, &position);
         drop(system);
         let motion = motion.clone();
-        Ok(Self { problem, motion, unknowns, shifts, pin, rows, energy, multipliers, steps })
+        Ok(Self { problem, motion, unknowns, held, rows, energy, multipliers, steps })
     }
 
     /// The motion.
@@ -183,9 +207,8 @@ impl Shortfall {
         let failed = |reason| failed(&self.motion, reason);
         let system = System::selected(&self.problem, Default::default());
         let around = Around { system: &system, unknowns: &self.unknowns };
-        let minimum =
-            Minimum::near(&around, self.shifts.clone(), self.pin.clone()).map_err(failed)?;
-        let curvatures = self.rows.rows.iter().zip(&self.shifts).map(|(row, &shift)| {
+        let minimum = self.held.minimum(&around).map_err(failed)?;
+        let curvatures = self.rows.rows.iter().zip(&self.held.shifts).map(|(row, &shift)| {
             if row.counts(shift) { row_energy(row, shift, system.penalty())[2] } else { 0.0 }
         });
         let curvatures: Vec<f64> = curvatures.collect();
@@ -244,7 +267,7 @@ impl Shortfall {
             let step: Vec<f64> = change.iter().map(|x| amount * x).collect();
             unknowns = system.moved(&unknowns, &step);
         }
-        Self::near(problem, design.motion, unknowns, Some(self.shifts.clone()), progress)
+        Self::near(problem, design.motion, unknowns, self.held.clone(), progress)
     }
 
     /// The same with its violations turned into multipliers, so that they become less where the design can do the motion.
@@ -253,7 +276,8 @@ impl Shortfall {
     /// No minimum is found, or `progress` stopped it.
     pub fn pressed(&self, progress: &mut Watch<'_>) -> Result<Self, NotOptimal> {
         let (problem, unknowns) = (self.problem.clone(), self.unknowns.clone());
-        Self::near(problem, &self.motion, unknowns, Some(self.multipliers.clone()), progress)
+        let held = Held { shifts: self.multipliers.clone(), ..self.held.clone() };
+        Self::near(problem, &self.motion, unknowns, held, progress)
     }
 
     /// Plans the motion from here: a plan like others, which converges if the design can do it.
@@ -294,7 +318,7 @@ impl Shortfall {
     }
 
     fn energy_of(&self, rows: &Rows) -> f64 {
-        NormalEquations::energy(rows, &self.shifts, self.problem.weights.penalty)
+        NormalEquations::energy(rows, &self.held.shifts, self.problem.weights.penalty)
     }
 }
 

@@ -74,7 +74,7 @@ fn compare(motion: &Motion, made: fn(f64) -> Robot, lengths: [f64; 2]) -> Shortf
     let by = lengths[0];
     let [ahead, behind] = [at(by), at(-by)].map(|there| there.unknowns);
     let scale = &short.problem.layout.scale;
-    let columns = crate::formulation::rows::Columns::new(&short.problem);
+    let columns = Columns::new(&short.problem);
     let (mut off, mut all) = (0.0_f64, 0.0_f64);
     for (slot, columns) in columns.of_slot.iter().enumerate() {
         for (variable, column) in columns.iter().enumerate() {
@@ -126,4 +126,32 @@ fn a_target_above_the_legs_falls_short_by_what_differences_say() {
     });
     let short = compare(&walk, legs, [2e-5, 4e-5]);
     assert_eq!(short.worst().0, Family::TargetPosition);
+}
+
+/// SwizzleBot with wheels larger by so much.
+fn swizzling_wheels(by_m: f64) -> Robot {
+    let mut robot = robot("swizzlebot");
+    robot.end_effectors.iter_mut().for_each(|wheel| wheel.radius_m += by_m);
+    robot
+}
+
+#[test]
+fn a_motion_without_a_clock_falls_short_by_what_differences_say() {
+    let mut swizzle = motion("swizzlebot_forward", &swizzling_wheels(0.0));
+    swizzle.goal.forward_m = Some(8.0);
+    let options = Options { start: Start::Sinusoid, ..options() };
+    let plan = optimise(&swizzling_wheels(0.0), &swizzle, &options, &mut on);
+    let short = Shortfall::of(&plan, &options, &mut on).unwrap();
+    assert!(short.held.pin.is_some());
+    let design = |robot| Design { robot, motion: &swizzle };
+    let at = |by: f64| {
+        let robot = swizzling_wheels(by);
+        let design = Design { robot: &robot, motion: &swizzle };
+        short.of_neighbour(design, &[], &mut on).unwrap().energy()
+    };
+    let [ahead, behind] = [1e-5, -1e-5].map(swizzling_wheels);
+    let parameter = Parameter { ahead: design(&ahead), behind: design(&behind), apart: 2e-5 };
+    let slope = short.gradient(&[parameter]).unwrap()[0];
+    let difference = (at(5e-5) - at(-5e-5)) / 1e-4;
+    assert!((slope / difference - 1.0).abs() < 1e-4, "{slope} {difference}");
 }
