@@ -7,6 +7,7 @@ use crate::files::{self, Named};
 use crate::kind::Kind;
 use crate::shipped;
 use miette::{Report, miette};
+use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
 use rollwalk_physics::ground::{self, Ground};
@@ -219,6 +220,15 @@ impl Source {
         let motions = file.motions.iter().map(|motion| beside(&motion.file, Kind::Motion));
         let motions = motions.collect::<miette::Result<_>>()?;
         Designed::new(&design.into(), robot, motions).map_err(Report::new)
+    }
+
+    /// Reads and validates a catalogue of servos.
+    ///
+    /// # Errors
+    /// The file is missing, or everything that is wrong in it.
+    pub fn catalog(self, path: &Path) -> miette::Result<Catalog> {
+        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Servos)?;
+        Catalog::from_toml(&name, &text).map_err(Kind::Servos.explain(path, &text))
     }
 
     /// Reads and validates a terrain file.

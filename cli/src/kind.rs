@@ -20,6 +20,8 @@ pub enum Kind {
     Library,
     /// A design file.
     Design,
+    /// A catalogue of servos.
+    Servos,
     /// A plan.
     Plan,
     /// A problem file.
@@ -56,6 +58,7 @@ impl fmt::Display for Kind {
             Self::Motion => "motion file (TOML)",
             Self::Library => "library file (TOML)",
             Self::Design => "design file (TOML)",
+            Self::Servos => "catalogue of servos (TOML)",
             Self::Plan => "plan (JSON)",
             Self::Problem => "problem file (JSON)",
             Self::Urdf => "URDF file (XML)",
@@ -106,7 +109,12 @@ impl Kind {
     /// Most bytes of such a file; the bounds are a hundred times what robots need.
     pub fn max_bytes(self) -> u64 {
         match self {
-            Self::Robot | Self::Motion | Self::Library | Self::Design | Self::Side => 1 << 20,
+            Self::Robot
+            | Self::Motion
+            | Self::Library
+            | Self::Design
+            | Self::Servos
+            | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names => 1 << 20,
             // A file of `--rotate`: some ten minutes.
             Self::WorldLog | Self::Run => 256 << 20,
@@ -128,6 +136,9 @@ impl Kind {
             Self::Motion => "docs/motion-files.md shows how to write one",
             Self::Library => "give the path of a library file; docs/motion-files.md describes them",
             Self::Design => "docs/design.md shows how to write one",
+            Self::Servos => {
+                "leave --servos out for the catalogue that ships; docs/design.md has the format"
+            }
             Self::Plan => "make one with `rollwalk plan MOTION.toml -o PLAN.json`",
             Self::Problem => {
                 "make one with `rollwalk plan MOTION.toml -o PLAN.json --dump PROBLEM.json`"
@@ -158,6 +169,7 @@ impl Kind {
             Self::Motion => "a motion file",
             Self::Library => "a library file",
             Self::Design => "a design file",
+            Self::Servos => "a catalogue of servos",
             Self::Plan => "a plan",
             Self::Problem => "a problem file",
             Self::Urdf => "a URDF",
@@ -182,6 +194,7 @@ impl Kind {
             Self::Motion => "`rollwalk plan` reads it; library files name it in [[motion]]",
             Self::Library => "`rollwalk library build` and `rollwalk demo --library` read it",
             Self::Design => "`rollwalk design check` reads it",
+            Self::Servos => "`rollwalk design limits --servos` reads it",
             Self::Plan => "`rollwalk report`, `plot` and `export` read it",
             Self::Problem => "`rollwalk plan` solves it again",
             Self::Urdf => "`rollwalk robot import` makes a robot file of it",

@@ -5,7 +5,9 @@
 //!
 //! | module | is |
 //! |---|---|
+//! | [`catalog`] | servos that can be bought, and what motions may use of them |
 //! | [`designed`] | a robot under design: its file at any values of the parameters, with its motions |
+//! | [`duty`] | what motors must do, and which servos would do it |
 //! | [`file`](mod@file) | design files: parameters with their bounds, beside a robot file |
 //! | [`goal`] | what a design is optimised for |
 //! | [`keep`](mod@keep) | semi-automatic changes: some parameters are given, the others keep a feature of the motions |
@@ -15,7 +17,9 @@
 //! | [`repair`](mod@repair) | the least change after which motions can be done that cannot be done as it is |
 //! | [`text`] | a robot file in which parameters change numbers |
 
+pub mod catalog;
 pub mod designed;
+pub mod duty;
 pub mod file;
 pub mod goal;
 pub mod keep;

@@ -1,6 +1,8 @@
 //! Designs of AgileBot: changed by hand, keeping its pitch, and optimised.
 
+use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::{Designed, NamedText};
+use rollwalk_design::duty::{self, Duty};
 use rollwalk_design::goal::Goal;
 use rollwalk_design::keep::keep;
 use rollwalk_design::optimise::optimise;
@@ -169,5 +171,24 @@ fn numbers_of_motions_are_parameters_and_parameters_are_goals() {
         let fault = error.faults().next().unwrap();
         let found = format!("{fault} {}", fault.help);
         assert!(found.contains(problem) && found.contains(help), "{to}: {found}");
+    }
+}
+
+#[test]
+fn motors_have_duties_and_the_catalogue_has_servos_for_them() {
+    let designed = legs(&["motions/trot.toml"]);
+    let duties = duty::duties(&planned(&designed));
+    let named = |duty: &Duty| (duty.model.clone(), duty.wheels, duty.motors.len());
+    let expected =
+        [("XM430-W210-T", false, 8), ("XM540-W150-T", false, 8), ("XM430-W210-T", true, 4)];
+    let expected = expected.map(|(model, wheels, count)| (model.to_owned(), wheels, count));
+    assert_eq!(duties.iter().map(named).collect::<Vec<_>>(), expected);
+    let catalog = Catalog::shipped();
+    for duty in &duties {
+        let servos = duty.servos(&catalog);
+        assert!(servos.iter().any(|servo| servo.name == duty.model), "its own does it: {duty:?}");
+        assert!(servos.windows(2).all(|pair| pair[0].mass_kg <= pair[1].mass_kg));
+        let weak = servos.iter().find(|servo| servo.torque_max_nm < duty.torque_nm);
+        assert_eq!(weak, None);
     }
 }

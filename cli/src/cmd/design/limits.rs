@@ -2,20 +2,24 @@
 
 use super::{Shown, plan_original, read, report};
 use crate::Exit;
+use crate::inputs::Source;
 use crate::output::{self, Table};
+use rollwalk_design::catalog::Catalog;
+use rollwalk_design::duty::{self, Duty};
 use rollwalk_design::plans::{self, Failed};
 use rollwalk_planner::Options;
 use rollwalk_planner::sensitivity::Price;
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Constraints that are shown.
+/// Constraints and servos that are shown.
 const SHOWN: usize = 12;
+const NAMED: usize = 4;
 
 /// Show what limits the motions of a design.
 ///
 /// The multipliers of a plan's constraints are prices: how much better the best plan were if a limit were less tight. What does not
-/// push has no price.
+/// push has no price. Then what the motors must do in all motions, and the lightest servos of a catalogue that would do.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -24,9 +28,31 @@ pub struct Args {
     /// Design file (TOML).
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
+    /// Catalogue of servos (TOML) [default: the one that ships, servos/servos.toml].
+    #[arg(long, value_name = "SERVOS.toml")]
+    servos: Option<PathBuf>,
     /// Print as JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// Output of `--json`.
+#[derive(Serialize)]
+struct Document {
+    motions: Vec<Limits>,
+    motors: Vec<Motors>,
+}
+
+/// What the motors of one model must do.
+#[derive(Serialize)]
+struct Motors {
+    model: String,
+    wheels: bool,
+    motors: Vec<String>,
+    speed_rad_s: f64,
+    torque_nm: f64,
+    /// Names of servos that would do it, lightest first.
+    servos: Vec<String>,
 }
 
 /// Prices of a motion in the output of `--json`.
@@ -53,6 +79,10 @@ struct Limit {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
+    let catalog = match &args.servos {
+        Some(path) => Source::Disk.catalog(path)?,
+        None => Catalog::shipped(),
+    };
     let mut shown = Shown::new("planning");
     let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
     let plans = plan_original(&designed, watch)?;
@@ -75,12 +105,49 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         all.push(Limits { motion, prices, estimated });
     }
     drop(shown);
+    let motors: Vec<Motors> = duty::duties(&plans).iter().map(|of| motors(of, &catalog)).collect();
     if args.json {
-        output::print_json(&all)?;
+        output::print_json(&Document { motions: all, motors })?;
     } else {
-        output::print(&all.iter().map(describe).collect::<Vec<_>>().join("\n\n"))?;
+        let tables: Vec<String> = all.iter().map(describe).chain([choices(&motors)]).collect();
+        output::print(&tables.join("\n\n"))?;
     }
     Ok(Exit::Ok)
+}
+
+fn motors(duty: &Duty, catalog: &Catalog) -> Motors {
+    Motors {
+        model: duty.model.clone(),
+        wheels: duty.wheels,
+        motors: duty.motors.clone(),
+        speed_rad_s: duty.speed_rad_s,
+        torque_nm: duty.torque_nm,
+        servos: duty.servos(catalog).into_iter().map(|servo| servo.name.clone()).collect(),
+    }
+}
+
+/// What motors must do, and the lightest servos that would do.
+fn choices(motors: &[Motors]) -> String {
+    let titles = ["motors", "at most rad/s", "at most N·m", "lightest servos that do it"];
+    let mut table = Table::new(titles);
+    for of in motors {
+        let servos = match &of.servos[..] {
+            [] => "none of the catalogue".to_owned(),
+            some => some[..some.len().min(NAMED)].join(", "),
+        };
+        table.row([
+            format!(
+                "{} {} × {}",
+                of.motors.len(),
+                if of.wheels { "wheels" } else { "joints" },
+                of.model
+            ),
+            format!("{:.2}", of.speed_rad_s),
+            format!("{:.2}", of.torque_nm),
+            servos,
+        ]);
+    }
+    table.render()
 }
 
 fn limit(price: Price) -> Limit {

@@ -1,0 +1,106 @@
+//! What motors must do in the motions of a design, and which servos would do it.
+
+use crate::catalog::{Catalog, Servo};
+use crate::plans::Plans;
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::sample::{PlanSpline, driven_wheels};
+use rollwalk_planner::torque::InverseDynamics;
+use rollwalk_robot::Actuator;
+
+/// Times per second at which motors are looked at: those of motion libraries.
+const RATE_HZ: f64 = 60.0;
+
+/// What the motors of one model must do: joints or wheels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Duty {
+    /// Model of the actuator, as the robot file has it.
+    pub model: String,
+    /// Whether they turn wheels.
+    pub wheels: bool,
+    /// Names of the joints and wheels that it drives.
+    pub motors: Vec<String>,
+    /// Largest speed in any motion, rad/s.
+    pub speed_rad_s: f64,
+    /// Largest torque in any motion, N·m.
+    pub torque_nm: f64,
+    /// Speeds and torques at once, amounts.
+    points: Vec<[f64; 2]>,
+}
+
+impl Duty {
+    /// Whether a servo can do it: largest speed and torque, and the torque-speed line of a motor.
+    pub fn can(&self, servo: &Servo) -> bool {
+        let on_line = |[speed, torque]: &[f64; 2]| {
+            let stall = servo.stall_torque_nm.map_or(0.0, |stall| torque / stall);
+            stall + speed / servo.no_load_speed_rad_s <= 1.0
+        };
+        let speed_max_rad_s =
+            if self.wheels { servo.wheel_speed_max_rad_s() } else { servo.speed_max_rad_s };
+        self.speed_rad_s <= speed_max_rad_s
+            && self.torque_nm <= servo.torque_max_nm
+            && self.points.iter().all(on_line)
+    }
+
+    /// Servos of a catalogue that can do it, lightest first.
+    pub fn servos<'c>(&self, catalog: &'c Catalog) -> Vec<&'c Servo> {
+        let mut servos: Vec<&Servo> =
+            catalog.servos().iter().filter(|servo| self.can(servo)).collect();
+        servos.sort_by(|a, b| a.mass_kg.total_cmp(&b.mass_kg));
+        servos
+    }
+}
+
+/// What the motors of a design must do in its motions, by model.
+pub fn duties(plans: &Plans) -> Vec<Duty> {
+    let mut duties: Vec<Duty> = Vec::new();
+    for plan in plans.plans() {
+        let robot = &plan.robot;
+        let joints = robot.joints.iter().map(|joint| (&joint.name, &joint.actuator));
+        let wheels =
+            robot.end_effectors.iter().filter_map(|of| Some((&of.name, of.contact.actuator()?)));
+        let motors: Vec<(&String, &Actuator)> = joints.chain(wheels).collect();
+        for (index, points) in points(plan).into_iter().enumerate() {
+            let (name, actuator) = motors[index];
+            let (model, wheels) = (&actuator.model, index >= robot.joints.len());
+            let at = duties.iter().position(|duty| duty.model == *model && duty.wheels == wheels);
+            let at = at.unwrap_or_else(|| {
+                duties.push(Duty {
+                    model: model.clone(),
+                    wheels,
+                    motors: Vec::new(),
+                    speed_rad_s: 0.0,
+                    torque_nm: 0.0,
+                    points: Vec::new(),
+                });
+                duties.len() - 1
+            });
+            let duty = &mut duties[at];
+            if !duty.motors.contains(name) {
+                duty.motors.push(name.clone());
+            }
+            let largest =
+                |of: usize, least: f64| points.iter().map(|p| p[of]).fold(least, f64::max);
+            duty.speed_rad_s = largest(0, duty.speed_rad_s);
+            duty.torque_nm = largest(1, duty.torque_nm);
+            duty.points.extend(points);
+        }
+    }
+    duties
+}
+
+/// Speeds and torques of each motor, joints first, then driven wheels, as played.
+fn points(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
+    let (spline, mut inverse) = (PlanSpline::new(plan), InverseDynamics::new(plan));
+    let wheels = driven_wheels(&plan.robot).count();
+    let frames = (plan.motion.duration_s * RATE_HZ).round() as usize;
+    let mut points = vec![Vec::with_capacity(frames); plan.robot.joints.len() + wheels];
+    for frame in 0..frames {
+        let time_s = frame as f64 / RATE_HZ;
+        let (speeds, torques) = (spline.setpoints(time_s), inverse.at(time_s));
+        let speeds = speeds.joint_speed_rad_s.iter().chain(&speeds.motor_speed_rad_s);
+        for (points, (speed, torque)) in points.iter_mut().zip(speeds.zip(torques.channels_nm())) {
+            points.push([speed.abs(), torque.abs()]);
+        }
+    }
+    points
+}
