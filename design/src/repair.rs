@@ -111,7 +111,7 @@ pub struct Repair {
 /// Whether a design can do its motions.
 #[derive(Clone, Debug)]
 pub enum Outcome {
-    /// It can: here are plans of all of them.
+    /// It can: here are plans of all of them, which converged; one may still fail as it is played, and its status says so.
     Feasible(Vec<Solution>),
     /// No design near the bounds' best one can.
     Nearest(Nearest),

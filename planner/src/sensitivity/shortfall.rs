@@ -29,8 +29,8 @@ use rollwalk_multibody::euler::Model;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-/// Newton steps to the least energy.
-const STEPS: usize = 300;
+/// Newton steps to the least energy: few near it, hundreds where a request is far from what a robot can do.
+const STEPS: usize = 1000;
 
 /// The point at which a motion violates its constraints least, on a design that cannot do it or nearly can.
 #[derive(Clone, Debug)]
