@@ -10,6 +10,7 @@ use miette::{Report, miette};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
+use rollwalk_design::sweep::{Files, Ready, Sweep};
 use rollwalk_physics::ground::{self, Ground};
 use rollwalk_planner::library_file::{LibraryFile, MotionSource};
 use rollwalk_planner::motion::{Ends, Motion};
@@ -210,7 +211,16 @@ impl Source {
     /// # Errors
     /// A file is missing, or everything that is wrong in it, or parameters that do not fit the robot.
     pub fn design(self, path: &Path) -> miette::Result<Designed> {
-        let design = self.text(path, Named::ByUser, Kind::Design)?;
+        Ok(self.design_and_texts(path, Named::ByUser)?.0)
+    }
+
+    /// Reads and validates a design file with what it names; the texts of all come, too.
+    fn design_and_texts(
+        self,
+        path: &Path,
+        named: Named,
+    ) -> miette::Result<(Designed, Vec<String>)> {
+        let design = self.text(path, named, Kind::Design)?;
         let explain = || Kind::Design.explain(path, &design.text);
         let file = DesignFile::from_toml(&design.path, &design.text).map_err(explain())?;
         let beside = |named: &str, kind: Kind| {
@@ -218,8 +228,46 @@ impl Source {
         };
         let robot = beside(&file.robot, Kind::Robot)?;
         let motions = file.motions.iter().map(|motion| beside(&motion.file, Kind::Motion));
-        let motions = motions.collect::<miette::Result<_>>()?;
-        Designed::new(&design.into(), robot, motions).map_err(Report::new)
+        let motions = motions.collect::<miette::Result<Vec<_>>>()?;
+        let texts =
+            [&design.text, &robot.text].into_iter().chain(motions.iter().map(|of| &of.text));
+        let texts = texts.cloned().collect();
+        Ok((Designed::new(&design.into(), robot, motions).map_err(Report::new)?, texts))
+    }
+
+    /// Reads and validates a sweep file with what it names, and a catalogue; also all texts, from which a digest can be made.
+    ///
+    /// # Errors
+    /// A file is missing, or everything that is wrong in it, or axes that do not fit.
+    pub fn sweep(self, path: &Path, servos: Option<&Path>) -> miette::Result<(Ready, Vec<String>)> {
+        let file = self.text(path, Named::ByUser, Kind::Sweep)?;
+        let sweep = Sweep::from_toml(&file.path, &file.text)
+            .map_err(Kind::Sweep.explain(path, &file.text))?;
+        let mut texts = vec![file.text.clone()];
+        let design = match &sweep.design {
+            Some(design) => {
+                let (design, more) = self.design_and_texts(&beside(path, design), Named::InFile)?;
+                texts.extend(more);
+                Some(design)
+            }
+            None => None,
+        };
+        let (robots, motions) = sweep.files();
+        let named = robots.into_iter().map(|robot| (robot, Kind::Robot));
+        let named = named.chain(motions.into_iter().map(|motion| (motion, Kind::Motion)));
+        let mut files = Files::new();
+        for (name, kind) in named {
+            let text = self.text(&beside(path, name), Named::InFile, kind)?;
+            texts.push(text.text.clone());
+            files.insert(name.clone(), text.into());
+        }
+        let catalog = match servos {
+            Some(path) => self.catalog(path)?,
+            None => Catalog::shipped(),
+        };
+        texts.push(format!("{catalog:?}"));
+        let ready = Ready::new(&file.into(), design, files, catalog).map_err(Report::new)?;
+        Ok((ready, texts))
     }
 
     /// Reads and validates a catalogue of servos.

@@ -22,6 +22,8 @@ pub enum Kind {
     Design,
     /// A catalogue of servos.
     Servos,
+    /// A sweep over designs.
+    Sweep,
     /// A plan.
     Plan,
     /// A problem file.
@@ -59,6 +61,7 @@ impl fmt::Display for Kind {
             Self::Library => "library file (TOML)",
             Self::Design => "design file (TOML)",
             Self::Servos => "catalogue of servos (TOML)",
+            Self::Sweep => "sweep file (TOML)",
             Self::Plan => "plan (JSON)",
             Self::Problem => "problem file (JSON)",
             Self::Urdf => "URDF file (XML)",
@@ -114,6 +117,7 @@ impl Kind {
             | Self::Library
             | Self::Design
             | Self::Servos
+            | Self::Sweep
             | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names => 1 << 20,
             // A file of `--rotate`: some ten minutes.
@@ -139,6 +143,7 @@ impl Kind {
             Self::Servos => {
                 "leave --servos out for the catalogue that ships; docs/design.md has the format"
             }
+            Self::Sweep => "docs/design-exploration.md shows how to write one",
             Self::Plan => "make one with `rollwalk plan MOTION.toml -o PLAN.json`",
             Self::Problem => {
                 "make one with `rollwalk plan MOTION.toml -o PLAN.json --dump PROBLEM.json`"
@@ -170,6 +175,7 @@ impl Kind {
             Self::Library => "a library file",
             Self::Design => "a design file",
             Self::Servos => "a catalogue of servos",
+            Self::Sweep => "a sweep file",
             Self::Plan => "a plan",
             Self::Problem => "a problem file",
             Self::Urdf => "a URDF",
@@ -195,6 +201,7 @@ impl Kind {
             Self::Library => "`rollwalk library build` and `rollwalk demo --library` read it",
             Self::Design => "`rollwalk design check` reads it",
             Self::Servos => "`rollwalk design limits --servos` reads it",
+            Self::Sweep => "`rollwalk design explore` reads it",
             Self::Plan => "`rollwalk report`, `plot` and `export` read it",
             Self::Problem => "`rollwalk plan` solves it again",
             Self::Urdf => "`rollwalk robot import` makes a robot file of it",

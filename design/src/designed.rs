@@ -1,5 +1,6 @@
 //! A robot under design: the robot file at any values of its parameters, with the motions that it is for.
 
+use crate::catalog::Servo;
 use crate::file::DesignFile;
 use crate::parameter::{Kind, Place};
 use crate::text::{Nothing, RobotText, number};
@@ -95,6 +96,49 @@ impl Designed {
         let designed = Self { file, robot, text, motions, original };
         designed.at(&designed.original)?;
         Ok(designed)
+    }
+
+    /// A robot file and motions of which nothing may change.
+    ///
+    /// # Errors
+    /// Everything that is wrong with one of them.
+    pub fn fixed(robot: NamedText, motions: Vec<NamedText>) -> Result<Self, DocumentError> {
+        Robot::from_toml(&robot.name, &robot.text)?;
+        let text = RobotText::new(&robot.text).unwrap_or_default();
+        let file = DesignFile::default();
+        let motions = motions.into_iter().map(MotionText::new).collect();
+        let designed = Self { file, robot, text, motions, original: Vec::new() };
+        designed.at(&[])?;
+        Ok(designed)
+    }
+
+    /// The same with other motions.
+    ///
+    /// # Errors
+    /// They do not fit the robot.
+    pub fn with_motions(mut self, motions: Vec<NamedText>) -> Result<Self, DocumentError> {
+        self.motions = motions.into_iter().map(MotionText::new).collect();
+        self.at(&self.original)?;
+        Ok(self)
+    }
+
+    /// The same with the speed, torque and torque-speed line of another servo in an actuator of the robot file. Its mass is not
+    /// changed: the file does not say which parts are servos.
+    ///
+    /// # Errors
+    /// The robot file breaks a rule with it.
+    pub fn with_servo(mut self, actuator: &str, servo: &Servo) -> Result<Self, DocumentError> {
+        self.text.set_servo(actuator, servo);
+        self.at(&self.original)?;
+        Ok(self)
+    }
+
+    /// Present value of a place in the robot file.
+    ///
+    /// # Errors
+    /// The robot has no such part.
+    pub fn value_of(&self, place: &Place) -> Result<f64, Nothing> {
+        self.text.clone().value(place)
     }
 
     /// Values of the parameters in the robot file.

@@ -41,7 +41,7 @@ const PARAMETERS_MAX: usize = 64;
 const MOTIONS_MAX: usize = 32;
 
 /// What may change about a robot, and for which motions.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct DesignFile {
     /// Name of the design.
     pub name: String,

@@ -15,6 +15,7 @@
 //! | [`parameter`] | kinds of parameters |
 //! | [`plans`] | plans of all motions of a design |
 //! | [`repair`](mod@repair) | the least change after which motions can be done that cannot be done as it is |
+//! | [`sweep`] | sweeps over designs, in parts that know nothing of each other |
 //! | [`text`] | a robot file in which parameters change numbers |
 
 pub mod catalog;
@@ -28,4 +29,5 @@ pub mod parameter;
 pub mod plans;
 mod quadratic;
 pub mod repair;
+pub mod sweep;
 pub mod text;

@@ -3,6 +3,7 @@
 pub(crate) mod number;
 mod split;
 
+use crate::catalog::Servo;
 use crate::parameter::{Kind, Place};
 use nalgebra::Vector3;
 use std::fmt;
@@ -148,6 +149,30 @@ impl RobotText {
             Kind::MotionLength | Kind::MotionTime | Kind::MotionAngle => {}
         }
         Ok(())
+    }
+
+    /// Gives an actuator what another servo can do.
+    pub(crate) fn set_servo(&mut self, actuator: &str, servo: &Servo) {
+        let all = self.document.get_mut("actuator").and_then(Item::as_table_like_mut);
+        let found = all.and_then(|all| all.get_mut(actuator)).and_then(Item::as_table_like_mut);
+        let Some(table) = found else { return };
+        if let Some(model) = table.get_mut("model").and_then(Item::as_value_mut) {
+            let decor = model.decor().clone();
+            *model = Value::from(servo.name.as_str());
+            *model.decor_mut() = decor;
+        }
+        set_number(table.get_mut("speed_max_rad_s"), servo.speed_max_rad_s);
+        set_number(table.get_mut("torque_max_nm"), servo.torque_max_nm);
+        match servo.stall_torque_nm {
+            Some(stall_nm) => {
+                set_number(table.get_mut("stall_torque_nm"), stall_nm);
+                set_number(table.get_mut("no_load_speed_rad_s"), servo.no_load_speed_rad_s);
+            }
+            None => {
+                table.remove("stall_torque_nm");
+                table.remove("no_load_speed_rad_s");
+            }
+        }
     }
 
     /// The places that a name with `*` stands for in a robot's own parts; in templates `*` is the limb's name.

@@ -8,6 +8,7 @@ mod console;
 mod demo;
 mod designs;
 mod diagnosis;
+mod explored;
 mod files;
 mod grounded;
 mod identified;

@@ -2,6 +2,8 @@
 
 mod check;
 mod edit;
+mod engine;
+mod explore;
 mod given;
 mod keep;
 mod limits;
@@ -28,6 +30,7 @@ pub enum Action {
     Keep(keep::Args),
     Optimise(optimise::Args),
     Limits(limits::Args),
+    Explore(explore::Args),
 }
 
 /// Runs the subcommand.
@@ -39,6 +42,7 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
         Action::Keep(args) => keep::run(args),
         Action::Optimise(args) => optimise::run(args),
         Action::Limits(args) => limits::run(args),
+        Action::Explore(args) => explore::run(args),
     };
     match done {
         Err(report) if report.downcast_ref::<Stopped>().is_some() => Ok(Exit::Interrupted),

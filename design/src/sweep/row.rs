@@ -1,0 +1,134 @@
+//! Rows of a sweep: a motion at a point.
+
+use super::{Axis, Ready};
+use crate::designed::Designed;
+use crate::goal::Quantity;
+use crate::plans::{Failed, Plans, Watch};
+use rollwalk_planner::Weights;
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::report::Report;
+use rollwalk_robot::document::DocumentError;
+use serde::{Deserialize, Serialize};
+
+/// A motion at a point.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// Number of the point.
+    pub point: u64,
+    /// What the point is called on every axis.
+    pub labels: Vec<String>,
+    /// Name of the motion; empty where there is no such robot.
+    pub motion: String,
+    /// What became of its plan.
+    pub status: String,
+    /// Whether it may be played.
+    pub holds: bool,
+    /// Why there is no plan; empty if there is one.
+    pub reason: String,
+    /// Iterations of the planner.
+    pub iterations: u64,
+    /// Values of all quantities, in the order of [`Quantity::ALL`]; absent where a motion has none.
+    pub quantities: Vec<Option<f64>>,
+}
+
+/// Computes a chain.
+pub fn chain(ready: &Ready, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<Row>, Failed> {
+    let sweep = &ready.sweep;
+    let start = sweep.start(chain);
+    let designed = ready.designed(&start);
+    let mut rows = Vec::new();
+    let mut before: Option<Plans> = None;
+    for along in 0..sweep.chain_len() {
+        let mut at = start.clone();
+        if let Some(inner) = sweep.inner() {
+            at[inner] = along;
+        }
+        let point = (chain * sweep.chain_len() + along) as u64;
+        let labels: Vec<String> =
+            sweep.axes.iter().zip(&at).map(|(axis, &at)| axis.label(at)).collect();
+        let planned = match &designed {
+            Ok(designed) => planned(designed, &sweep.axes, &at, before.as_ref(), watch),
+            Err(error) => Err(Failed::Robot(error.clone())),
+        };
+        match planned {
+            Ok(plans) => {
+                rows.extend(plans.plans().map(|plan| row(point, labels.clone(), plan)));
+                before = plans.all_solved().is_ok().then_some(plans);
+            }
+            Err(Failed::Interrupted) => return Err(Failed::Interrupted),
+            Err(reason) => {
+                rows.push(without_plan(point, labels, &reason));
+                before = None;
+            }
+        }
+    }
+    Ok(rows)
+}
+
+/// Plans of a point, from those of its neighbour if it has been planned.
+fn planned(
+    designed: &Designed,
+    axes: &[Axis],
+    at: &[usize],
+    before: Option<&Plans>,
+    watch: &mut Watch<'_>,
+) -> Result<Plans, Failed> {
+    let mut values = designed.original().to_vec();
+    for (axis, &at) in axes.iter().zip(at) {
+        if let Axis::Parameter { name, values: along } = axis
+            && let Some(index) = designed.file.parameters.iter().position(|of| of.name == *name)
+        {
+            values[index] = along[at];
+        }
+    }
+    match before {
+        Some(before) => designed.plan_from(before, &values, true, watch),
+        None => designed.plan(&values, watch),
+    }
+}
+
+fn row(point: u64, labels: Vec<String>, plan: &Plan) -> Row {
+    let solve = &plan.solve;
+    let is_solved = solve.status.is_solved();
+    let quantity = |of: Quantity| {
+        let value = is_solved.then(|| of.objective.of_plan(plan, &Weights::default()));
+        value.filter(|value| value.is_finite())
+    };
+    let reason = solve.diagnosis.as_ref().map(ToString::to_string).unwrap_or_default();
+    Row {
+        point,
+        labels,
+        motion: plan.motion.name.clone(),
+        status: solve.status.to_string(),
+        holds: is_solved && Report::new(plan).judgement.is_good(),
+        reason: one_line(&reason),
+        iterations: solve.iterations as u64,
+        quantities: Quantity::ALL.map(quantity).to_vec(),
+    }
+}
+
+fn without_plan(point: u64, labels: Vec<String>, reason: &Failed) -> Row {
+    let text = match reason {
+        Failed::Robot(error) => faults(error),
+        other => other.to_string(),
+    };
+    Row {
+        point,
+        labels,
+        motion: String::new(),
+        status: "no such robot".to_owned(),
+        holds: false,
+        reason: one_line(&text),
+        iterations: 0,
+        quantities: vec![None; Quantity::ALL.len()],
+    }
+}
+
+fn faults(error: &DocumentError) -> String {
+    error.faults().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
