@@ -10,6 +10,7 @@ mod board;
 mod cantools;
 mod debian;
 mod deny;
+mod explore;
 mod fuzz;
 mod fuzz_log;
 mod hostile;

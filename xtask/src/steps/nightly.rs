@@ -1,7 +1,9 @@
 //! The steps of `cargo xtask nightly`: the long forms of what `cargo xtask test` samples.
 
 use super::{Extent, Step};
-use crate::{board, deny, fuzz, hostile, miri, mujoco, replay, sbom, shell, vcan, workspace};
+use crate::{
+    board, deny, explore, fuzz, hostile, miri, mujoco, replay, sbom, shell, vcan, workspace,
+};
 use clap::ValueEnum;
 
 /// A robot of MIT drives and an ODrive.
@@ -27,6 +29,8 @@ pub enum NightlyStep {
     Multibody,
     /// The experiments of the differentiable simulator.
     Physics,
+    /// A sweep over designs, whole, interrupted, and split by GNU parallel and Slurm.
+    Explore,
     /// Every shipped motion replayed in MuJoCo, without and with feed-forward, level and disturbed.
     Replay,
     /// 100,000 attacks on a simulated robot over its link; commands killed, and on a full disk, while they write.
@@ -52,6 +56,7 @@ impl Step for NightlyStep {
             Self::Miri => "tests of protocol and firmware in Miri",
             Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states a robot",
             Self::Physics => "experiments of the differentiable simulator",
+            Self::Explore => "a sweep over designs, split in every way",
             Self::Replay => "every shipped motion replayed in MuJoCo",
             Self::Hostile => "attacks on a simulated robot, and on files being written",
             Self::Load => "robots on a busy computer",
@@ -77,6 +82,7 @@ impl Step for NightlyStep {
                 let out = shell::target_folder().join("physics");
                 shell::run(rollwalk.command(&["bench", "physics", "--out"]).arg(out))
             }
+            Self::Explore => explore::check(),
             Self::Replay => replay::check(Extent::Full),
             Self::Hostile => hostile::check(Extent::Full),
             Self::Load => {

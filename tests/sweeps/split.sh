@@ -1,0 +1,71 @@
+#!/bin/sh
+# A sweep of more than 1,000 points: whole; interrupted, killed and taken up again; split by GNU parallel; and split over two
+# nodes of a Slurm of its own on the loopback interface. The tables must have the same bytes.
+#
+#   split.sh ROLLWALK SWEEP.toml DIR        as root, with GNU parallel, Slurm and MUNGE installed
+set -eu
+rollwalk=$1 sweep=$2 out=$3
+
+same() {
+    cmp "$out/whole/results.csv" "$out/$1/results.csv"
+    cmp "$out/whole/results.parquet" "$out/$1/results.parquet"
+    echo "$1: the same bytes"
+}
+
+rm -rf "$out"
+mkdir -p "$out/state" "$out/munge"
+start=$(date +%s.%N)
+"$rollwalk" design explore "$sweep" -o "$out/whole"
+points=$(($(wc -l < "$out/whole/results.csv") - 1))
+echo "$start $(date +%s.%N) $points $(nproc)" |
+    awk '{ printf "%d points, %.1f a second and core, on %d cores\n", $3, $3 / ($2 - $1) / $4, $4 }'
+[ "$points" -ge 1000 ]
+
+timeout -s INT 8 "$rollwalk" design explore "$sweep" -o "$out/broken" && exit 1
+timeout -s KILL 8 "$rollwalk" design explore "$sweep" -o "$out/broken" && exit 1
+[ ! -e "$out/broken/results.csv" ]
+"$rollwalk" design explore "$sweep" -o "$out/broken"
+same broken
+
+"$rollwalk" design explore "$sweep" -o "$out/parallel" --on parallel --shards 4
+same parallel
+
+# MUNGE and Slurm with files of their own: nothing of the machine's configuration is touched.
+host=$(hostname)
+stop() {
+    for pid in "$out"/*.pid; do [ -e "$pid" ] && kill "$(cat "$pid")" || true; done
+}
+trap stop EXIT
+chmod 700 "$out/munge"
+dd if=/dev/urandom of="$out/munge/key" bs=1 count=1024 2> "$out/dd.log"
+chmod 400 "$out/munge/key"
+munged --force --key-file="$out/munge/key" --socket="$out/munge/socket" --pid-file="$out/munged.pid" \
+    --log-file="$out/munge/log" --seed-file="$out/munge/seed"
+cat > "$out/slurm.conf" << CONF
+ClusterName=loopback
+SlurmctldHost=$host(127.0.0.1)
+SlurmctldPort=16817
+SlurmUser=root
+SlurmdUser=root
+AuthType=auth/munge
+AuthInfo=socket=$out/munge/socket
+StateSaveLocation=$out/state
+SlurmdSpoolDir=$out/spool.%n
+SlurmctldPidFile=$out/slurmctld.pid
+SlurmdPidFile=$out/slurmd.%n.pid
+SlurmctldLogFile=$out/slurmctld.log
+SlurmdLogFile=$out/slurmd.%n.log
+ProctrackType=proctrack/pgid
+TaskPlugin=task/none
+SelectType=select/cons_tres
+ReturnToService=2
+NodeName=node1 NodeHostname=$host NodeAddr=127.0.0.1 Port=17001 CPUs=1
+NodeName=node2 NodeHostname=$host NodeAddr=127.0.0.1 Port=17002 CPUs=1
+PartitionName=all Nodes=node1,node2 Default=YES State=UP
+CONF
+export SLURM_CONF="$out/slurm.conf"
+slurmctld -c
+slurmd -N node1
+slurmd -N node2
+"$rollwalk" design explore "$sweep" -o "$out/slurm" --on slurm --shards 4
+same slurm
