@@ -1,5 +1,6 @@
 //! A soft puck on an inclined plane, sliding and then sticking, with each model of friction (thesis Fig. 4.1): penalties creep as
-//! their closed forms say, hybrid friction stops. The thesis's SQP solver, a fourth curve there, is not part of this.
+//! their closed forms say, hybrid friction stops. A reference without penalties ([`reference`]), the thesis's SQP solver, is run with a
+//! coarser puck, and so is all that is compared with it.
 //!
 //! The slope is one on which no node slips at rest: at 15 degrees some at the rim do, where the load is smallest, and the
 //! linear penalty creeps 4 % faster than by the closed form; at 20 degrees hybrid friction finds no set of nodes that holds and
@@ -8,6 +9,9 @@
 //! puck ends some 3 % of the depth, less than 1 µm, away from that of the penalties: held nodes keep the strain across the slope with which the
 //! puck came to rest, which creeping nodes let go.
 
+mod reference;
+
+use crate::incline::reference::Reference;
 use crate::outcome::short;
 use crate::{Chart, Check, Outcome, Watch};
 use cpu_time::ProcessTime;
@@ -33,6 +37,8 @@ const GRAVITY_M_S2: f64 = 9.81;
 /// Height of the drop, m, and speed down the slope, m/s, with which it slides as long as in the thesis's figure.
 const DROP_M: f64 = 2e-3;
 const SPEED_M_S: f64 = 0.8;
+/// Cells of the puck that is compared with the reference, whose programs cost much more.
+const COARSE: [usize; 3] = [4, 4, 2];
 /// Steps of which iterations are reported: sliding and sticking.
 const REPORTED: [usize; 2] = [60, 150];
 
@@ -43,18 +49,15 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         setup: format!(
             "puck of {} elements (thesis: 879), radius {RADIUS_M} m, height {HEIGHT_M} m, slope of {SLOPE_DEG} degrees, {SPEED_M_S} m/s \
              down it at first, Young's modulus 2.1 kPa, k_n {NODE_STIFFNESS_N_M} N/m for each of {} nodes below, BDF1, {STEPS} \
-             steps of {STEP_S} s; sizes and slope are not in the thesis; its SQP solver is left out",
-            6 * cells[0] * cells[1] * cells[2],
-            (cells[0] + 1) * (cells[1] + 1)
+             steps of {STEP_S} s; with SQP a puck of {}; sizes and slope are not in the thesis",
+            6 * cells.iter().product::<usize>(),
+            (cells[0] + 1) * (cells[1] + 1),
+            6 * COARSE.iter().product::<usize>(),
         ),
         ..Outcome::default()
     };
     let mut runs = Vec::new();
-    let models = [
-        (Model::Linear, "26.24 s"),
-        (Model::Tanh, "30.86 s"),
-        (Model::Hybrid, "31.2 s; SQP 66.78 s"),
-    ];
+    let models = [(Model::Linear, "26.24 s"), (Model::Tanh, "30.86 s"), (Model::Hybrid, "31.2 s")];
     for (model, thesis) in models {
         let begin = ProcessTime::now();
         let slide = slide(model, cells, STEPS, watch)?;
@@ -108,10 +111,69 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             .map(|(model, _, run)| (format!("{model:?}"), run.speeds_m_s))
             .collect(),
     });
+    compare(&mut outcome, watch)?;
     Some(outcome)
 }
 
+/// Compares penalties and hybrid friction with the reference, of a coarse puck.
+fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
+    let begin = ProcessTime::now();
+    let exact = slide_exactly(COARSE, STEPS, watch)?;
+    let exact_s = begin.elapsed().as_secs_f64();
+    let mut curves = Vec::new();
+    let mut linear_s = 0.0;
+    for (model, thesis, bound) in [
+        (Model::Linear, "slides slightly further", None),
+        (Model::Tanh, "slides slightly further", None),
+        (Model::Hybrid, "very close to the SQP solution", Some(0.01)),
+    ] {
+        let begin = ProcessTime::now();
+        let slide = slide(model, COARSE, STEPS, watch)?;
+        if matches!(model, Model::Linear) {
+            linear_s = begin.elapsed().as_secs_f64();
+        }
+        let further = slide.way_m() / exact.way_m() - 1.0;
+        let what = format!("way of {model:?} beyond that of SQP, by that");
+        outcome.checks.push(match bound {
+            Some(bound) => Check::at_most(&what, thesis, further.abs(), bound),
+            None => Check::told(&what, thesis, further),
+        });
+        curves.push((format!("{model:?}"), slide.speeds_m_s));
+    }
+    let speed = exact.speeds_m_s[STEPS - 1].1;
+    let iterations = REPORTED.map(|step| exact.iterations[step].to_string()).join(" and ");
+    outcome.checks.extend([
+        Check::at_most("speed at the end, m/s, SQP", "0", speed.abs(), 1e-8),
+        Check::at_most("largest friction by its limit, SQP", "1", exact.friction, 1.0 + 1e-6),
+        Check::at_most("largest residual, N, SQP", "", exact.residual, 1e-8),
+        Check::at_most(
+            "largest mean of gaps or depths where it is carried, m, SQP",
+            "0",
+            exact.depth_m,
+            1e-6,
+        ),
+        Check::at_most("steps that did not converge, SQP", "", f64::from(exact.halved), 0.0),
+        Check::told("way until it stops, m, SQP", "", exact.way_m()),
+        Check::new("programs of steps 60 and 150, SQP", "many and few", "", &iterations, None),
+        Check::told("CPU time of SQP by that of linear", "2.5", exact_s / linear_s),
+    ]);
+    curves.push(("SQP".to_owned(), exact.speeds_m_s));
+    let sizes = |(name, curve): (String, Vec<(f64, f64)>)| {
+        (name, curve.into_iter().map(|(time_s, speed)| (time_s, speed.abs())).collect())
+    };
+    outcome.charts.push(Chart {
+        name: "reference".to_owned(),
+        title: "Speed of a coarse puck, with SQP for reference".to_owned(),
+        x: "time, s".to_owned(),
+        y: "speed, m/s".to_owned(),
+        logarithmic: true,
+        curves: curves.into_iter().map(sizes).collect(),
+    });
+    Some(())
+}
+
 /// How a puck came down.
+#[derive(Default)]
 struct Slide {
     mass_kg: f64,
     /// Mean speed down the slope by time.
@@ -128,8 +190,15 @@ struct Slide {
     halved: u32,
 }
 
-/// A puck of so many cells just above the slope.
-fn puck(model: Model, cells: [usize; 3]) -> (System, Range<usize>) {
+impl Slide {
+    /// Down the slope, m.
+    fn way_m(&self) -> f64 {
+        self.speeds_m_s.iter().map(|(_, speed)| speed * STEP_S).sum()
+    }
+}
+
+/// A puck of so many cells just above the slope, without contacts.
+fn puck(cells: [usize; 3]) -> (Assembly, SoftBody, Plane) {
     let slope = Plane::rising(SLOPE_DEG.to_radians());
     let turn = Rotation3::rotation_between(&Vector3::z(), &slope.normal).expect("not upside down");
     let edges = Vector3::new(2.0, 2.0, HEIGHT_M);
@@ -143,6 +212,12 @@ fn puck(model: Model, cells: [usize; 3]) -> (System, Range<usize>) {
     let soft = SoftBody::add(&mut assembly, &mesh, &Material::elastic(150.0, 2.1e3, 0.045))
         .expect("no element is flat");
     soft.launch(&mut assembly, turn * Vector3::x() * -SPEED_M_S, Vector3::zeros());
+    (assembly, soft, slope)
+}
+
+/// The puck with penalties.
+fn system(model: Model, cells: [usize; 3]) -> (System, Range<usize>) {
+    let (mut assembly, soft, slope) = puck(cells);
     let below = ((cells[0] + 1) * (cells[1] + 1)) as f64;
     let stiffness_n_m3 = NODE_STIFFNESS_N_M * below / (PI * RADIUS_M * RADIUS_M);
     let contact = SurfaceContact {
@@ -163,20 +238,11 @@ fn puck(model: Model, cells: [usize; 3]) -> (System, Range<usize>) {
 }
 
 fn slide(model: Model, cells: [usize; 3], steps: usize, watch: &dyn Watch) -> Option<Slide> {
-    let (mut system, contacts) = puck(model, cells);
+    let (mut system, contacts) = system(model, cells);
     let normal = Plane::rising(SLOPE_DEG.to_radians()).normal;
     let down = Vector3::new(-normal.z, 0.0, normal.x);
-    let mut slide = Slide {
-        mass_kg: system.bodies().iter().map(|body| body.mass_kg()).sum(),
-        speeds_m_s: Vec::with_capacity(steps),
-        stick_n_s_m: 0.0,
-        height_m: 0.0,
-        depth_m: 0.0,
-        friction: 0.0,
-        iterations: Vec::with_capacity(steps),
-        residual: 0.0,
-        halved: 0,
-    };
+    let mass_kg = system.bodies().iter().map(|body| body.mass_kg()).sum();
+    let mut slide = Slide { mass_kg, ..Slide::default() };
     for step in 0..steps {
         if watch.interrupted() {
             return None;
@@ -209,6 +275,52 @@ fn slide(model: Model, cells: [usize; 3], steps: usize, watch: &dyn Watch) -> Op
     let moment: f64 =
         moments.map(|(body, motion)| body.mass_kg() * normal.dot(&motion.position)).sum();
     slide.height_m = moment / slide.mass_kg;
+    Some(slide)
+}
+
+/// The same with hard contacts, and Coulomb's law without penalties.
+fn slide_exactly(cells: [usize; 3], steps: usize, watch: &dyn Watch) -> Option<Slide> {
+    let (assembly, _, plane) = puck(cells);
+    let normal = plane.normal;
+    let down = Vector3::new(-normal.z, 0.0, normal.x);
+    let masses_kg: Vec<f64> = assembly.bodies.iter().map(|body| body.mass_kg()).collect();
+    let mut slide = Slide { mass_kg: masses_kg.iter().sum(), ..Slide::default() };
+    let mut reference = Reference {
+        assembly,
+        plane,
+        coefficient: COEFFICIENT,
+        gravity_m_s2: Vector3::z() * -GRAVITY_M_S2,
+        step_s: STEP_S,
+    };
+    for step in 1..=steps {
+        if watch.interrupted() {
+            return None;
+        }
+        let report = reference.step()?;
+        slide.iterations.push(report.programs);
+        slide.residual = slide.residual.max(report.residual_n);
+        slide.halved += u32::from(!report.converged());
+        let [mut loads, mut lifted] = [0.0; 2];
+        for (particle, impulse) in report.impulses {
+            let load = normal.dot(&impulse);
+            loads += load;
+            lifted += load * normal.dot(&reference.assembly.motions[particle].position).abs();
+            // Less than that, N·s, is what programs leave where nothing touches.
+            if load > 1e-8 {
+                let across = (impulse - normal * load).norm();
+                slide.friction = slide.friction.max(across / (COEFFICIENT * load));
+            }
+        }
+        if loads > 1e-8 {
+            slide.depth_m = slide.depth_m.max(lifted / loads);
+        }
+        let moments = masses_kg.iter().zip(&reference.assembly.motions);
+        let momentum: f64 = moments.map(|(mass_kg, of)| mass_kg * down.dot(&of.velocity)).sum();
+        slide.speeds_m_s.push((step as f64 * STEP_S, momentum / slide.mass_kg));
+        if step % 100 == 0 {
+            watch.say(&format!("SQP: step {step}, {:.3e} m/s", momentum / slide.mass_kg));
+        }
+    }
     Some(slide)
 }
 

@@ -9,7 +9,7 @@
 //! | [`outcome`] | what an experiment finds |
 //! | `bounce` | a bouncing mass: restitution and energy (Fig. 4.5) |
 //! | `tori` | three soft tori thrown at a slope and a wall (Fig. 4.4) |
-//! | `incline` | a soft puck on an incline (Fig. 4.1) |
+//! | `incline` | a soft puck on an incline, with a reference without penalties (Fig. 4.1) |
 //! | `ball_target` | a soft ball tossed at a target (Fig. 4.12a) |
 //! | `throwing`, `cma_es` | what throws have in common; an optimiser without derivatives, to compare with |
 //! | `recovery` | parameters found again from a bounce (Fig. 4.9) |
