@@ -56,7 +56,7 @@ impl Catalog {
     /// The catalogue that ships.
     ///
     /// # Panics
-    /// Never: a test reads it.
+    /// Never: a test reads what ships.
     pub fn shipped() -> Self {
         Self::from_toml("servos/servos.toml", SHIPPED).expect("the catalogue that ships is sound")
     }
