@@ -191,8 +191,9 @@ struct Compared {
 struct Pair {
     name: &'static str,
     unit: &'static str,
-    before: f64,
-    after: f64,
+    /// Absent of a plan that did not converge: it is no motion.
+    before: Option<f64>,
+    after: Option<f64>,
     /// After over before; absent where there was next to nothing before.
     ratio: Option<f64>,
 }
@@ -280,8 +281,8 @@ impl Outcome {
             for of in &motion.quantities {
                 table.row([
                     of.name.to_owned(),
-                    digits(of.before),
-                    digits(of.after),
+                    of.before.map_or("no plan".to_owned(), digits),
+                    of.after.map_or("no plan".to_owned(), digits),
                     of.ratio
                         .map_or(String::new(), |ratio| format!("{:+.1} %", (ratio - 1.0) * 100.0)),
                     of.unit.to_owned(),
@@ -345,8 +346,10 @@ fn compared(before: &Plan, after: &Plan) -> miette::Result<Compared> {
     let weights = Weights::default();
     let of = |quantity: Quantity| {
         let Quantity { objective, name, unit, little, .. } = quantity;
-        let [before, after] = [before, after].map(|plan| objective.of_plan(plan, &weights));
-        let ratio = (before > little).then(|| after / before);
+        let [before, after] = [before, after]
+            .map(|plan| plan.solve.status.is_solved().then(|| objective.of_plan(plan, &weights)));
+        let ratio = before.zip(after).filter(|(before, _)| *before > little);
+        let ratio = ratio.map(|(before, after)| after / before);
         Pair { name, unit, before, after, ratio }
     };
     let all = Quantity::ALL.into_iter();
