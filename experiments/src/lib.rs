@@ -15,6 +15,7 @@
 //! | `recovery` | parameters found again from a bounce (Fig. 4.9) |
 //! | `landscape` | the objective of a toss by its velocity (Fig. 4.2) |
 //! | `wall` | a soft ball thrown at a target by way of wall and floor (Fig. 4.13a) |
+//! | `bunny` | a soft solid with a head and ears thrown so that it lands upright (Fig. 4.13b) |
 //! | `backspin` | a ball that backspin stops (Fig. 4.12b) |
 //! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
 //! | `stiff_cube` | a stiff cube thrown with ever stiffer contacts (Fig. A.5) |
@@ -24,6 +25,7 @@
 //! | `cube_drag`, `coupled_cubes` | a cube that a gripper drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
 //! | `cube_arc` | a cube dragged along an arc, by Gauss–Newton's method and by CMA-ES (Fig. A.2) |
 //! | `cube_tip` | a cube that rubber bands tip over (Fig. 4.14c) |
+//! | `catapult` | a solid on a grid that a cloth throws (Fig. 4.16) |
 //! | `sheet_flip` | a sheet that is turned over by its corners (Fig. 4.17) |
 //! | `throw_controller` | a network that learns to throw (Fig. 4.19) |
 //! | `chain` | computing time by the number of bodies (Fig. A.3) |
@@ -31,6 +33,8 @@
 mod backspin;
 mod ball_target;
 mod bounce;
+mod bunny;
+mod catapult;
 mod chain;
 mod cloth;
 mod cma_es;
@@ -146,6 +150,12 @@ pub const ALL: &[Experiment] = &[
         run: wall::run,
     },
     Experiment {
+        name: "bunny",
+        source: "Figs. 4.3, 4.13b, A.1",
+        about: "a soft solid with a head and ears thrown so that it lands upright, with and without a wall",
+        run: bunny::run,
+    },
+    Experiment {
         name: "restitution-points",
         source: "Fig. A.4",
         about: "restitution of a cube by the number of its contact points",
@@ -156,6 +166,12 @@ pub const ALL: &[Experiment] = &[
         source: "Fig. 4.15",
         about: "poses of a gripper that turns the lowest of three bodies on springs",
         run: coupled_cubes::run,
+    },
+    Experiment {
+        name: "catapult",
+        source: "Fig. 4.16",
+        about: "a solid on a grid thrown at a target by a cloth",
+        run: catapult::run,
     },
     Experiment {
         name: "sheet-flip",

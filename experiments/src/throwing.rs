@@ -204,15 +204,17 @@ pub fn convergence(stages: &[Minimum]) -> Vec<(f64, f64)> {
 /// Steps without a contact after which the next is another bounce: a soft surface lets go and touches again while it swings.
 const APART: usize = 5;
 
+/// A place in the unit ball that stands for one in the cube around it.
+pub fn into_ball(place: &Vector3<f64>) -> Vector3<f64> {
+    let squares = place.component_mul(place);
+    Vector3::from_fn(|k, _| {
+        let (one, other) = (squares[(k + 1) % 3], squares[(k + 2) % 3]);
+        place[k] * (1.0 - 0.5 * (one + other) + one * other / 3.0).sqrt()
+    })
+}
+
 /// A ball about the origin, from a block of so many cells along each edge.
 fn ball(radius_m: f64, cells: usize) -> Mesh {
     let block = Mesh::block(Vector3::repeat(-1.0), Vector3::repeat(2.0), [cells; 3]);
-    block.shaped(|place| {
-        let squares = place.component_mul(&place);
-        let along = |k: usize| {
-            let (one, other) = (squares[(k + 1) % 3], squares[(k + 2) % 3]);
-            place[k] * (1.0 - 0.5 * (one + other) + one * other / 3.0).sqrt()
-        };
-        Vector3::from_fn(|k, _| radius_m * along(k))
-    })
+    block.shaped(|place| into_ball(&place) * radius_m)
 }

@@ -23,23 +23,47 @@ pub(crate) trait Effector {
     fn place(&self, system: &mut System, coordinates: &[f64]);
 }
 
-/// Curves that an effector's coordinates follow, with a knot at every step. All but the first, which is 0, are the parameters.
+/// Curves that an effector's coordinates follow, from 0. The knots of all coordinates are the parameters, those that keep the
+/// beginning where it is aside.
 #[derive(Clone, Debug)]
 pub(crate) struct Way {
     steps: usize,
     curve: Arc<Curve>,
+    /// Knots at the beginning that are 0.
+    held: usize,
 }
 
 impl Way {
+    /// A knot at every step.
     pub fn by_step(steps: usize) -> Self {
-        let curve = Curve {
-            begin_s: 0.0,
-            spacing_s: STEP_S,
-            knots: steps + 1,
-            degree: Degree::Linear,
-            periodic: false,
+        Self::new(steps, steps, Degree::Linear, 1)
+    }
+
+    /// A smooth curve with so many free knots, which begins at rest.
+    pub fn smooth(steps: usize, knots: usize) -> Self {
+        Self::new(steps, knots, Degree::Cubic, 2)
+    }
+
+    fn new(steps: usize, free: usize, degree: Degree, held: usize) -> Self {
+        let knots = free + held;
+        let spacing_s = STEP_S * steps as f64 / (knots - 1) as f64;
+        let curve = Curve { begin_s: 0.0, spacing_s, knots, degree, periodic: false };
+        Self { steps, curve: Arc::new(curve), held }
+    }
+
+    /// Free knots.
+    pub fn knots(&self) -> usize {
+        self.curve.knots - self.held
+    }
+
+    /// Coordinates at the end of a step that is counted from 1.
+    pub fn at(&self, parameters: &[f64], coordinates: usize, step: usize) -> Vec<f64> {
+        let of = |coordinate: usize| {
+            let free = parameters.iter().skip(coordinate).step_by(coordinates).copied();
+            let knots: Vec<_> = std::iter::repeat_n(0.0, self.held).chain(free).collect();
+            self.curve.at(&knots, step as f64 * STEP_S)[0]
         };
-        Self { steps, curve: Arc::new(curve) }
+        (0..coordinates).map(of).collect()
     }
 }
 
@@ -76,16 +100,21 @@ pub(crate) struct Work {
 
 impl Task<'_> {
     pub fn parameters(&self) -> usize {
-        self.way.steps * self.effector.coordinates()
+        self.way.knots() * self.effector.coordinates()
+    }
+
+    fn follow(&self, system: &mut System, parameters: &[f64], step: usize) {
+        let coordinates = self.way.at(parameters, self.effector.coordinates(), step);
+        self.effector.place(system, &coordinates);
     }
 
     pub fn rollout(&self, parameters: &[f64]) -> Option<Rollout> {
         let mut system = (self.begin)();
         let of_knot = |knot: usize| self.effector.knot(&self.way.curve, knot);
-        let knots = (1..=self.way.steps).flat_map(of_knot).collect();
+        let knots = (self.way.held..self.way.curve.knots).flat_map(of_knot).collect();
         let mut recorder = Recorder::new(&system, knots);
-        for knot in parameters.chunks(self.effector.coordinates()) {
-            self.effector.place(&mut system, knot);
+        for step in 1..=self.way.steps {
+            self.follow(&mut system, parameters, step);
             system.step_recorded(STEP_S, &mut recorder).ok()?;
         }
         Some(recorder.finish())
@@ -95,8 +124,8 @@ impl Task<'_> {
     fn time(&self, parameters: &[f64]) -> Option<f64> {
         let mut system = (self.begin)();
         let begin = ProcessTime::now();
-        for knot in parameters.chunks(self.effector.coordinates()) {
-            self.effector.place(&mut system, knot);
+        for step in 1..=self.way.steps {
+            self.follow(&mut system, parameters, step);
             system.step(STEP_S).ok()?;
         }
         Some(begin.elapsed().as_secs_f64())
@@ -104,7 +133,7 @@ impl Task<'_> {
 
     fn penalties(&self) -> Vec<Penalty> {
         let coordinates = self.effector.coordinates();
-        let mut all = Penalty::smooth(coordinates, self.way.steps, false, self.beta);
+        let mut all = Penalty::smooth(coordinates, self.way.knots(), false, self.beta);
         all.extend(Penalty::small(coordinates, self.beta));
         all
     }
@@ -214,5 +243,24 @@ pub(crate) fn objective(curves: Vec<(String, Vec<(f64, f64)>)>) -> Chart {
         y: "objective".to_owned(),
         logarithmic: false,
         curves,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ways_begin_at_rest_where_the_effector_is() {
+        let by_step = Way::by_step(4);
+        let parameters = [1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0];
+        for step in 0..=4 {
+            let at = by_step.at(&parameters, 2, step);
+            let off = (at[0] - step as f64).abs() + (at[1] + step as f64).abs();
+            assert!(off < 1e-12, "{step}: {at:?}");
+        }
+        let smooth = Way::smooth(40, 4);
+        assert_eq!(smooth.at(&parameters, 2, 0), [0.0, 0.0]);
+        assert!(smooth.at(&parameters, 2, 1)[0] < 1e-3);
     }
 }
