@@ -17,6 +17,7 @@ mod hostile;
 mod miri;
 mod mujoco;
 mod parallel;
+mod programs;
 mod python;
 mod quick;
 mod replay;

@@ -6,11 +6,10 @@
 
 use crate::steps::{Run, test};
 use crate::workspace::{self, Program};
-use crate::{parallel, shell, tidy};
+use crate::{programs, shell, tidy};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// Files that no test reads. All others outside of the crates (robots, motions, documents) are read by tests of several.
 const UNREAD: [&str; 7] = [
@@ -22,12 +21,6 @@ const UNREAD: [&str; 7] = [
     "rustfmt.toml",
     ".gitignore",
 ];
-
-/// Program of the end-to-end tests, which run longest.
-const END_TO_END: &str = "integration";
-/// Tests that are left to `cargo xtask test`, which runs them alone: their simulated robots have deadlines in real time,
-/// which other programs beside them would make them miss.
-const LEFT_OUT: [&str; 2] = ["--skip", "lines::a_robot_"];
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -121,7 +114,7 @@ fn affected<'a>(packages: &'a [Package], files: &[PathBuf]) -> Vec<&'a Package> 
     packages.iter().filter(is_affected).collect()
 }
 
-/// Builds the workspace and runs the tests of some packages, as many programs at a time as there are cores.
+/// Builds the workspace and runs the tests of some packages, but for those in real time.
 fn run_tests(packages: &[&Package]) -> Result<(), String> {
     if packages.is_empty() {
         return Ok(());
@@ -131,17 +124,8 @@ fn run_tests(packages: &[&Package]) -> Result<(), String> {
     let is_affected = |program: &&Program| {
         program.is_test && packages.iter().any(|package| package.folder == program.folder)
     };
-    let mut tests: Vec<&Program> = programs.iter().filter(is_affected).collect();
-    // The others run while it does.
-    tests.sort_by_key(|program| program.name != END_TO_END);
-    let failures = parallel::each(&tests, |program| {
-        let start = Instant::now();
-        shell::output(program.command(&["--quiet"]).args(LEFT_OUT))
-            .map_err(|why| format!("{}: {why}", program.name))?;
-        eprintln!("{} ok in {:.1} s", program.name, start.elapsed().as_secs_f64());
-        Ok(())
-    });
-    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
+    let tests: Vec<&Program> = programs.iter().filter(is_affected).collect();
+    programs::beside_each_other(&tests)
 }
 
 /// Files that differ from a revision, and those that git does not know yet.

@@ -31,6 +31,12 @@ pub struct Program {
 }
 
 impl Program {
+    /// Its name, and the folder that tells it from programs of the same name.
+    pub fn shown(&self) -> String {
+        let folder = self.folder.file_name().unwrap_or_default().to_string_lossy();
+        format!("{folder}: {}", self.name)
+    }
+
     /// The program, to be run in the folder of its package as cargo does with tests.
     pub fn command(&self, args: &[&str]) -> Command {
         let mut command = shell::command(&self.path.to_string_lossy(), args);

@@ -2,8 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    bare_metal, board, cantools, debian, fuzz, hostile, miri, mujoco, replay, shell, tidy,
-    toolchain, vcan, workspace,
+    bare_metal, board, cantools, debian, fuzz, hostile, miri, mujoco, programs, replay, shell,
+    tidy, toolchain, vcan, workspace,
 };
 use clap::ValueEnum;
 
@@ -87,7 +87,11 @@ impl Step for TestStep {
             Self::Hostile => hostile::check(Extent::Short),
             Self::Test => {
                 need_python()?;
-                shell::run(&mut workspace::cargo(&["test", "--no-fail-fast"]))
+                shell::run(&mut workspace::cargo(&["test", "--doc"]))?;
+                let built = workspace::programs()?;
+                let tests: Vec<_> = built.iter().filter(|program| program.is_test).collect();
+                programs::beside_each_other(&tests)?;
+                programs::in_real_time(&built)
             }
         }
     }

@@ -1,0 +1,47 @@
+//! Runs programs of tests as many at a time as there are cores, and those with deadlines in real time alone at the end.
+//!
+//! Cargo runs them one after the other: at the end of each, its longest test keeps one core busy and the others idle.
+
+use crate::workspace::Program;
+use crate::{parallel, shell};
+use std::time::Instant;
+
+/// The end-to-end tests, which run longest and wait most.
+const END_TO_END: &str = "integration";
+/// Those of them whose simulated robots have deadlines in real time, which other programs beside them would make them miss.
+const REAL_TIME: &str = "lines::a_robot_";
+/// Tests of [`END_TO_END`] at a time: most wait for robots that play in real time.
+const END_TO_END_THREADS: &str = "--test-threads=4";
+
+/// Runs programs beside each other, without the tests that [`in_real_time`] runs.
+///
+/// # Errors
+/// All that the failed programs printed.
+pub fn beside_each_other(programs: &[&Program]) -> Result<(), String> {
+    let mut programs = programs.to_vec();
+    // The others run while it does.
+    programs.sort_by_key(|program| program.name != END_TO_END);
+    let failures = parallel::each(&programs, |program| {
+        let start = Instant::now();
+        let mut tests = program.command(&["--quiet", "--skip", REAL_TIME]);
+        if program.name == END_TO_END {
+            tests.arg(END_TO_END_THREADS);
+        }
+        shell::output(&mut tests).map_err(|why| format!("{}: {why}", program.shown()))?;
+        eprintln!("{} ok in {:.1} s", program.shown(), start.elapsed().as_secs_f64());
+        Ok(())
+    });
+    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
+}
+
+/// Runs the tests with deadlines in real time, with nothing beside them.
+///
+/// # Errors
+/// All that they printed; or there are none.
+pub fn in_real_time(programs: &[Program]) -> Result<(), String> {
+    let is_end_to_end = |program: &&Program| program.is_test && program.name == END_TO_END;
+    let mut found = programs.iter().filter(is_end_to_end);
+    let program = found.find(|program| program.folder.ends_with("tests"));
+    let program = program.ok_or("cargo built no end-to-end tests")?;
+    shell::run(&mut program.tests(&[REAL_TIME])?)
+}
