@@ -16,10 +16,11 @@ pub mod rows;
 pub mod terms;
 
 use crate::families::{Family, FamilySet};
+use crate::problem::variables::TimelineSample;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
 use rows::{Columns, Differentiated, Pattern, RowWriter, Rows, Wanted, Window};
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
     DynamicsLinear, EvenForce, Friction, GroundClearance, HeightBound, JointLimit, JointSpeed,
@@ -125,6 +126,16 @@ pub struct System<'a> {
     columns: Columns,
     /// The pattern of the rows, after their first evaluation.
     pattern: OnceCell<Pattern>,
+    fits: Cell<bool>,
+}
+
+/// What systems of problems that differ in numbers alone have in common.
+#[derive(Clone, Debug)]
+pub struct Structure {
+    pattern: Pattern,
+    /// Slots of the timeline, through which derivatives go to columns.
+    timeline: Vec<TimelineSample>,
+    columns: Columns,
 }
 
 impl<'a> System<'a> {
@@ -137,7 +148,36 @@ impl<'a> System<'a> {
     /// Creates the system of selected rows.
     pub fn selected(problem: &'a Problem, selection: Selection) -> Self {
         let columns = Columns::new(problem);
-        Self { problem, selection, columns, pattern: OnceCell::new() }
+        Self { problem, selection, columns, pattern: OnceCell::new(), fits: Cell::new(true) }
+    }
+
+    /// The system of all rows of a problem that has the rows of another one, with their values at a point; `None` if it has
+    /// other rows. `reuse` are those of the other one. Whether they depend on the same unknowns shows when they are
+    /// differentiated: [`fits`](Self::fits).
+    pub fn again(
+        problem: &'a Problem,
+        unknowns: &Unknowns,
+        Structure { pattern, timeline, columns }: Structure,
+        reuse: Rows,
+    ) -> Option<(Self, Rows)> {
+        let system = Self::selected(problem, Selection::default());
+        if system.columns != columns || problem.timeline != timeline {
+            return None;
+        }
+        system.pattern.get_or_init(|| pattern);
+        let rows = system.evaluate(unknowns, Wanted::Again, reuse);
+        system.fits().then_some((system, rows))
+    }
+
+    /// Whether all rows and derivatives so far have the pattern that the system began with. If not, they are wrong.
+    pub fn fits(&self) -> bool {
+        self.fits.get()
+    }
+
+    /// What another problem may have in common with this one, whose rows have been evaluated.
+    pub fn into_structure(self) -> Structure {
+        let pattern = self.pattern.into_inner().unwrap_or_default();
+        Structure { pattern, timeline: self.problem.timeline.clone(), columns: self.columns }
     }
 
     /// Columns of the unknowns.
@@ -181,14 +221,14 @@ impl<'a> System<'a> {
     }
 
     fn evaluate(&self, unknowns: &Unknowns, wanted: Wanted<'_>, mut reuse: Rows) -> Rows {
-        let Self { problem, selection, columns, pattern } = self;
+        let Self { problem, selection, columns, pattern, fits } = self;
         let known = pattern.get();
         let mut states = match wanted {
             Wanted::Derivatives(_) => std::mem::take(&mut reuse.states),
-            Wanted::Values | Wanted::All => problem.states(unknowns),
+            Wanted::Values | Wanted::All | Wanted::Again => problem.states(unknowns),
         };
         let wanted = if known.is_some() { wanted } else { Wanted::All };
-        if !matches!(wanted, Wanted::Values) {
+        if matches!(wanted, Wanted::All | Wanted::Derivatives(_)) {
             problem.differentiate(&mut states);
         }
         let mut out = RowWriter::new(problem, columns, unknowns, &states, known, wanted, reuse);
@@ -208,6 +248,7 @@ impl<'a> System<'a> {
         for term in active().filter(|term| term.info().span == Span::Ends) {
             write(*term, [0, 1, problem.last()]);
         }
+        fits.set(fits.get() && out.fits());
         let (rows, found) = out.finish();
         if let Some(found) = found {
             pattern.get_or_init(|| found);

@@ -32,7 +32,7 @@ mod test_robots;
 pub mod torque;
 
 pub use planning::{
-    Options, ReplanError, Search, Solution, TransitionError, candidates, optimise,
+    Editing, Options, ReplanError, Search, Solution, TransitionError, candidates, optimise,
     optimise_solution, optimise_transition, replan, replan_solution,
 };
 pub use problem::Weights;

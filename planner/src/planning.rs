@@ -8,6 +8,7 @@
 
 mod attempt;
 mod coarse;
+mod editing;
 mod probed_solve;
 pub(crate) mod refine;
 mod replan;
@@ -17,6 +18,7 @@ mod transition;
 mod trials;
 mod write;
 
+pub use editing::Editing;
 pub use replan::{ReplanError, replan, replan_solution};
 pub(crate) use replan::{from_near, same_structure};
 pub use search::Search;

@@ -125,26 +125,39 @@ impl<'a> Solver<'a> {
         begin: Begin<'_>,
         settings: &'a Settings,
     ) -> Self {
-        let penalty = system.penalty();
         let rows = system.rows(&unknowns, Rows::default());
-        let mut normal = NormalEquations::new(&rows, system.columns());
+        let normal = NormalEquations::new(&rows, system.columns());
+        Self::at(system, Point { unknowns, rows }, normal, begin, settings)
+    }
+
+    /// Creates a solver at a point where the values of the rows are known, with normal equations of rows of the same pattern.
+    pub fn at(
+        system: &'a System<'a>,
+        mut point: Point,
+        mut normal: NormalEquations,
+        begin: Begin<'_>,
+        settings: &'a Settings,
+    ) -> Self {
+        let penalty = system.penalty();
+        let Point { unknowns, rows } = &mut point;
         let (damping, shifts) = match begin {
             Begin::Cold => (DAMPING_COLD, vec![0.0; rows.rows.len()]),
             Begin::Near(known) => {
-                let carried = known.and_then(|multipliers| multipliers.carried(&rows, penalty));
+                let carried = known.and_then(|multipliers| multipliers.carried(rows, penalty));
                 let shifts = carried.unwrap_or_else(|| {
-                    multipliers::estimate(&rows, &mut normal, penalty, DAMPING_NEAR)
+                    system.differentiate(unknowns, rows, &vec![0.0; rows.rows.len()]);
+                    multipliers::estimate(rows, &mut normal, penalty, DAMPING_NEAR)
                 });
                 (DAMPING_NEAR, shifts)
             }
         };
-        let energy = NormalEquations::energy(&rows, &shifts, penalty);
+        let energy = NormalEquations::energy(rows, &shifts, penalty);
         Self {
             system,
             settings,
             trials: Trials { system, spare: Vec::new() },
             normal,
-            point: Point { unknowns, rows },
+            point,
             energy,
             shifts,
             damping,
@@ -169,6 +182,11 @@ impl<'a> Solver<'a> {
     /// Lends the normal equations, whose pattern belongs to the system, and the present unknowns.
     pub fn lend(&mut self) -> (&mut NormalEquations, &Unknowns) {
         (&mut self.normal, &self.point.unknowns)
+    }
+
+    /// Whether the rows have the pattern that the system began with.
+    pub fn fits(&self) -> bool {
+        self.system.fits()
     }
 
     /// Linearises the rows and takes one step.
@@ -294,10 +312,15 @@ impl<'a> Solver<'a> {
 
     /// Ends the solve with a status.
     pub fn finish(self, status: Status) -> Outcome {
+        self.finish_with_parts(status).0
+    }
+
+    /// Does the same, and returns what [`at`](Self::at) takes for another problem.
+    pub fn finish_with_parts(self, status: Status) -> (Outcome, NormalEquations, Rows) {
         let Point { unknowns, rows } = self.point;
         let (row, worst_level) = worst(&rows);
         let good = status == Status::IterationLimit && worst_level <= ACCEPTED_LEVEL;
-        Outcome {
+        let outcome = Outcome {
             status: if good { Status::Converged } else { status },
             iterations: self.iteration,
             energy: self.energy,
@@ -305,6 +328,7 @@ impl<'a> Solver<'a> {
             worst_constraint: rows.rows[row].family,
             unknowns,
             multipliers: Multipliers::of(&rows, self.shifts, self.system.penalty()),
-        }
+        };
+        (outcome, self.normal, rows)
     }
 }

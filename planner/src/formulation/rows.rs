@@ -15,10 +15,11 @@ use crate::problem::state::State;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
 use rollwalk_robot::Robot;
+use std::mem::discriminant;
 use std::sync::Arc;
 
 /// Columns of the unknowns: free entries of all slots, then Dx, Dy, ψ.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Columns {
     /// `[slot][variable]`, `None` for frozen entries.
     pub of_slot: Vec<Vec<Option<usize>>>,
@@ -157,6 +158,15 @@ impl Row {
             Role::Inequality { band } => self.value + shift > -band,
             Role::Equality | Role::Cost { .. } => true,
         }
+    }
+
+    /// Whether it says the same of another robot: only numbers may differ.
+    fn is_like(&self, other: &Self) -> bool {
+        self.family == other.family
+            && self.at == other.at
+            && self.subject == other.subject
+            && discriminant(&self.role) == discriminant(&other.role)
+            && self.entries == other.entries
     }
 }
 

@@ -107,7 +107,7 @@ impl Solution {
 }
 
 /// [`from`], and from scratch if it fails: a request is not infeasible because one plan does not lead to it.
-fn surely(
+pub(super) fn surely(
     previous: &Plan,
     multipliers: Option<&Multipliers>,
     request: Request<'_>,
@@ -146,6 +146,17 @@ pub(super) fn from(
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solution, ReplanError> {
     let Request { robot, motion, options } = request;
+    check(previous, robot, motion)?;
+    let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
+    let unknowns = start::neighbour(&problem, previous);
+    Ok(from_near(&problem, motion, unknowns, multipliers, options, progress))
+}
+
+/// Checks that a plan can be the start for a motion of a robot.
+///
+/// # Errors
+/// As [`replan`].
+pub(super) fn check(previous: &Plan, robot: &Robot, motion: &Motion) -> Result<(), ReplanError> {
     if !same_structure(&previous.robot, robot) {
         return Err(ReplanError::OtherStructure {
             motion: previous.motion.name.clone(),
@@ -161,9 +172,7 @@ pub(super) fn from(
             wanted_ends: motion.ends,
         });
     }
-    let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
-    let unknowns = start::neighbour(&problem, previous);
-    Ok(from_near(&problem, motion, unknowns, multipliers, options, progress))
+    Ok(())
 }
 
 /// Optimises from unknowns near an optimum.

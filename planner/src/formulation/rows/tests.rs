@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::formulation::System;
-use crate::motion::Ends;
+use crate::motion::{Ends, Motion};
 use crate::problem::Weights;
 use crate::test_robots::{self, random_unknowns};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model};
@@ -186,4 +186,78 @@ fn a_placed_sample_has_the_columns_of_its_slot_and_of_the_placement() {
     // x of the placed point depends on x and y of the stored one.
     assert_eq!(names, [dx, dy, turn, column(BASE_POSITION), column(BASE_POSITION + 1)]);
     assert_eq!((entries[0].1, entries[1].1), (0.5, 0.0));
+}
+
+/// A robot with longer links between joints and larger wheels.
+fn edited(robot: &Robot) -> Robot {
+    let mut robot = robot.clone();
+    for joint in &mut robot.joints {
+        joint.parent_from_joint.translation.z *= 1.1;
+    }
+    robot.end_effectors.iter_mut().for_each(|ee| ee.radius_m *= 1.2);
+    robot
+}
+
+/// A system of one robot with all derivatives, by the structure of another; `None` where the structure differs.
+fn again(before: &Problem, after: &Problem, shift: f64) -> Option<Rows> {
+    let unknowns = random_unknowns(&after.model, after.frozen.len(), 4);
+    let system = System::new(before);
+    let rows = system.rows(&unknowns, Rows::default());
+    let (system, mut rows) = System::again(after, &unknowns, system.into_structure(), rows)?;
+    // With such shifts all inequalities count, or few.
+    let shifts = vec![shift; rows.rows.len()];
+    system.differentiate(&unknowns, &mut rows, &shifts);
+    system.fits().then_some(rows)
+}
+
+#[test]
+fn rows_of_an_edited_robot_come_from_the_structure_before_the_edit() {
+    for (robot, ends) in test_robots::all()
+        .iter()
+        .flat_map(|robot| [Ends::Periodic, Ends::AtRest].map(|ends| (robot, ends)))
+    {
+        let problem = |robot: &Robot| {
+            let motion = test_robots::motion(robot, ends);
+            Problem::new(Model::new(robot), &motion, Weights::default())
+        };
+        let (before, after) = (problem(robot), problem(&edited(robot)));
+        let rows = again(&before, &after, 1e9).expect("numbers alone differ");
+        let unknowns = random_unknowns(&after.model, after.frozen.len(), 4);
+        let expected = System::new(&after).rows(&unknowns, Rows::default());
+        assert_eq!(rows.rows, expected.rows);
+        assert_eq!(rows.columns, expected.columns);
+        for (found, expected) in rows.derivatives.iter().zip(&expected.derivatives) {
+            // As above.
+            assert!((found - expected).abs() < 1e-12 * (1.0 + expected.abs()) * 1e3);
+        }
+    }
+}
+
+#[test]
+fn another_structure_is_noticed() {
+    let robot = &test_robots::all()[0];
+    let motion = test_robots::motion(robot, Ends::Periodic);
+    let problem = |robot: &Robot, motion: &Motion| {
+        Problem::new(Model::new(robot), motion, Weights::default())
+    };
+    let before = problem(robot, &motion);
+    assert!(again(&before, &before, 0.0).is_some());
+    // Another end, another foot in the air, one row less.
+    let at_rest = test_robots::motion(robot, Ends::AtRest);
+    assert!(again(&before, &problem(robot, &at_rest), 0.0).is_none());
+    let mut steps = motion.clone();
+    steps.stance[1][0] ^= true;
+    assert!(again(&before, &problem(robot, &steps), 0.0).is_none());
+    let mut anywhere = motion.clone();
+    anywhere.goal.turn_rad = None;
+    assert!(again(&before, &problem(robot, &anywhere), 0.0).is_none());
+    // The same rows, which depend on other joints.
+    let mut moved = robot.clone();
+    moved.end_effectors[0].link = moved.joints[0].child;
+    let moved = problem(&moved, &motion);
+    let unknowns = random_unknowns(&moved.model, moved.frozen.len(), 4);
+    let system = System::new(&before);
+    let rows = system.rows(&unknowns, Rows::default());
+    assert!(System::again(&moved, &unknowns, system.into_structure(), rows).is_some());
+    assert!(again(&before, &moved, 0.0).is_none());
 }

@@ -5,7 +5,8 @@
 //! mixed by the placement, take the long way every time.
 //!
 //! Trials of steps need values alone, and of the rows at an accepted point only those that count need derivatives:
-//! [`Wanted`] says which evaluation it is.
+//! [`Wanted`] says which evaluation it is. Rows of an edited robot mostly have the pattern of those before the edit:
+//! [`Wanted::Again`] compares every row and every derivative with it.
 
 use super::{Columns, Differentiated, Given, Role, Row, Rows, Subject};
 use crate::families::Family;
@@ -14,16 +15,17 @@ use crate::problem::state::State;
 use crate::problem::variables::Lift;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The pattern of a system's rows, known after their first evaluation.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Pattern {
     columns: Arc<[usize]>,
     /// End of the entries of every row.
     ends: Vec<usize>,
-    /// For every row the first of the places of its derivatives; `None` if they have none, because a sample is placed.
-    first_places: Vec<Option<usize>>,
+    /// For every row the range of the places of its derivatives; `None` if they have none, because a sample is placed.
+    of_rows: Vec<Option<Range<usize>>>,
     /// Places of the derivatives of these rows, in the order in which terms write them.
     places: Vec<DerivativePlace>,
 }
@@ -46,6 +48,8 @@ pub enum Wanted<'a> {
     All,
     /// Values alone.
     Values,
+    /// The same, of another problem than that whose pattern is known and whose rows are reused.
+    Again,
     /// Derivatives of the rows that count with these multipliers, at the point whose values are known.
     Derivatives(&'a [f64]),
 }
@@ -71,6 +75,8 @@ pub struct RowWriter<'a> {
     entries: usize,
     differentiates: bool,
     is_direct: bool,
+    /// Whether all rows so far have the known pattern; others are not written any more.
+    fits: bool,
     family: Family,
     at: [usize; 3],
     scale: f64,
@@ -127,6 +133,7 @@ impl<'a> RowWriter<'a> {
             entries: 0,
             differentiates: false,
             is_direct: false,
+            fits: true,
             family: Family::LinearDynamics,
             at: [0; 3],
             scale: 1.0,
@@ -143,12 +150,17 @@ impl<'a> RowWriter<'a> {
         writer
     }
 
+    /// Whether the finished rows have the known pattern, as far as their derivatives were wanted.
+    pub fn fits(&self) -> bool {
+        self.fits && self.known.is_none_or(|known| self.row == known.ends.len())
+    }
+
     /// Returns the finished rows, and their pattern if it was not known.
     pub fn finish(self) -> (Rows, Option<Pattern>) {
         let Self { rows, derivatives, known, found, columns_found, wanted, .. } = self;
         let differentiated = match wanted {
             Wanted::All => Differentiated::All,
-            Wanted::Values => Differentiated::None,
+            Wanted::Values | Wanted::Again => Differentiated::None,
             Wanted::Derivatives(_) => Differentiated::Counting,
         };
         if let Some(known) = known {
@@ -191,13 +203,19 @@ impl<'a> RowWriter<'a> {
 
     /// Adds to the derivative of the next row with respect to `variable` of sample `k` of the window.
     pub fn d(&mut self, k: usize, variable: usize, derivative: f64) {
-        if !self.differentiates {
+        if !self.differentiates || !self.fits {
             return;
         }
         if let (true, Some(known)) = (self.is_direct, self.known) {
-            let place = known.places[self.place];
+            let place = known.places.get(self.place).copied();
+            let is_known = |place: &DerivativePlace| {
+                (place.sample as usize, place.variable as usize) == (k, variable)
+            };
+            let Some(place) = place.filter(is_known) else {
+                self.fits = false;
+                return;
+            };
             self.place += 1;
-            debug_assert_eq!((place.sample as usize, place.variable as usize), (k, variable));
             if place.entry != NOWHERE {
                 let scaled = derivative * self.problem.layout.scale[variable];
                 self.derivatives[place.entry as usize] += scaled;
@@ -233,10 +251,15 @@ impl<'a> RowWriter<'a> {
 
     /// Ends a row for a part of the robot, with its residual in the family's unit.
     pub fn row_of(&mut self, subject: Subject, residual: f64) {
+        if !self.fits {
+            return;
+        }
         let start = self.start;
         let end = match (self.differentiates, self.is_direct) {
             (false, _) => self.end(),
             (true, true) => {
+                let of_row = self.known.and_then(|known| known.of_rows[self.row].as_ref());
+                self.fits &= of_row.is_none_or(|of_row| of_row.end == self.place);
                 let end = self.end();
                 if self.scale != 1.0 {
                     self.derivatives[start..end].iter_mut().for_each(|d| *d /= self.scale);
@@ -246,26 +269,33 @@ impl<'a> RowWriter<'a> {
             (true, false) => self.collect(),
         };
         let (value, given) = (residual / self.scale, self.given.take());
+        let is_again = matches!(self.wanted, Wanted::Again);
+        let new = || Row {
+            family: self.family,
+            at: self.at[1],
+            subject,
+            given,
+            value,
+            scale: self.scale,
+            level: self.level,
+            role: self.role,
+            entries: start..end,
+        };
         match self.rows.get_mut(self.row) {
+            Some(row) if is_again => {
+                let new = new();
+                self.fits &= new.is_like(row);
+                *row = new;
+            }
             Some(row) => (row.value, row.given) = (value, given),
-            None => self.rows.push(Row {
-                family: self.family,
-                at: self.at[1],
-                subject,
-                given,
-                value,
-                scale: self.scale,
-                level: self.level,
-                role: self.role,
-                entries: start..end,
-            }),
+            None => self.rows.push(new()),
         }
         self.begin_next_row(end);
     }
 
     /// End of the entries of the row under construction, whose pattern is known.
     fn end(&self) -> usize {
-        self.known.map_or(self.start, |known| known.ends[self.row])
+        self.known.and_then(|known| known.ends.get(self.row).copied()).unwrap_or(self.start)
     }
 
     /// Goes on to the next row after one whose entries end at `end`.
@@ -277,7 +307,7 @@ impl<'a> RowWriter<'a> {
     fn begin_row(&mut self) {
         self.differentiates = match self.wanted {
             Wanted::All => true,
-            Wanted::Values => false,
+            Wanted::Values | Wanted::Again => false,
             Wanted::Derivatives(shifts) => {
                 let row = self.rows.get(self.row).zip(shifts.get(self.row));
                 row.is_some_and(|(row, &shift)| row.counts(shift))
@@ -286,8 +316,9 @@ impl<'a> RowWriter<'a> {
         let Some(known) = self.known.filter(|_| self.differentiates) else { return };
         let Some(&end) = known.ends.get(self.row) else { return };
         self.derivatives[self.start..end].fill(0.0);
-        self.is_direct = known.first_places[self.row].is_some();
-        self.place = known.first_places[self.row].unwrap_or(0);
+        let of_row = &known.of_rows[self.row];
+        self.is_direct = of_row.is_some();
+        self.place = of_row.as_ref().map_or(0, |of_row| of_row.start);
     }
 
     /// Takes the derivatives of a row to its entries, and returns their end. If the pattern is not known, it grows by
@@ -325,13 +356,14 @@ impl<'a> RowWriter<'a> {
         for &column in &columns[start..end] {
             self.position[column] = NO_POSITION;
         }
+        self.fits &= self.known.is_none() || end == self.end();
         end
     }
 
     /// Adds the row under construction to the pattern.
     fn find(&mut self, is_direct: bool, end: usize) {
         let Self { problem, columns, at, start, position, found, .. } = self;
-        found.first_places.push(is_direct.then_some(found.places.len()));
+        let first = found.places.len();
         found.ends.push(end);
         for (k, variable) in self.calls.drain(..).filter(|_| is_direct) {
             let column = columns.of_slot[problem.timeline[at[k]].slot][variable];
@@ -339,6 +371,7 @@ impl<'a> RowWriter<'a> {
             let (sample, variable) = (k as u16, variable as u16);
             found.places.push(DerivativePlace { sample, variable, entry });
         }
+        found.of_rows.push(is_direct.then_some(first..found.places.len()));
     }
 
     /// Converts derivatives with respect to a placed sample to those with respect to its slot and the placement.
@@ -368,11 +401,14 @@ impl<'a> RowWriter<'a> {
             self.derivatives[self.start + position as usize] += derivative;
             return;
         }
-        self.position[column] = self.entries as u32;
         let entry = self.start + self.entries;
+        if self.known.is_some_and(|known| known.columns.get(entry) != Some(&column)) {
+            self.fits = false;
+            return;
+        }
+        self.position[column] = self.entries as u32;
         self.entries += 1;
-        if let Some(known) = self.known {
-            debug_assert_eq!(known.columns[entry], column);
+        if self.known.is_some() {
             self.derivatives[entry] = derivative;
         } else {
             self.columns_found.push(column);

@@ -1,0 +1,93 @@
+//! Edits of shipped robots, one after the other.
+
+use super::*;
+use crate::optimise_solution;
+use std::fs;
+use std::path::Path;
+
+fn read(motion: &str) -> (Robot, Motion) {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../motions").join(motion);
+    let text = fs::read_to_string(&file).unwrap();
+    let path = file.parent().unwrap().join(Motion::robot_path_in_toml(motion, &text).unwrap());
+    let robot = Robot::from_toml(&path.display().to_string(), &fs::read_to_string(&path).unwrap());
+    let robot = robot.unwrap();
+    let motion = Motion::from_toml(motion, &text, &robot).unwrap();
+    (robot, motion)
+}
+
+fn on(_: &Progress) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+fn options() -> Options {
+    Options { refine: false, ..Options::default() }
+}
+
+/// The length of all links between joints.
+fn longer(robot: &Robot, by_m: f64) -> Robot {
+    let mut robot = robot.clone();
+    for joint in robot.joints.iter_mut().filter(|joint| joint.parent != 0) {
+        let z = &mut joint.parent_from_joint.translation.z;
+        *z += if *z == 0.0 { 0.0 } else { z.signum() * by_m };
+    }
+    robot
+}
+
+/// Costs of a plan, from its numbers: those of the energy contain what the multipliers pull.
+fn cost(plan: &crate::plan::Plan) -> f64 {
+    crate::sensitivity::Objective::PlanCost.of_plan(plan, &options().weights)
+}
+
+#[test]
+fn edits_one_after_the_other_end_where_plans_without_anything_kept_do() {
+    for file in ["drive_1m.toml", "trot.toml", "anymal_turn.toml"] {
+        let (robot, motion) = read(file);
+        let before = optimise_solution(&robot, &motion, &options(), &mut on);
+        let mut editing = Editing::new(before, &options());
+        for by_m in [0.01, -0.002, 0.004] {
+            let edited = longer(&robot, by_m);
+            let last = editing.last().clone();
+            let plan = editing.replan(&edited, &motion, &mut on).unwrap().plan;
+            let (solve, target) = (&plan.solve, options().settings.target_level);
+            assert!(solve.status == Status::Converged && solve.worst_level <= target, "{file}");
+            assert!(editing.kept.is_some(), "{file}: nothing is kept");
+            let anew = last.replan(&edited, &motion, &options(), &mut on).unwrap().plan;
+            assert!(solve.iterations <= anew.solve.iterations, "{file}");
+            // The thousandth at which iterations end, and the tail that each of them leaves.
+            let (cost, anew) = (cost(&plan), cost(&anew));
+            assert!((cost - anew).abs() < 2e-3 * anew, "{file} {by_m}: {cost} {anew}");
+        }
+    }
+}
+
+#[test]
+fn another_structure_is_planned_as_well() {
+    let (robot, motion) = read("trot.toml");
+    let mut editing =
+        Editing::new(optimise_solution(&robot, &motion, &options(), &mut on), &options());
+    editing.replan(&robot, &motion, &mut on).unwrap();
+    let mut other = motion.clone();
+    other.goal.turn_rad = None;
+    other.stance[0][0] ^= true;
+    let plan = editing.replan(&longer(&robot, 0.005), &other, &mut on).unwrap().plan;
+    assert_eq!(plan.solve.status, Status::Converged);
+    assert_eq!(plan.motion, other);
+    let (other_robot, _) = read("anymal_turn.toml");
+    let refused = editing.replan(&other_robot, &motion, &mut on);
+    assert!(matches!(refused, Err(ReplanError::OtherStructure { .. })));
+    assert_eq!(editing.last().plan, plan);
+}
+
+#[test]
+fn an_edit_that_cannot_be_planned_is_not_where_the_next_one_starts() {
+    let (robot, motion) = read("test_leg_roll.toml");
+    let before = optimise_solution(&robot, &motion, &options(), &mut on);
+    let mut editing = Editing::new(before.clone(), &options());
+    let mut far = motion.clone();
+    far.goal.forward_m = Some(100.0);
+    let failed = editing.replan(&robot, &far, &mut on).unwrap().plan.solve;
+    assert!(!failed.status.is_solved(), "{}", failed.status);
+    assert_eq!(editing.last().plan, before.plan);
+    let plan = editing.replan(&robot, &motion, &mut on).unwrap().plan;
+    assert_eq!(plan.solve.status, Status::Converged);
+}
