@@ -1,4 +1,6 @@
-//! Line charts as SVG: of benchmarks, and of runs.
+//! Charts as SVG: of benchmarks, of runs, and of sweeps.
+
+pub mod sweep;
 
 use miette::miette;
 use plotters::coord::Shift;

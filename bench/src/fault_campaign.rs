@@ -1,17 +1,19 @@
 //! `rollwalk bench fault-campaign`: faults on the simulated buses, thousands of runs, and what held in them.
 
+use crate::split::{self, Split};
 use crate::{Block, Findings, PlannedLibrary, Program, Verdict};
 use miette::miette;
 use rollwalk_bus::candump;
 use rollwalk_campaign::scenario::Scenario;
 use rollwalk_campaign::{self as campaign, Case, Outcome, Report, Subject, table};
 use rollwalk_sim_host::clock::SimTime;
-use serde::Serialize;
-use std::collections::{BTreeMap, VecDeque};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::ops::Range;
 use std::panic;
 use std::path::PathBuf;
-use std::sync::{Mutex, mpsc};
-use std::thread;
+use std::sync::{Arc, Mutex};
 
 /// Runs of each scenario with each loss, when nothing else is said.
 const SEEDS: u64 = 20;
@@ -19,6 +21,9 @@ const SEEDS: u64 = 20;
 pub const LIBRARY: &str = "motions/agilebot_library.toml";
 /// A halt in which a return to SAFE can begin, s.
 const HALT_S: f64 = 2.0;
+
+/// Seeds of a unit of the campaign: enough for its line in a journal to cost nothing.
+const SEEDS_OF_UNIT: u64 = 10;
 
 /// What carries the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -102,8 +107,6 @@ struct WorldRow {
 /// A run in which something was wrong.
 #[derive(Serialize)]
 struct Broken {
-    #[serde(skip)]
-    case: Case,
     scenario: &'static str,
     loss_percent: f64,
     seed: u64,
@@ -119,28 +122,141 @@ struct Results {
     broken: Vec<Broken>,
 }
 
-/// Runs the benchmark.
-pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
-    let cases = cases(args);
-    if let (Some(&case), 1) = (cases.front(), cases.len()) {
-        let Some(subject) = subject(args.on, program)? else { return Ok(None) };
-        return Ok(Some(one(&subject, case, args.log.clone())));
+/// Runs a single case.
+pub fn run_single(args: &Args, case: Case, program: &dyn Program) -> crate::Outcome {
+    let Some(subject) = subject(args.on, program)? else { return Ok(None) };
+    Ok(Some(one(&subject, case, args.log.clone())))
+}
+
+/// The case, if one alone is asked for.
+pub fn single(args: &Args) -> Option<Case> {
+    match &blocks(args)[..] {
+        [Runs { scenario, loss_per_mille, seeds }] if seeds.clone().count() == 1 => {
+            Some(Case { scenario: *scenario, loss_per_mille: *loss_per_mille, seed: seeds.start })
+        }
+        _ => None,
     }
+}
+
+/// A campaign of more than one run.
+///
+/// # Errors
+/// Options that ask for no run, or for a log of several.
+pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
     if args.log.is_some() {
         return Err(miette!("--log is for a single run: one scenario, one loss, one seed"));
     }
-    if cases.is_empty() {
+    let blocks = blocks(args);
+    if blocks.is_empty() {
         return Err(miette!(
             help = losses(&args.scenario),
             "no scenario that was asked for has this loss"
         ));
     }
-    let Some(subject) = subject(args.on, program)? else { return Ok(None) };
-    let (table, broken) = all(&subject, &cases, program);
-    let findings = Results::new(&table, broken, args.on).findings();
-    let interrupted = findings.verdict == Verdict::Passed && program.interrupted();
-    let verdict = if interrupted { Verdict::Interrupted } else { findings.verdict };
-    Ok(Some(Findings { verdict, ..findings }))
+    Ok(Box::new(Campaign { args, program, blocks, subject: Mutex::default() }))
+}
+
+/// A scenario with a loss and some seeds: a unit of a campaign.
+struct Runs {
+    scenario: Scenario,
+    loss_per_mille: u16,
+    seeds: Range<u64>,
+}
+
+/// What a unit came to.
+#[derive(Serialize, Deserialize)]
+struct Part {
+    row: table::Row,
+    /// Seeds of broken runs, with what is wrong in them.
+    broken: Vec<(u64, Vec<String>)>,
+}
+
+struct Campaign<'a> {
+    args: &'a Args,
+    program: &'a dyn Program,
+    blocks: Vec<Runs>,
+    /// Made for the first unit: a program that has an engine do the work needs none.
+    subject: Mutex<Option<Arc<Subject>>>,
+}
+
+impl Campaign<'_> {
+    fn subject(&self) -> miette::Result<Option<Arc<Subject>>> {
+        let mut made = self.subject.lock().map_err(|_| miette!("another thread failed"))?;
+        if made.is_none() {
+            *made = subject(self.args.on, self.program)?.map(Arc::new);
+        }
+        Ok(made.clone())
+    }
+}
+
+impl Split for Campaign<'_> {
+    fn words(&self) -> Vec<String> {
+        let Args { scenario, on, loss, .. } = self.args;
+        let mut words = vec!["fault-campaign".to_owned()];
+        let mut option = |name: &str, value: String| words.extend([format!("--{name}"), value]);
+        let Range { start, end } = seeds(self.args);
+        option("seed", start.to_string());
+        option("seeds", (end - start).to_string());
+        option("on", (if *on == On::Ground { "ground" } else { "stand" }).to_owned());
+        scenario.iter().for_each(|of| option("scenario", of.name().to_owned()));
+        loss.iter().for_each(|of| option("loss", percent(*of).to_string()));
+        words
+    }
+
+    fn units(&self) -> usize {
+        self.blocks.len()
+    }
+
+    fn units_name(&self) -> &'static str {
+        "blocks of runs"
+    }
+
+    fn is_timed(&self) -> bool {
+        false
+    }
+
+    fn unit(&self, index: usize) -> miette::Result<Option<Value>> {
+        let Some(subject) = self.subject()? else { return Ok(None) };
+        let Runs { scenario, loss_per_mille, ref seeds } = self.blocks[index];
+        let mut part = Part { row: table::Row::default(), broken: Vec::new() };
+        for seed in seeds.clone() {
+            if self.program.interrupted() {
+                return Ok(None);
+            }
+            let case = Case { scenario, loss_per_mille, seed };
+            let wrong = match panic::catch_unwind(|| campaign::run(&subject, case).0) {
+                Ok(report) => {
+                    part.row.add(&report);
+                    wrong(&report)
+                }
+                Err(_) => {
+                    part.row.add_failure();
+                    vec!["it panicked".to_owned()]
+                }
+            };
+            if !wrong.is_empty() {
+                self.program.say(&format!("broken: {}", again(case, self.args.on)));
+                part.broken.push((seed, wrong));
+            }
+        }
+        split::written(&part).map(Some)
+    }
+
+    fn findings(&self, units: &BTreeMap<usize, Value>) -> miette::Result<Findings> {
+        let (mut table, mut broken) = (table::Table::default(), Vec::new());
+        for (index, unit) in units {
+            let part: Part = split::read(unit)?;
+            let Some(Runs { scenario, loss_per_mille, .. }) = self.blocks.get(*index) else {
+                continue;
+            };
+            table.add(*scenario, *loss_per_mille, &part.row);
+            broken.extend(part.broken.into_iter().map(|(seed, wrong)| {
+                let case = Case { scenario: *scenario, loss_per_mille: *loss_per_mille, seed };
+                broken_run(case, wrong, self.args.on)
+            }));
+        }
+        Ok(Results::new(&table, broken, self.args.on).findings())
+    }
 }
 
 /// The robot and its library; `None` after an interrupt.
@@ -172,20 +288,29 @@ fn losses(named: &[Scenario]) -> String {
     chosen(named).map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// All runs that were asked for.
-fn cases(args: &Args) -> VecDeque<Case> {
+/// Seeds of each scenario at each loss.
+fn seeds(args: &Args) -> Range<u64> {
     let first = args.seed.unwrap_or(0);
     let seeds = args.seeds.unwrap_or(if args.seed.is_some() { 1 } else { SEEDS });
-    let mut cases = VecDeque::new();
+    first..first.saturating_add(seeds)
+}
+
+/// All runs that were asked for, in the order of the table.
+fn blocks(args: &Args) -> Vec<Runs> {
+    let Range { start, end } = seeds(args);
+    let mut blocks = Vec::new();
     for scenario in chosen(&args.scenario) {
         for &loss_per_mille in scenario.losses() {
             if args.loss.is_empty() || args.loss.contains(&loss_per_mille) {
-                let case = |seed| Case { scenario, loss_per_mille, seed };
-                cases.extend((first..first.saturating_add(seeds)).map(case));
+                let block = |from: u64| {
+                    let seeds = from..end.min(from.saturating_add(SEEDS_OF_UNIT));
+                    Runs { scenario, loss_per_mille, seeds }
+                };
+                blocks.extend((start..end).step_by(SEEDS_OF_UNIT as usize).map(block));
             }
         }
     }
-    cases
+    blocks
 }
 
 /// A single run, with its log. It leaves the files of a campaign as they are: it is a closer look at one of its runs.
@@ -196,79 +321,39 @@ fn one(subject: &Subject, case: Case, path: Option<PathBuf>) -> Findings {
         candump::write(&log, &mut text).expect("memory takes whatever is written");
         (path, text)
     });
+    let mut row = table::Row::default();
+    row.add(&report);
     let mut table = table::Table::default();
-    table.add(&report);
+    table.add(case.scenario, case.loss_per_mille, &row);
     let on = if subject.on_ground { On::Ground } else { On::Stand };
-    let results = Results::new(&table, wrong(&report, on).into_iter().collect(), on);
+    let wrong = Some(wrong(&report)).filter(|wrong| !wrong.is_empty());
+    let broken = wrong.map(|wrong| broken_run(case, wrong, on));
+    let results = Results::new(&table, broken.into_iter().collect(), on);
     Findings { record: None, log, ..results.findings() }
 }
 
-/// All runs, on all cores, until they are done or interrupted.
-fn all(
-    subject: &Subject,
-    cases: &VecDeque<Case>,
-    program: &dyn Program,
-) -> (table::Table, Vec<Broken>) {
-    let on = if subject.on_ground { On::Ground } else { On::Stand };
-    let left = Mutex::new(cases.clone());
-    let (mut table, mut broken) = (table::Table::default(), Vec::new());
-    let total = cases.len();
-    thread::scope(|scope| {
-        let (sender, results) = mpsc::channel();
-        let workers = thread::available_parallelism().map_or(1, usize::from);
-        for _ in 0..workers {
-            let (sender, left) = (sender.clone(), &left);
-            scope.spawn(move || {
-                while !program.interrupted() {
-                    let Some(case) = left.lock().ok().and_then(|mut left| left.pop_front()) else {
-                        break;
-                    };
-                    let report = panic::catch_unwind(|| campaign::run(subject, case).0);
-                    if sender.send((case, report.ok())).is_err() {
-                        break;
-                    }
-                }
-            });
-        }
-        drop(sender);
-        for (done, (case, report)) in (1..).zip(results) {
-            match &report {
-                Some(report) => {
-                    table.add(report);
-                    broken.extend(wrong(report, on));
-                }
-                None => {
-                    table.add_failure(case);
-                    broken.push(broken_run(case, vec!["it panicked".into()], on));
-                }
-            }
-            if done % 500 == 0 {
-                let bad = broken.len();
-                program.say(&format!("{done} of {total} runs, {bad} broken"));
-            }
-        }
-    });
-    broken.sort_by_key(|broken| broken.case);
-    (table, broken)
-}
-
-fn wrong(report: &Report, on: On) -> Option<Broken> {
+fn wrong(report: &Report) -> Vec<String> {
     let violations = report.violations.iter().map(|violation| {
         let at_s = violation.at_us as f64 * 1e-6;
         format!("at {at_s:.6} s: {:?}: {}", violation.rule, violation.what)
     });
-    let wrong: Vec<_> = violations.chain(report.errors.iter().cloned()).collect();
-    (!wrong.is_empty()).then(|| broken_run(report.case, wrong, on))
+    violations.chain(report.errors.iter().cloned()).collect()
 }
 
 fn broken_run(case: Case, wrong: Vec<String>, on: On) -> Broken {
+    let Case { scenario, loss_per_mille, seed } = case;
+    let (scenario, loss_percent) = (scenario.name(), percent(loss_per_mille));
+    Broken { scenario, loss_percent, seed, wrong, again: again(case, on) }
+}
+
+/// The command that repeats a run.
+fn again(case: Case, on: On) -> String {
     let on = if on == On::Ground { "--on ground " } else { "" };
     let Case { scenario, loss_per_mille, seed } = case;
     let (scenario, loss_percent) = (scenario.name(), percent(loss_per_mille));
-    let again = format!(
+    format!(
         "rollwalk bench fault-campaign {on}--scenario {scenario} --loss {loss_percent} --seed {seed} --log run.log"
-    );
-    Broken { case, scenario, loss_percent, seed, wrong, again }
+    )
 }
 
 impl Results {
@@ -277,7 +362,7 @@ impl Results {
             table.rows().map(|(scenario, loss, row)| make_row(scenario, loss, row, on)).collect();
         Self {
             runs: rows.iter().map(|row| row.runs).sum(),
-            virtual_s: table.rows().map(|(_, _, row)| row.virtual_s).sum(),
+            virtual_s: table.rows().map(|(_, _, row)| row.virtual_ns).sum::<u64>() as f64 * 1e-9,
             rows,
             broken,
         }
@@ -367,7 +452,7 @@ fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row, on: On) -
         faults_fired: row.fired[1],
         setpoints: row.setpoints,
         commands: row.commands,
-        worst_stop_ms: row.worst_stop.map(|stop| 1e3 * stop.as_s()),
+        worst_stop_ms: row.worst_stop_ns.map(|stop_ns| 1e-6 * stop_ns as f64),
         world: (on == On::Ground).then_some(WorldRow {
             falls: row.falls,
             tilt_max_rad: row.tilt_max_rad,

@@ -18,6 +18,7 @@ mod measure;
 mod only;
 mod physics;
 mod samples;
+pub mod split;
 mod suggestions;
 mod table_2_1;
 mod table_3_2;
@@ -29,6 +30,7 @@ use rollwalk_design::designed::Designed;
 use rollwalk_planner::motion::Motion;
 use rollwalk_robot::Robot;
 use serde::Serialize;
+use split::Split;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
@@ -76,28 +78,46 @@ pub enum Benchmark {
     FaultCampaign(fault_campaign::Args),
 }
 
+/// A benchmark that is to be run.
+pub enum Work<'a> {
+    /// As a whole; it comes to nothing if it is interrupted before it has found anything.
+    Whole(Box<dyn FnOnce() -> Outcome + 'a>),
+    /// In units, of which others may do some.
+    Split(Box<dyn Split + 'a>),
+}
+
+/// What a benchmark comes to.
+pub type Outcome = miette::Result<Option<Findings>>;
+
 impl Benchmark {
-    /// Runs the benchmark. `None` if it was interrupted before it had found anything.
+    /// The work that it is.
     ///
     /// # Errors
-    /// A row or case that does not exist, or what `program` reports.
-    pub fn run(&self, program: &dyn Program) -> miette::Result<Option<Findings>> {
-        match self {
-            Self::Table21(args) => table_2_1::run(args, program),
-            Self::Samples(args) => samples::run(args, program),
-            Self::Figure23(args) => figure_2_3::run(args, program),
-            Self::Figure28(args) => figure_2_8::run(args, program),
-            Self::Figure24 => figure_2_4::run(program),
-            Self::Figure32(only) => figure_3_2::run(only, program),
-            Self::Figure36 => figure_3_6::run(program),
-            Self::Table32(args) => table_3_2::run(args, program),
-            Self::Table33(args) => table_3_3::run(args, program),
-            Self::LibraryFormat(only) => library_format::run(only, program),
-            Self::DesignEdits(only) => design_edits::run(only, program),
-            Self::Suggestions(args) => suggestions::run(args, program),
-            Self::Physics(args) => physics::run(args, program),
-            Self::FaultCampaign(args) => fault_campaign::run(args, program),
+    /// A row or case that does not exist. Later ones, and what `program` reports, come from the work.
+    pub fn work<'a>(&'a self, program: &'a dyn Program) -> miette::Result<Work<'a>> {
+        fn whole<'a>(run: impl FnOnce() -> Outcome + 'a) -> Work<'a> {
+            Work::Whole(Box::new(run))
         }
+        Ok(match self {
+            Self::Table21(args) => whole(|| table_2_1::run(args, program)),
+            Self::Samples(args) => whole(|| samples::run(args, program)),
+            Self::Figure23(args) => whole(|| figure_2_3::run(args, program)),
+            Self::Figure28(args) => whole(|| figure_2_8::run(args, program)),
+            Self::Figure24 => whole(|| figure_2_4::run(program)),
+            Self::Figure32(only) => whole(|| figure_3_2::run(only, program)),
+            Self::Figure36 => whole(|| figure_3_6::run(program)),
+            Self::Table32(args) => Work::Split(table_3_2::split(args, program)?),
+            Self::Table33(args) => Work::Split(table_3_3::split(args, program)?),
+            Self::LibraryFormat(only) => whole(|| library_format::run(only, program)),
+            Self::DesignEdits(only) => whole(|| design_edits::run(only, program)),
+            Self::Suggestions(args) if args.near => whole(|| suggestions::run_near(args, program)),
+            Self::Suggestions(args) => Work::Split(suggestions::split(args, program)),
+            Self::Physics(args) => whole(|| physics::run(args, program)),
+            Self::FaultCampaign(args) => match fault_campaign::single(args) {
+                Some(case) => whole(move || fault_campaign::run_single(args, case, program)),
+                None => Work::Split(fault_campaign::split(args, program)?),
+            },
+        })
     }
 }
 

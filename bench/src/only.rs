@@ -12,6 +12,11 @@ pub struct Only {
 }
 
 impl Only {
+    /// Its words on the command line.
+    pub fn words(&self) -> Vec<String> {
+        self.only.iter().flat_map(|only| ["--only".to_owned(), only.clone()]).collect()
+    }
+
     /// The rows to run; `file` returns the motion file of a row, whose name is the row's.
     ///
     /// # Errors

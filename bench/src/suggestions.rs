@@ -3,12 +3,13 @@
 //! Every case asks too much of a shipped motion in one way: too far, too fast, too high, with motors too weak or on ice.
 //! How much too much is drawn at random, so that some requests miss by little and a few are possible after all.
 
-use crate::{Block, Findings, Program, Verdict, measure, table};
+use crate::split::{Rows, Split};
+use crate::{Block, Findings, Outcome, Program, Verdict, measure, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Culprit;
 use rollwalk_robot::Robot;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What a case asks for: the change, and the smallest and largest number that it is made with.
 #[derive(Clone, Copy, Debug)]
@@ -171,7 +172,7 @@ const BISECTIONS: usize = 7;
 pub struct Args {
     /// Make the requests miss by little, and compare the time that takes with that of a request that is just possible.
     #[arg(long)]
-    near: bool,
+    pub near: bool,
     /// Plan every refused request again with this many other seeds: a plan that converges shows a false verdict.
     #[arg(long, default_value_t = 0, value_name = "SEEDS")]
     harder: u64,
@@ -184,7 +185,7 @@ pub struct Args {
 }
 
 /// A number that a diagnosis suggests, tried.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Tried {
     field: String,
     given: f64,
@@ -193,7 +194,7 @@ struct Tried {
 }
 
 /// One request.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Row {
     request: String,
     number: f64,
@@ -207,40 +208,75 @@ struct Row {
     false_verdict: Option<u64>,
 }
 
-/// Runs the benchmark.
-pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
-    let mut random = fastrand::Rng::with_seed(args.seed);
+/// The benchmark, a unit for each request.
+pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> Box<dyn Split + 'a> {
+    let mut words = vec!["suggestions".to_owned()];
+    words.extend(["--harder".to_owned(), args.harder.to_string()]);
+    words.extend(["--seed".to_owned(), args.seed.to_string()]);
+    words.extend(args.only.iter().flat_map(|only| ["--only".to_owned(), only.clone()]));
+    Box::new(Rows {
+        words,
+        is_timed: true,
+        rows: requests(args),
+        row: Box::new(|asked: &Asked| {
+            let (robot, motion) = program.motion(&asked.file())?;
+            let (robot, motion) = asked.change.apply(&robot, &motion, asked.number);
+            let row = follow(program, args, asked, &robot, &motion);
+            if let Some(row) = &row {
+                program.say(&line(row).join("  "));
+            }
+            Ok(row)
+        }),
+        findings: Box::new(findings),
+    })
+}
+
+/// Requests that miss by little, beside some that are just possible.
+pub fn run_near(args: &Args, program: &dyn Program) -> Outcome {
     let mut rows = Vec::new();
-    let mut nears = Vec::new();
-    for (files, change, [least, most]) in REQUESTS {
-        for name in files {
-            // Logarithmically even.
-            let number = least * (most / least).powf(random.f64());
-            let request = format!("{name} {change:?}").to_lowercase();
-            if args.only.as_ref().is_some_and(|only| !request.contains(only.as_str())) {
-                continue;
-            }
-            let (robot, motion) = program.motion(&format!("motions/{name}.toml"))?;
-            if args.near {
-                let request = Request { name: request, change, robot, motion };
-                if let Some(row) = near(program, &request, number) {
-                    program.say(&near_line(&row).join("  "));
-                    nears.push(row);
-                }
-                if program.interrupted() {
-                    return Ok(None);
-                }
-                continue;
-            }
-            let (robot, motion) = change.apply(&robot, &motion, number);
-            let Some(row) = follow(program, args, request, number, &robot, &motion) else {
-                return Ok(None);
-            };
-            program.say(&line(&row).join("  "));
+    for asked in requests(args) {
+        let (robot, motion) = program.motion(&asked.file())?;
+        let Asked { name, change, number, .. } = asked;
+        if let Some(row) = near(program, &Request { name, change, robot, motion }, number) {
+            program.say(&near_line(&row).join("  "));
             rows.push(row);
         }
+        if program.interrupted() {
+            return Ok(None);
+        }
     }
-    Ok(Some(if args.near { near_findings(&nears) } else { findings(&rows) }))
+    Ok(Some(near_findings(&rows)))
+}
+
+/// A request of the table.
+struct Asked {
+    name: String,
+    number: f64,
+    change: Change,
+    /// Stem of the motion file.
+    file: &'static str,
+}
+
+impl Asked {
+    fn file(&self) -> String {
+        format!("motions/{}.toml", self.file)
+    }
+}
+
+/// Those that are asked for, with their numbers, which do not depend on which they are.
+fn requests(args: &Args) -> Vec<Asked> {
+    let mut random = fastrand::Rng::with_seed(args.seed);
+    let mut all = Vec::new();
+    for (files, change, [least, most]) in REQUESTS {
+        for file in files {
+            // Logarithmically even.
+            let number = least * (most / least).powf(random.f64());
+            let name = format!("{file} {change:?}").to_lowercase();
+            all.push(Asked { name, number, change, file });
+        }
+    }
+    all.retain(|of| args.only.as_ref().is_none_or(|only| of.name.contains(only.as_str())));
+    all
 }
 
 /// A shipped motion, and how it is changed.
@@ -373,8 +409,7 @@ fn try_all(
 fn follow(
     program: &dyn Program,
     args: &Args,
-    request: String,
-    number: f64,
+    asked: &Asked,
     robot: &Robot,
     motion: &Motion,
 ) -> Option<Row> {
@@ -386,8 +421,8 @@ fn follow(
     };
     let seeds = if run.solved() { 0 } else { args.harder };
     let row = Row {
-        request,
-        number,
+        request: asked.name.clone(),
+        number: asked.number,
         status: format!("{:?}", solve.status),
         verdict: solve.diagnosis.as_ref().map(|why| format!("{:?}", why.verdict)),
         culprits: solve

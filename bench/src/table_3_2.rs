@@ -1,10 +1,11 @@
 //! Table 3.2 of the thesis: SwizzleBots with two to five motors a leg at 0.3 m/s.
 
 use crate::only::Only;
+use crate::split::{Rows, Split};
 use crate::{Block, Findings, Program, Verdict, measure, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::plan::Plan;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Motion file, motors a leg, and the thesis's mean joint speed, rad/s, and acceleration, rad/s².
 pub const ROWS: [(&str, usize, [f64; 2]); 4] = [
@@ -25,20 +26,65 @@ pub struct Args {
 }
 
 /// One robot, measured. Means are null if no seed is solved.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Row {
     motors_a_leg: usize,
-    speed_m_s: f64,
-    joint_speed_rad_s: f64,
+    speed_m_s: Option<f64>,
+    joint_speed_rad_s: Option<f64>,
     thesis_joint_speed_rad_s: f64,
-    joint_acceleration_rad_s2: f64,
+    joint_acceleration_rad_s2: Option<f64>,
     thesis_joint_acceleration_rad_s2: f64,
     seeds: usize,
     solved: usize,
 }
 
-/// Runs the benchmark.
-pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+/// The benchmark, a unit for each robot.
+///
+/// # Errors
+/// A row that does not exist.
+pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
+    let mut words = ["table-3-2", "--seeds"].map(str::to_owned).to_vec();
+    words.push(args.seeds.to_string());
+    words.extend(args.only.words());
+    Ok(Box::new(Rows {
+        words,
+        is_timed: false,
+        rows: args.only.choose(&ROWS, |row| row.0)?,
+        row: Box::new(|of| row(of, args.seeds, program)),
+        findings: Box::new(|rows| findings(rows, args.seeds)),
+    }))
+}
+
+fn row(
+    &(file, motors, [thesis_speed, thesis_acceleration]): &(&str, usize, [f64; 2]),
+    seeds: u64,
+    program: &dyn Program,
+) -> miette::Result<Option<Row>> {
+    let (robot, motion) = program.motion(file)?;
+    let options = |seed| Options { seed, ..Options::default() };
+    let runs: Vec<_> =
+        (0..seeds).map(|seed| measure::cold(program, &robot, &motion, &options(seed))).collect();
+    if program.interrupted() {
+        return Ok(None);
+    }
+    let solved: Vec<_> = runs.iter().filter(|run| run.solved()).collect();
+    let energy = |plan: &Plan| plan.solve.energy;
+    let best = solved.iter().min_by(|a, b| energy(a.plan()).total_cmp(&energy(b.plan())));
+    let means = best.map(|run| means(run.plan()));
+    let [speed, acceleration, forward] = [0, 1, 2].map(|k| means.map(|means| means[k]));
+    Ok(Some(Row {
+        motors_a_leg: motors,
+        speed_m_s: forward,
+        joint_speed_rad_s: speed,
+        thesis_joint_speed_rad_s: thesis_speed,
+        joint_acceleration_rad_s2: acceleration,
+        thesis_joint_acceleration_rad_s2: thesis_acceleration,
+        seeds: runs.len(),
+        solved: solved.len(),
+    }))
+}
+
+fn findings(rows: &[Row], seeds: u64) -> Findings {
     let mut table = table([
         "motors a leg",
         "speed m/s",
@@ -48,53 +94,28 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
         "thesis",
         "solved",
     ]);
-    let mut solved_all = true;
-    let mut rows = Vec::new();
-    for &(file, motors, [thesis_speed, thesis_acceleration]) in
-        args.only.choose(&ROWS, |row| row.0)?
-    {
-        let (robot, motion) = program.motion(file)?;
-        let runs: Vec<_> = (0..args.seeds)
-            .map(|seed| {
-                measure::cold(program, &robot, &motion, &Options { seed, ..Options::default() })
-            })
-            .collect();
-        if program.interrupted() {
-            return Ok(None);
-        }
-        let solved: Vec<_> = runs.iter().filter(|run| run.solved()).collect();
-        let energy = |plan: &Plan| plan.solve.energy;
-        let best = solved.iter().min_by(|a, b| energy(a.plan()).total_cmp(&energy(b.plan())));
-        let [speed, acceleration, forward] = best.map_or([f64::NAN; 3], |run| means(run.plan()));
-        solved_all &= solved.len() == runs.len();
-        rows.push(Row {
-            motors_a_leg: motors,
-            speed_m_s: forward,
-            joint_speed_rad_s: speed,
-            thesis_joint_speed_rad_s: thesis_speed,
-            joint_acceleration_rad_s2: acceleration,
-            thesis_joint_acceleration_rad_s2: thesis_acceleration,
-            seeds: runs.len(),
-            solved: solved.len(),
-        });
-        table.push(vec![
-            motors.to_string(),
-            format!("{forward:.3}"),
-            format!("{speed:.2}"),
-            format!("{thesis_speed:.2}"),
-            format!("{acceleration:.1}"),
-            format!("{thesis_acceleration:.1}"),
-            format!("{}/{}", solved.len(), runs.len()),
-        ]);
-    }
+    let number = |value: Option<f64>, decimals: usize| {
+        value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"))
+    };
+    table.extend(rows.iter().map(|row| {
+        vec![
+            row.motors_a_leg.to_string(),
+            number(row.speed_m_s, 3),
+            number(row.joint_speed_rad_s, 2),
+            format!("{:.2}", row.thesis_joint_speed_rad_s),
+            number(row.joint_acceleration_rad_s2, 1),
+            format!("{:.1}", row.thesis_joint_acceleration_rad_s2),
+            format!("{}/{}", row.solved, row.seeds),
+        ]
+    }));
     let text = format!(
         "joint speed, rad/s: mean over joints and samples of |Δq|/h; joint acceleration, rad/s²: of \
-         |Δ²q|/h².\nThe plan of least energy of {} starts.",
-        args.seeds
+         |Δ²q|/h².\nThe plan of least energy of {seeds} starts."
     );
+    let solved_all = rows.iter().all(|row| row.solved == row.seeds);
     let verdict = if solved_all { Verdict::Passed } else { Verdict::NotConverged };
     let blocks = vec![Block::Table(table), Block::Text(text)];
-    Ok(Some(Findings { verdict, ..Findings::new("table-3-2", blocks, &rows) }))
+    Findings { verdict, ..Findings::new("table-3-2", blocks, &rows) }
 }
 
 /// Mean joint speed and acceleration over a cycle, and the speed of the centre of mass, m/s.

@@ -2,13 +2,14 @@
 
 use crate::measure::{self, Run};
 use crate::only::Only;
+use crate::split::{Rows, Split};
 use crate::{Block, Findings, Program, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::families::Family;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::report::{self, Grid, Report};
 use rollwalk_robot::{EndEffector, Robot};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Motion file, name and measured speed in the thesis, m/s.
 pub const ROWS: [(&str, &str, f64); 5] = [
@@ -44,35 +45,59 @@ pub struct Args {
 }
 
 /// One motion, measured.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Row {
-    motion: &'static str,
+    motion: String,
     top_speed_m_s: f64,
     thesis_m_s: f64,
     stopped_by: String,
 }
 
-/// Runs the benchmark.
-pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+/// The benchmark, a unit for each motion.
+///
+/// # Errors
+/// A row that does not exist.
+pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
+    let mut words = ["table-3-3", "--steps"].map(str::to_owned).to_vec();
+    words.push(args.steps.to_string());
+    words.extend(args.only.words());
+    Ok(Box::new(Rows {
+        words,
+        is_timed: false,
+        rows: args.only.choose(&ROWS, |row| row.0)?,
+        row: Box::new(|of| row(of, args.steps, program)),
+        findings: Box::new(findings),
+    }))
+}
+
+fn row(
+    &(file, name, thesis): &(&str, &str, f64),
+    steps: usize,
+    program: &dyn Program,
+) -> miette::Result<Option<Row>> {
+    let (mut robot, motion) = program.motion(file)?;
+    robot.end_effectors.iter_mut().for_each(drag_that_grows);
+    let motion = refined(motion);
+    program.say(name);
+    let (speed, stopped) = top_speed(program, &robot, &motion, steps);
+    Ok((!program.interrupted()).then(|| Row {
+        motion: name.to_owned(),
+        top_speed_m_s: speed,
+        thesis_m_s: thesis,
+        stopped_by: stopped,
+    }))
+}
+
+fn findings(rows: &[Row]) -> Findings {
     let mut table = table(["motion", "top speed m/s", "thesis m/s", "stopped by"]);
-    let mut rows = Vec::new();
-    for &(file, name, thesis) in args.only.choose(&ROWS, |row| row.0)? {
-        let (mut robot, motion) = program.motion(file)?;
-        robot.end_effectors.iter_mut().for_each(drag_that_grows);
-        let motion = refined(motion);
-        program.say(name);
-        let (speed, stopped) = top_speed(program, &robot, &motion, args.steps);
-        if program.interrupted() {
-            return Ok(None);
-        }
-        rows.push(Row {
-            motion: name,
-            top_speed_m_s: speed,
-            thesis_m_s: thesis,
-            stopped_by: stopped.clone(),
-        });
-        table.push(vec![name.into(), format!("{speed:.3}"), format!("{thesis:.3}"), stopped]);
-    }
+    table.extend(rows.iter().map(|row| {
+        vec![
+            row.motion.clone(),
+            format!("{:.3}", row.top_speed_m_s),
+            format!("{:.3}", row.thesis_m_s),
+            row.stopped_by.clone(),
+        ]
+    }));
     let text = format!(
         "The fastest periodic plan with the given footfalls and period that meets every constraint, \
          also between samples: \
@@ -81,7 +106,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
         1e2 * (FINEST - 1.0)
     );
     let blocks = vec![Block::Table(table), Block::Text(text)];
-    Ok(Some(Findings::new("table-3-3", blocks, &rows)))
+    Findings::new("table-3-3", blocks, &rows)
 }
 
 /// The motion with at least [`SAMPLES`] samples: fast plans on few samples cut corners between them.

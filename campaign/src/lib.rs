@@ -31,6 +31,7 @@ use rollwalk_sim_host::core::{Core, Local};
 use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::one_leg;
 use scenario::Scenario;
+use serde::{Deserialize, Serialize};
 use world::WorldReport;
 
 /// The robot and library of a campaign.
@@ -108,7 +109,7 @@ pub struct Case {
 }
 
 /// Reaction of the robot to the fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Outcome {
     /// Continued.
     WentOn,

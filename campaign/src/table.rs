@@ -1,12 +1,13 @@
 //! Results of many runs: a row for each scenario and loss.
 
 use super::scenario::Scenario;
-use super::{Case, Outcome, Report};
+use super::{Outcome, Report};
 use rollwalk_sim_host::clock::SimTime;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The runs of a scenario with a loss.
-#[derive(Clone, Debug, Default)]
+/// The runs of a scenario with a loss. Sums are of whole numbers, so that they are the same in any order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// All runs.
     pub runs: u64,
@@ -20,8 +21,8 @@ pub struct Row {
     pub setpoints: u64,
     /// Commands checked.
     pub commands: u64,
-    /// Longest time from the host's first emergency stop to motors without torque.
-    pub worst_stop: Option<SimTime>,
+    /// Longest time from the host's first emergency stop to motors without torque, ns.
+    pub worst_stop_ns: Option<u64>,
     /// Falls on the ground.
     pub falls: u64,
     /// Greatest tilt on the ground, rad.
@@ -30,8 +31,52 @@ pub struct Row {
     pub coasted_m: f64,
     /// Longest time without torque before the robot rested, s.
     pub rested_after_s: f64,
-    /// Virtual time of all runs, s.
-    pub virtual_s: f64,
+    /// Virtual time of all runs, ns.
+    pub virtual_ns: u64,
+}
+
+impl Row {
+    /// Adds a run.
+    pub fn add(&mut self, report: &Report) {
+        self.runs += 1;
+        *self.outcomes.entry(report.outcome).or_default() += 1;
+        self.broken += u64::from(!report.is_clean());
+        self.fired = [0, 1].map(|k| self.fired[k] + report.fired[k]);
+        self.setpoints += report.coverage.setpoints;
+        self.commands += report.coverage.commands;
+        self.worst_stop_ns = self.worst_stop_ns.max(report.stopped_after.map(SimTime::as_ns));
+        self.virtual_ns += report.took.as_ns();
+        if let Some(world) = &report.world {
+            self.falls += world.falls.len() as u64;
+            self.tilt_max_rad = self.tilt_max_rad.max(world.tilt_max_rad);
+            self.coasted_m = self.coasted_m.max(world.coasted_m);
+            self.rested_after_s = self.rested_after_s.max(world.rested_after_s);
+        }
+    }
+
+    /// Adds a run that panicked.
+    pub fn add_failure(&mut self) {
+        self.runs += 1;
+        self.broken += 1;
+    }
+
+    /// Adds other runs of the same scenario and loss.
+    pub fn merge(&mut self, other: &Self) {
+        self.runs += other.runs;
+        for (outcome, runs) in &other.outcomes {
+            *self.outcomes.entry(*outcome).or_default() += runs;
+        }
+        self.broken += other.broken;
+        self.fired = [0, 1].map(|k| self.fired[k] + other.fired[k]);
+        self.setpoints += other.setpoints;
+        self.commands += other.commands;
+        self.worst_stop_ns = self.worst_stop_ns.max(other.worst_stop_ns);
+        self.virtual_ns += other.virtual_ns;
+        self.falls += other.falls;
+        self.tilt_max_rad = self.tilt_max_rad.max(other.tilt_max_rad);
+        self.coasted_m = self.coasted_m.max(other.coasted_m);
+        self.rested_after_s = self.rested_after_s.max(other.rested_after_s);
+    }
 }
 
 /// All runs.
@@ -41,34 +86,9 @@ pub struct Table {
 }
 
 impl Table {
-    /// Adds a run.
-    pub fn add(&mut self, report: &Report) {
-        let row = self.row(report.case);
-        row.runs += 1;
-        *row.outcomes.entry(report.outcome).or_default() += 1;
-        row.broken += u64::from(!report.is_clean());
-        row.fired = [0, 1].map(|k| row.fired[k] + report.fired[k]);
-        row.setpoints += report.coverage.setpoints;
-        row.commands += report.coverage.commands;
-        row.worst_stop = row.worst_stop.max(report.stopped_after);
-        row.virtual_s += report.took.as_s();
-        if let Some(world) = &report.world {
-            row.falls += world.falls.len() as u64;
-            row.tilt_max_rad = row.tilt_max_rad.max(world.tilt_max_rad);
-            row.coasted_m = row.coasted_m.max(world.coasted_m);
-            row.rested_after_s = row.rested_after_s.max(world.rested_after_s);
-        }
-    }
-
-    /// Adds a run that panicked.
-    pub fn add_failure(&mut self, case: Case) {
-        let row = self.row(case);
-        row.runs += 1;
-        row.broken += 1;
-    }
-
-    fn row(&mut self, case: Case) -> &mut Row {
-        self.rows.entry((case.scenario, case.loss_per_mille)).or_default()
+    /// Adds runs of a scenario with a loss.
+    pub fn add(&mut self, scenario: Scenario, loss_per_mille: u16, runs: &Row) {
+        self.rows.entry((scenario, loss_per_mille)).or_default().merge(runs);
     }
 
     /// The rows, by scenario and loss.

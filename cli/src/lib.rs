@@ -22,6 +22,7 @@ mod planning;
 mod played;
 mod problem;
 mod progress;
+mod shards;
 mod shipped;
 mod signing;
 pub mod sim;

@@ -5,7 +5,7 @@
 //! a sweep can be interrupted between them, and split, and gives the same rows.
 
 mod file;
-pub mod journal;
+pub mod picture;
 mod row;
 pub mod table;
 
@@ -14,6 +14,7 @@ pub use row::Row;
 
 use crate::catalog::Catalog;
 use crate::designed::{Designed, NamedText};
+use crate::goal::Goal;
 use crate::plans::{Failed, Watch};
 use rollwalk_robot::document::DocumentError;
 use std::collections::BTreeMap;
@@ -53,6 +54,19 @@ impl Ready {
     /// The caller stops it.
     pub fn chain(&self, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<Row>, Failed> {
         row::chain(self, chain, watch)
+    }
+
+    /// Name of an axis, with the unit of its values.
+    fn axis_title(&self, axis: usize) -> String {
+        let name = self.sweep.axes[axis].name();
+        let parameters = self.design.iter().flat_map(|design| &design.file.parameters);
+        let unit = parameters.filter(|of| of.name == name).map(|of| of.place.kind.unit().0).next();
+        unit.map_or_else(|| name.to_owned(), |unit| format!("{name}, {unit}"))
+    }
+
+    /// What the design is optimised for.
+    fn goal(&self) -> Option<&Goal> {
+        self.design.as_ref()?.file.goal.as_ref()
     }
 
     /// The design of a chain's choices.

@@ -271,3 +271,33 @@ fn fault_campaign_counts_outcomes_and_repeats_a_run() {
     no_loss.fails(1, &["has this loss", "estop has 0, "]);
     bench(&desk, &["fault-campaign", "--log", "x.log"]).fails(2, &["--scenario"]);
 }
+
+#[test]
+fn shards_of_a_fault_campaign_come_to_the_files_of_the_whole() {
+    let desk = desk();
+    let campaign = ["fault-campaign", "--scenario", "estop", "--scenario", "delay", "--loss", "30"];
+    let args = [&campaign[..], &["--seeds", "11"]].concat();
+    let run = |out: &str, rest: &[&str]| {
+        desk.run(&[&["bench"][..], &args, rest, &["--out", out]].concat())
+    };
+    let whole = run("whole", &[]).succeeds();
+    // Ten seeds of each scenario, and the eleventh.
+    run("parts", &["--shard", "2/3"]).succeeds_with(0, &["3 of 4 blocks of runs are left"]);
+    let journal = desk.read_text("parts/fault-campaign.journal-2-of-3.jsonl");
+    assert_eq!(journal.lines().count(), 2, "{journal}");
+    run("parts", &["--shard", "1/3"]).succeeds_with(0, &["1 of 4"]);
+    // Whoever comes last does what is left, and writes the files.
+    let merged = run("parts", &["--shard", "1/1", "--cores", "2"]).succeeds();
+    assert_eq!(merged, whole);
+    for file in ["fault-campaign.json", "fault-campaign.md"] {
+        assert_eq!(desk.read(&format!("parts/{file}")), desk.read(&format!("whole/{file}")));
+    }
+    let other = [&campaign[..], &["--seeds", "12", "--shard", "1/3", "--out", "parts"]].concat();
+    desk.run(&[&["bench"], &other[..]].concat()).fails(1, &["is of other work", "--seeds 11"]);
+    let engine = ["--engine", "slurm", "--shards", "4", "--dry-run"];
+    run("job", &engine).succeeds_with(0, &["next: sbatch --parsable --wait job/slurm.sh"]);
+    let job = desk.read_text("job/slurm.sh");
+    let words = " bench fault-campaign --seed 0 --seeds 11 --on stand --scenario estop --scenario delay --loss 30 --out ";
+    assert!(job.contains(words) && job.contains("--cores 1 --shards 4"), "{job}");
+    bench(&desk, &["samples", "--shard", "1/2"]).fails(1, &["is not done in parts", "table-3-2"]);
+}

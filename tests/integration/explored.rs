@@ -25,20 +25,27 @@ fn shards_and_interrupted_sweeps_come_to_the_tables_of_the_whole() {
     let first = explore(&["-o", "parts", "--shard", "1/2"]);
     first.succeeds_with(0, &["2 of 4 chains are left"]);
     // A run that was killed within a line, and is taken up again.
-    let journal = "parts/journal-1-of-2.jsonl";
+    let journal = "parts/sweep.journal-1-of-2.jsonl";
     let text = desk.read_text(journal);
     desk.write(journal, &text[..text.len() - 10]);
     explore(&["-o", "parts", "--shard", "1/2"]).succeeds_with(0, &["2 of 4 chains are left"]);
     explore(&["-o", "parts", "--shard", "2/2"]).succeeds_with(0, &["8 rows"]);
-    for table in ["results.csv", "results.parquet"] {
+    for table in ["results.csv", "results.parquet", "results.svg"] {
         assert_eq!(
             desk.read(&format!("whole/{table}")),
             desk.read(&format!("parts/{table}")),
             "{table}"
         );
     }
+    // Another figure takes no planning.
+    let figure = desk.read_text("whole/results.svg");
+    assert!(figure.contains("front_thigh, m") && figure.contains("MX-64AT"), "{figure}");
+    let other = ["-o", "whole", "--plot", "peak_joint_torque_nm"];
+    explore(&other).succeeds_with(0, &["results.svg"]);
+    assert!(desk.read_text("whole/results.svg").contains("peak_joint_torque, N·m"));
+    explore(&["-o", "whole", "--plot", "torque"]).fails(2, &["there are plan_cost, "]);
     desk.edit("designs/small.toml", "points = 2", "points = 3");
-    explore(&["-o", "whole"]).fails(1, &["is of another sweep", "take another folder"]);
+    explore(&["-o", "whole"]).fails(1, &["is of other work", "take another folder"]);
 }
 
 #[test]

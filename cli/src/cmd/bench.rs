@@ -3,18 +3,22 @@
 use crate::inputs::Source;
 use crate::output::{self, Table};
 use crate::planning::plan_all;
+use crate::shards::{self, Done};
 use crate::{Exit, files, interrupt};
 use miette::miette;
-use rollwalk_bench::{Benchmark, Block, Findings, PlannedLibrary, Program, Verdict};
+use rollwalk_bench::split::Split;
+use rollwalk_bench::{Benchmark, Block, Findings, PlannedLibrary, Program, Verdict, Work};
 use rollwalk_design::designed::Designed;
 use rollwalk_planner::motion::Motion;
 use rollwalk_robot::Robot;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Re-run the thesis's tables and figures, measure the library format, and run the fault campaign.
 ///
 /// Solves run on one thread, and their time is CPU time of that thread. The fault campaign is not timed, and runs on all
-/// cores. Results go to stdout and, as Markdown, JSON and SVG, to the output folder. docs/benchmarks.md describes them.
+/// cores. Results go to stdout and, as Markdown, JSON and SVG, to the output folder. docs/benchmarks.md describes them. The fault
+/// campaign, table-3-2, table-3-3 and suggestions can be split into shards (docs/shards.md).
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -34,6 +38,8 @@ Examples:
   rollwalk bench physics bounce --out bench
   rollwalk bench fault-campaign --seeds 100 --out bench
   rollwalk bench fault-campaign --on ground --seeds 5 --out bench
+  rollwalk bench fault-campaign --seeds 1000 --out bench --shard 2/5
+  rollwalk bench fault-campaign --seeds 1000 --out bench --engine slurm --shards 40
   rollwalk bench fault-campaign --scenario estop --loss 90 --seed 7 --log run.log")]
 pub struct Args {
     #[command(subcommand)]
@@ -41,15 +47,100 @@ pub struct Args {
     /// Folder to write to; made if it is missing, in a folder that exists.
     #[arg(long, value_name = "DIR", global = true, default_value = "bench-out")]
     out: PathBuf,
+    #[command(flatten)]
+    shards: shards::Options,
 }
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     files::make_folder(&args.out)?;
     interrupt::listen();
-    match args.which.run(&Rollwalk)? {
+    let findings = match args.which.work(&Rollwalk)? {
+        Work::Whole(_) if args.shards.is_given() => {
+            return Err(miette!(
+                help = "leave out --shard, --shards and --cores; what can be split: fault-campaign, table-3-2, table-3-3, suggestions",
+                "this benchmark is not done in parts: it is short, or one run, or measures times"
+            ));
+        }
+        Work::Whole(run) => run()?,
+        Work::Split(split) => match in_units(&*split, args)? {
+            Ok(findings) => findings,
+            Err(exit) => return Ok(exit),
+        },
+    };
+    match findings {
         Some(findings) => publish(&findings, &args.out),
         None => Ok(Exit::Interrupted),
+    }
+}
+
+/// Runs a benchmark in units; an exit code if others have yet to do some.
+fn in_units(split: &dyn Split, args: &Args) -> miette::Result<Result<Option<Findings>, Exit>> {
+    let words = split.words();
+    let units = Units { split, words };
+    let results = if args.shards.is_split() {
+        match shards::run(&units, &args.out, &args.shards)? {
+            Done::All(results) => results,
+            Done::Later => return Ok(Err(Exit::Ok)),
+            Done::Interrupted => return Ok(Err(Exit::Interrupted)),
+        }
+    } else {
+        shards::whole(&units, &args.shards)?
+    };
+    if results.is_empty() {
+        return Ok(Ok(None));
+    }
+    let mut findings = split.findings(&results)?;
+    if results.len() < split.units() && findings.verdict == Verdict::Passed {
+        findings.verdict = Verdict::Interrupted;
+    }
+    Ok(Ok(Some(findings)))
+}
+
+/// A benchmark as work that is split.
+struct Units<'a> {
+    split: &'a dyn Split,
+    /// [`Split::words`].
+    words: Vec<String>,
+}
+
+impl shards::Work for Units<'_> {
+    type Result = Value;
+
+    fn name(&self) -> &str {
+        &self.words[0]
+    }
+
+    fn title(&self) -> String {
+        format!("`{}`", self.words.join(" "))
+    }
+
+    fn units_name(&self) -> &str {
+        self.split.units_name()
+    }
+
+    fn depends_on(&self) -> Vec<String> {
+        self.words.clone()
+    }
+
+    fn units(&self) -> usize {
+        self.split.units()
+    }
+
+    fn words(&self) -> miette::Result<Vec<String>> {
+        Ok(std::iter::once("bench".to_owned()).chain(self.words.clone()).collect())
+    }
+
+    fn folder_option(&self) -> &str {
+        "--out"
+    }
+
+    fn unit(&self, index: usize) -> miette::Result<Option<Value>> {
+        self.split.unit(index)
+    }
+
+    fn is_timed(&self) -> bool {
+        self.split.is_timed()
     }
 }
 

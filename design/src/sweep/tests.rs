@@ -1,6 +1,6 @@
-//! Sweeps: their order, their parts, their journals, their tables.
+//! Sweeps: their order, their chains, their tables, their figures.
 
-use super::journal::{Chain, Header, Journal, line};
+use super::picture::{Kind, Picture};
 use super::*;
 use crate::goal::Quantity;
 use rollwalk_planner::Progress;
@@ -82,42 +82,98 @@ fn faults_say_what_would_be_right() {
 }
 
 #[test]
-fn a_sweep_in_parts_torn_and_taken_up_again_has_the_bytes_of_one_that_was_not() {
+fn chains_go_on_behind_points_that_cannot_be_planned_into_tables_and_figures() {
     let ready = ready(SWEEP).unwrap();
-    let header = Header {
-        sweep: "small".into(),
-        digest: String::new(),
-        version: String::new(),
-        chains: 2,
-        axes: ready.sweep.axes.iter().map(|axis| axis.name().to_owned()).collect(),
-    };
-    let chain = |chain| line(&Chain { chain, rows: ready.chain(chain, &mut on).unwrap() });
-    let whole = Journal::read(&(line(&header) + &chain(0) + &chain(1))).unwrap();
-    assert_eq!(whole.missing().count(), 0);
-    let bytes = |journal: &Journal| {
-        let rows: Vec<&Row> = journal.rows().collect();
-        let csv = table::csv(&header.axes, &rows).unwrap();
-        (csv, table::parquet(&header.axes, &rows).unwrap())
-    };
-    // A chain goes on behind a point that it cannot plan. The wheels of the other servo are too slow.
-    let held: Vec<bool> = whole.rows().map(|row| row.holds).collect();
-    assert_eq!(held, [true, false, true, false, false, false], "{:?}", whole.rows().next());
-    let lost = whole.rows().nth(1).unwrap();
-    assert!(lost.status == "infeasible" && lost.reason.contains("contradict"), "{lost:?}");
-    assert_eq!(lost.quantities, vec![None; Quantity::ALL.len()]);
+    let chain = |chain| ready.chain(chain, &mut on).unwrap();
+    let all: Vec<Row> = (0..2).flat_map(chain).collect();
+    let rows: Vec<&Row> = all.iter().collect();
+    // The wheels of the other servo are too slow.
+    let held: Vec<bool> = rows.iter().map(|row| row.holds).collect();
+    assert_eq!(held, [true, false, true, false, false, false], "{:?}", rows[0]);
+    assert!(
+        rows[1].status == "infeasible" && rows[1].reason.contains("contradict"),
+        "{:?}",
+        rows[1]
+    );
+    assert_eq!(rows[1].quantities, vec![None; Quantity::ALL.len()]);
 
-    let one = line(&header) + &chain(1);
-    let torn = one.clone() + &chain(0)[..40];
-    let mut parts = Journal::read(&torn).unwrap();
-    assert_eq!((parts.whole, parts.missing().collect::<Vec<_>>()), (one.len(), vec![0]));
-    parts.merge(Journal::read(&(line(&header) + &chain(0))).unwrap());
-    assert_eq!(bytes(&parts), bytes(&whole));
-    let (csv, parquet) = bytes(&whole);
-    let csv = String::from_utf8(csv).unwrap();
+    let axes: Vec<String> = ready.sweep.axes.iter().map(|axis| axis.name().to_owned()).collect();
+    let csv = String::from_utf8(table::csv(&axes, &rows).unwrap()).unwrap();
     assert!(
         csv.starts_with("point,servo,front_height,gait,motion,status,holds,iterations,plan_cost")
     );
     assert_eq!(csv.lines().count(), 7);
+    let parquet = table::parquet(&axes, &rows).unwrap();
     assert!(parquet.starts_with(b"PAR1") && parquet.ends_with(b"PAR1"));
-    assert_eq!(Journal::read("no journal\n"), None);
+
+    let of = |name| Quantity::ALL.into_iter().find(|of| of.bound == name);
+    let picture = Picture::of(&ready, &rows, of("plan_cost"));
+    let Kind::Lines { x, at, series } = picture.kind else { panic!("{picture:?}") };
+    assert_eq!((x.as_str(), at), ("front_height, m", vec![-0.0447, -0.02, -0.0446]));
+    let names: Vec<&str> = series.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["XM430-W210-T", "AX-12A"]);
+    assert_eq!(series[0].1, [rows[0].quantities[0], None, rows[2].quantities[0]]);
+    assert_eq!(series[1].1, [None; 3]);
+}
+
+/// Rows as a sweep would have them, with the point's number as the cost; points in `lost` do not hold.
+fn rows(ready: &Ready, motions: &[&str], lost: &[u64]) -> Vec<Row> {
+    let sweep = &ready.sweep;
+    let mut rows = Vec::new();
+    for point in 0..(sweep.chains() * sweep.chain_len()) as u64 {
+        let mut at = sweep.start(point as usize / sweep.chain_len());
+        if let Some(inner) = sweep.inner() {
+            at[inner] = point as usize % sweep.chain_len();
+        }
+        let labels: Vec<String> =
+            sweep.axes.iter().zip(&at).map(|(axis, &at)| axis.label(at)).collect();
+        rows.extend(motions.iter().map(|motion| Row {
+            point,
+            labels: labels.clone(),
+            motion: (*motion).to_owned(),
+            status: String::new(),
+            holds: !lost.contains(&point),
+            reason: String::new(),
+            iterations: 0,
+            quantities: vec![Some(point as f64); Quantity::ALL.len()],
+        }));
+    }
+    rows
+}
+
+#[test]
+fn two_parameters_make_maps_and_what_lies_behind_them_is_the_best() {
+    let with = |more: &str| ready(&format!("{SWEEP}{more}")).unwrap();
+    let axis = |values: &str| format!("[[axis]]\nparameter = \"rear_height\"\nvalues = {values}\n");
+    // Chains along the rear's two heights; two servos, three heights in front.
+    let ready = with(&axis("[-0.03, -0.02]"));
+    let all = rows(&ready, &["car_drive"], &[2, 3]);
+    let Kind::Maps { axes, at, panels } =
+        Picture::of(&ready, &all.iter().collect::<Vec<_>>(), None).kind
+    else {
+        panic!()
+    };
+    assert_eq!(axes, ["front_height, m", "rear_height, m"]);
+    assert_eq!(at[1], [-0.03, -0.02]);
+    assert_eq!(panels[0].0, "XM430-W210-T");
+    let row = |a, b| vec![Some(a), Some(b)];
+    assert_eq!(panels[0].1, [row(0.0, 1.0), vec![None; 2], row(4.0, 5.0)]);
+    assert_eq!(panels[1].1[2], row(10.0, 11.0));
+}
+
+#[test]
+fn choices_alone_stand_side_by_side() {
+    let text = SWEEP.replace(
+        "[[axis]]\nparameter = \"front_height\"\nvalues = [-0.0447, -0.02, -0.0446]\n",
+        "",
+    );
+    let ready = ready(&text).unwrap();
+    let all = rows(&ready, &["car_drive"], &[1]);
+    let picture = Picture::of(&ready, &all.iter().collect::<Vec<_>>(), None);
+    let Kind::Choices { axis, labels, series } = picture.kind else { panic!("{picture:?}") };
+    assert_eq!(
+        (axis.as_str(), labels),
+        ("servo", vec!["XM430-W210-T".to_owned(), "AX-12A".to_owned()])
+    );
+    assert_eq!(series, [("car_drive".to_owned(), vec![Some(0.0), None])]);
 }

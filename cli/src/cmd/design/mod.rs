@@ -2,7 +2,6 @@
 
 mod check;
 mod edit;
-mod engine;
 mod explore;
 mod given;
 mod keep;

@@ -1,10 +1,10 @@
-//! Engines that run the shards of a sweep: GNU parallel, Slurm, Kubernetes.
+//! Engines that run shards of work: GNU parallel, Slurm, Kubernetes.
 
-use super::explore::bar;
 use crate::{files, interrupt, output};
+use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, miette};
-use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::io::{self, BufRead, BufReader};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::Duration;
@@ -22,12 +22,14 @@ pub enum Engine {
 
 /// What is to be run.
 pub struct Job<'a> {
-    /// The sweep file.
-    pub sweep: &'a Path,
+    /// Name of the work.
+    pub name: &'a str,
+    /// Words of the command line that does it, without the folder and what says which shard.
+    pub words: Vec<String>,
+    /// Option that names the folder.
+    pub option: &'a str,
     /// The folder of journals, which all shards share.
-    pub output: &'a Path,
-    /// The catalogue, if it is not the one that ships.
-    pub servos: Option<&'a Path>,
+    pub folder: &'a Path,
     /// Number of shards.
     pub shards: usize,
 }
@@ -43,15 +45,15 @@ pub fn run(
     engine: Engine,
     job: &Job<'_>,
     dry: bool,
-    chains: usize,
-    left: &dyn Fn() -> miette::Result<usize>,
+    bar: &dyn Fn() -> ProgressBar,
+    done: &dyn Fn() -> miette::Result<usize>,
 ) -> miette::Result<bool> {
     let (name, text) = match engine {
         Engine::Parallel => ("parallel.sh", job.parallel()?),
         Engine::Slurm => ("slurm.sh", job.slurm()?),
         Engine::Kubernetes => ("kubernetes.yaml", job.kubernetes()?),
     };
-    let path = job.output.join(name);
+    let path = job.folder.join(name);
     files::write(&path, text.as_bytes())?;
     let command = match engine {
         Engine::Parallel => vec!["sh".to_owned(), path.display().to_string()],
@@ -78,14 +80,14 @@ pub fn run(
             "cannot run {shown}: {error}"
         )
     })?;
-    watch(engine, child, chains, left)
+    watch(engine, child, &bar(), done)
 }
 
 fn watch(
     engine: Engine,
     mut child: Child,
-    chains: usize,
-    left: &dyn Fn() -> miette::Result<usize>,
+    bar: &ProgressBar,
+    done: &dyn Fn() -> miette::Result<usize>,
 ) -> miette::Result<bool> {
     let mut first = String::new();
     if engine == Engine::Slurm
@@ -99,7 +101,6 @@ fn watch(
             BufReader::new(stdout).lines().map_while(Result::ok).for_each(output::say)
         });
     }
-    let bar = bar(chains, "chains");
     loop {
         if let Some(status) = child.try_wait().into_diagnostic()? {
             bar.finish_and_clear();
@@ -117,7 +118,7 @@ fn watch(
             let _ = child.wait();
             return Ok(false);
         }
-        bar.set_position((chains - left()?.min(chains)) as u64);
+        bar.set_position(done()? as u64);
         thread::sleep(LOOK);
     }
 }
@@ -125,15 +126,12 @@ fn watch(
 impl Job<'_> {
     /// The command of one shard, without what says which.
     fn command(&self) -> miette::Result<String> {
-        let absolute = |path: &Path| std::path::absolute(path).into_diagnostic();
-        let program = std::env::current_exe().into_diagnostic()?;
-        let mut words: Vec<PathBuf> = vec![program, "design".into(), "explore".into()];
-        words.extend([absolute(self.sweep)?, "-o".into(), absolute(self.output)?]);
-        if let Some(servos) = self.servos {
-            words.extend(["--servos".into(), absolute(servos)?]);
-        }
-        let words = words.iter().map(|word| quoted(&word.to_string_lossy()));
-        Ok(words.collect::<Vec<_>>().join(" "))
+        let absolute = |path: &Path| Ok(std::path::absolute(path)?.to_string_lossy().into_owned());
+        let absolute = |path: &Path| absolute(path).map_err(|error: io::Error| miette!("{error}"));
+        let program = absolute(&std::env::current_exe().into_diagnostic()?)?;
+        let folder = [self.option.to_owned(), absolute(self.folder)?];
+        let words = std::iter::once(&program).chain(&self.words).chain(&folder);
+        Ok(words.map(|word| quoted(word)).collect::<Vec<_>>().join(" "))
     }
 
     fn parallel(&self) -> miette::Result<String> {
@@ -144,10 +142,11 @@ impl Job<'_> {
 
     fn slurm(&self) -> miette::Result<String> {
         let (command, shards) = (self.command()?, self.shards);
-        let log = std::path::absolute(self.output).into_diagnostic()?.join("slurm-%A-%a.log");
+        let log = std::path::absolute(self.folder).into_diagnostic()?.join("slurm-%A-%a.log");
         Ok(format!(
-            "#!/bin/sh\n#SBATCH --job-name=rollwalk-explore\n#SBATCH --array=0-{}\n#SBATCH --cpus-per-task=1\n\
+            "#!/bin/sh\n#SBATCH --job-name=rollwalk-{}\n#SBATCH --array=0-{}\n#SBATCH --cpus-per-task=1\n\
              #SBATCH --output={}\nexec {command} --cores 1 --shards {shards}\n",
+            self.name,
             shards - 1,
             quoted(&log.to_string_lossy())
         ))
@@ -155,16 +154,16 @@ impl Job<'_> {
 
     /// The image and the volume are the cluster's: the manifest says which words to change.
     fn kubernetes(&self) -> miette::Result<String> {
-        let (command, shards) = (self.command()?, self.shards);
-        let folder = std::path::absolute(self.output).into_diagnostic()?;
+        let (command, shards, name) = (self.command()?, self.shards, self.name);
+        let folder = std::path::absolute(self.folder).into_diagnostic()?;
         let text = |text: &str| serde_json::to_string(text).into_diagnostic();
         let line = text(&format!("exec {command} --cores 1 --shards {shards}"))?;
         let folder = text(&folder.to_string_lossy())?;
         Ok(format!(
-            "# The image has rollwalk and the sweep's files at the paths below; the volume is one that all nodes can write.\n\
-             apiVersion: batch/v1\nkind: Job\nmetadata:\n  name: rollwalk-explore\nspec:\n  completionMode: Indexed\n  \
+            "# The image has rollwalk, and the files that the command names, at the paths below; the volume is one that all nodes can write.\n\
+             apiVersion: batch/v1\nkind: Job\nmetadata:\n  name: rollwalk-{name}\nspec:\n  completionMode: Indexed\n  \
              completions: {shards}\n  parallelism: {shards}\n  template:\n    spec:\n      restartPolicy: OnFailure\n      \
-             containers:\n        - name: explore\n          image: rollwalk:latest\n          command: [\"sh\", \"-c\", {line}]\n          \
+             containers:\n        - name: shard\n          image: rollwalk:latest\n          command: [\"sh\", \"-c\", {line}]\n          \
              resources:\n            requests:\n              cpu: \"1\"\n          volumeMounts:\n            - name: results\n              \
              mountPath: {folder}\n      volumes:\n        - name: results\n          persistentVolumeClaim:\n            claimName: rollwalk-results\n"
         ))
@@ -191,9 +190,10 @@ mod tests {
         assert_eq!(quoted("it's $HOME"), "'it'\\''s $HOME'");
         assert_eq!(quoted(""), "''");
         let job = Job {
-            sweep: Path::new("my sweep.toml"),
-            output: Path::new("/out"),
-            servos: None,
+            name: "sweep",
+            words: ["design", "explore", "/my sweep.toml"].map(str::to_owned).to_vec(),
+            option: "-o",
+            folder: Path::new("/out"),
             shards: 3,
         };
         let slurm = job.slurm().unwrap();

@@ -1,0 +1,197 @@
+//! What a figure of a sweep shows: one quantity over the axes, with the points that hold and those that do not.
+//!
+//! The columns decide: without an axis of a parameter choices stand side by side; with one there is a line for each combination of
+//! choices and motions; with two or more there is a map of the last two for each combination, and what a field of it shows is the best point along
+//! the parameters before them.
+
+use super::{Axis, Ready, Row};
+use crate::goal::Quantity;
+use rollwalk_planner::sensitivity::Objective;
+use std::path::Path;
+
+/// A figure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Title.
+    pub title: String,
+    /// The quantity, with its unit.
+    pub quantity: String,
+    /// The rest.
+    pub kind: Kind,
+}
+
+/// Values along an axis; `None` where no point holds.
+pub type Values = Vec<Option<f64>>;
+
+/// Kind of a figure.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// Choices side by side.
+    Choices {
+        /// Name of the axis.
+        axis: String,
+        /// What its points are called.
+        labels: Vec<String>,
+        /// A name and values for each combination of the other choices.
+        series: Vec<(String, Values)>,
+    },
+    /// Lines over a parameter.
+    Lines {
+        /// The parameter, with its unit.
+        x: String,
+        /// Its values.
+        at: Vec<f64>,
+        /// A name and values for each combination of choices.
+        series: Vec<(String, Values)>,
+    },
+    /// Maps over two parameters.
+    Maps {
+        /// The parameters, with their units; the second one is horizontal, because chains go along it.
+        axes: [String; 2],
+        /// Their values.
+        at: [Vec<f64>; 2],
+        /// A name and values for each combination of choices, in rows along the second parameter.
+        panels: Vec<(String, Vec<Values>)>,
+    },
+}
+
+impl Picture {
+    /// Of rows of a sweep; of the quantity that the design's goal minimises first, if none is given.
+    pub fn of(ready: &Ready, rows: &[&Row], quantity: Option<Quantity>) -> Self {
+        let of = quantity.unwrap_or_else(|| preferred(ready, rows));
+        let column = Quantity::ALL.iter().position(|other| *other == of).unwrap_or(0);
+        let axes = &ready.sweep.axes;
+        // One value is no axis.
+        let varies = |k: &usize| matches!(axes[*k], Axis::Parameter { .. }) && axes[*k].len() > 1;
+        let parameters: Vec<usize> = (0..axes.len()).filter(varies).collect();
+        // The axes of the figure: the last two of parameters, the last, or the longest of choices.
+        let shown: Vec<usize> = match parameters[..] {
+            [.., y, x] => vec![y, x],
+            [x] => vec![x],
+            [] => (0..axes.len()).rev().max_by_key(|k| axes[*k].len()).into_iter().collect(),
+        };
+        let choices: Vec<usize> =
+            (0..axes.len()).filter(|k| !shown.contains(k) && !parameters.contains(k)).collect();
+        let groups = groups(axes, rows, &choices);
+        let value_at = |group: &Group, at: &[usize]| {
+            let fits = |row: &&&Row| {
+                let there =
+                    shown.iter().zip(at).all(|(k, at)| row.labels[*k] == axes[*k].label(*at));
+                there && row.holds && group.has(row, &choices)
+            };
+            let values = rows.iter().filter(fits).filter_map(|row| row.quantities[column]);
+            values.reduce(f64::min)
+        };
+        let line = |group: &Group, before: &[usize], axis: usize| -> Values {
+            (0..axes[axis].len()).map(|at| value_at(group, &[before, &[at]].concat())).collect()
+        };
+        let lines = |axis: usize| {
+            groups.iter().map(|group| (group.name.clone(), line(group, &[], axis))).collect()
+        };
+        let kind = match shown[..] {
+            [y, x] => Kind::Maps {
+                axes: [y, x].map(|k| ready.axis_title(k)),
+                at: [y, x].map(|k| values_of(&axes[k])),
+                panels: groups
+                    .iter()
+                    .map(|group| {
+                        let rows = (0..axes[y].len()).map(|at| line(group, &[at], x));
+                        (group.name.clone(), rows.collect())
+                    })
+                    .collect(),
+            },
+            [x] if !parameters.is_empty() => {
+                Kind::Lines { x: ready.axis_title(x), at: values_of(&axes[x]), series: lines(x) }
+            }
+            [x, ..] => Kind::Choices {
+                axis: ready.axis_title(x),
+                labels: (0..axes[x].len()).map(|at| short(&axes[x].label(at))).collect(),
+                series: lines(x),
+            },
+            [] => Kind::Choices { axis: String::new(), labels: Vec::new(), series: Vec::new() },
+        };
+        let hidden: Vec<&str> =
+            parameters.iter().filter(|k| !shown.contains(k)).map(|k| axes[*k].name()).collect();
+        let best = if hidden.is_empty() {
+            String::new()
+        } else {
+            format!(", the best along {}", hidden.join(", "))
+        };
+        let unit = if of.unit.is_empty() { String::new() } else { format!(", {}", of.unit) };
+        Self {
+            title: format!("{}: {}{best}", ready.sweep.name, of.name),
+            quantity: format!("{}{unit}", of.name),
+            kind,
+        }
+    }
+}
+
+/// What is shown if no quantity is asked for.
+fn preferred(ready: &Ready, rows: &[&Row]) -> Quantity {
+    if let Some((objective, _)) = ready.goal().and_then(|goal| goal.minimise.first()) {
+        return Quantity::of(*objective);
+    }
+    let of = Quantity::of(Objective::CostOfTransport);
+    let column = Quantity::ALL.iter().position(|other| *other == of);
+    let is_there = |row: &&Row| column.is_some_and(|k| row.quantities[k].is_some());
+    if rows.iter().any(is_there) { of } else { Quantity::of(Objective::PlanCost) }
+}
+
+/// A combination of choices and a motion.
+struct Group {
+    labels: Vec<String>,
+    motion: String,
+    name: String,
+}
+
+impl Group {
+    fn has(&self, row: &Row, choices: &[usize]) -> bool {
+        row.motion == self.motion
+            && choices.iter().zip(&self.labels).all(|(k, label)| row.labels[*k] == *label)
+    }
+}
+
+/// The combinations that rows have, in their order. Rows without a robot have no motion: they are missing in all.
+fn groups(axes: &[Axis], rows: &[&Row], choices: &[usize]) -> Vec<Group> {
+    let mut groups: Vec<Group> = Vec::new();
+    for with_motion in [true, false] {
+        for row in rows.iter().filter(|row| row.motion.is_empty() != with_motion) {
+            let labels: Vec<String> = choices.iter().map(|k| row.labels[*k].clone()).collect();
+            let known = |of: &Group| {
+                of.labels == labels && (of.motion == row.motion || row.motion.is_empty())
+            };
+            if !groups.iter().any(known) {
+                groups.push(Group { labels, motion: row.motion.clone(), name: String::new() });
+            }
+        }
+    }
+    // The name of the motion says which motion file was chosen.
+    let is_named: Vec<bool> =
+        choices.iter().map(|k| !matches!(axes[*k], Axis::Motions { .. })).collect();
+    let differs: Vec<bool> = (0..choices.len())
+        .map(|k| is_named[k] && groups.iter().any(|of| of.labels[k] != groups[0].labels[k]))
+        .collect();
+    let motions_differ = groups.iter().any(|of| of.motion != groups[0].motion);
+    for group in &mut groups {
+        let choices = group.labels.iter().zip(&differs).filter(|(_, differs)| **differs);
+        let mut words: Vec<String> = choices.map(|(label, _)| short(label)).collect();
+        if motions_differ || words.is_empty() {
+            words.insert(0, group.motion.clone());
+        }
+        group.name = words.join(", ");
+    }
+    groups
+}
+
+fn values_of(axis: &Axis) -> Vec<f64> {
+    match axis {
+        Axis::Parameter { values, .. } => values.clone(),
+        _ => Vec::new(),
+    }
+}
+
+/// The name of a file without folder and ending; others as they are.
+fn short(label: &str) -> String {
+    let stem = label.strip_suffix(".toml").and_then(|path| Path::new(path).file_name());
+    stem.map_or_else(|| label.to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
