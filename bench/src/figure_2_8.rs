@@ -9,7 +9,7 @@ use crate::only::Only;
 use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use miette::IntoDiagnostic;
-use rollwalk_design::repair::{Free, Made, Outcome, Shown, repair};
+use rollwalk_design::repair::{Free, Made, Outcome, PULL, Shown, repair};
 use rollwalk_planner::motion::{Motion, Subject, Target};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::sensitivity::Shortfall;
@@ -211,7 +211,7 @@ fn work(
         unless_interrupted(program)
     };
     let make = |values: &[f64]| Ok::<_, Infallible>(made(values));
-    let found = repair(free, &[plan], &make, &options, &mut watch).into_diagnostic()?;
+    let found = repair(free, &[plan], PULL, &make, &options, &mut watch).into_diagnostic()?;
     let (outcome, reached, solved) = match &found.outcome {
         Outcome::Interrupted => return Ok(None),
         Outcome::Nearest(nearest) => (nearest.to_string(), f64::NAN, false),

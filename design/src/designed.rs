@@ -122,8 +122,8 @@ impl Designed {
         Ok(self)
     }
 
-    /// The same with the speed, torque and torque-speed line of another servo in an actuator of the robot file. Its mass is not
-    /// changed: the file does not say which parts are servos.
+    /// The same with the speed, torque and torque-speed line of another servo in an actuator of the robot file, and with its mass
+    /// in the parts that are this actuator.
     ///
     /// # Errors
     /// The robot file breaks a rule with it.
@@ -131,6 +131,23 @@ impl Designed {
         self.text.set_servo(actuator, servo);
         self.at(&self.original)?;
         Ok(self)
+    }
+
+    /// Model of an actuator of the robot file; `None` if it has none of this name.
+    pub fn model_of(&self, actuator: &str) -> Option<&str> {
+        self.text.model_of(actuator)
+    }
+
+    /// A warning if no part of the robot file is this actuator, so that the mass stays as it is with another servo.
+    pub fn mass_unknown(&self, actuator: &str) -> Option<String> {
+        let known = !self.text.clone().parts_of(actuator).is_empty();
+        (!known).then(|| {
+            format!(
+                "warning: no part of {} has actuator = \"{actuator}\": masses stay as they are with another servo \
+                 (docs/robot-files.md)",
+                self.robot.name
+            )
+        })
     }
 
     /// Present value of a place in the robot file.
@@ -206,20 +223,58 @@ impl Designed {
 
     /// Values brought to multiples of what can be made, and within their bounds.
     pub fn rounded(&self, values: &[f64]) -> Vec<f64> {
-        let round = |(of, value): (&crate::file::Parameter, &f64)| {
-            let Some(step) = of.step else { return value.clamp(of.min, of.max) };
-            // Multiples of a step of which its reciprocal is whole are decimals as they are written.
-            let multiple = |count: f64| {
-                let per = (1.0 / step).round();
-                if (per * step - 1.0).abs() < 1e-9 { count / per } else { count * step }
-            };
-            let count = (value / step).round();
-            let candidates = [count, count - 1.0, count + 1.0].map(multiple);
-            let inside = candidates.into_iter().find(|at| (of.min..=of.max).contains(at));
-            inside.unwrap_or_else(|| value.clamp(of.min, of.max))
-        };
-        self.file.parameters.iter().zip(values).map(round).collect()
+        self.roundings(values).swap_remove(0)
     }
+
+    /// Values brought to multiples of what can be made on either side, within their bounds: the nearest first, then those that are off
+    /// by a little more, [`ROUNDINGS`] at most.
+    pub fn roundings(&self, values: &[f64]) -> Vec<Vec<f64>> {
+        // The nearest and the other neighbour of each parameter, with how much further that is, in steps.
+        let choices: Vec<(f64, Option<(f64, f64)>)> = self
+            .file
+            .parameters
+            .iter()
+            .zip(values)
+            .map(|(of, value)| neighbours(of, *value))
+            .collect();
+        let mut sets = vec![(0.0, choices.iter().map(|(nearest, _)| *nearest).collect::<Vec<_>>())];
+        for (k, (_, other)) in choices.iter().enumerate() {
+            let Some((other, further)) = other else { continue };
+            let more = sets.iter().map(|(cost, set)| {
+                let mut set = set.clone();
+                set[k] = *other;
+                (cost + further, set)
+            });
+            let more: Vec<_> = more.collect();
+            sets.extend(more);
+            sets.sort_by(|a, b| a.0.total_cmp(&b.0));
+            sets.truncate(ROUNDINGS);
+        }
+        sets.into_iter().map(|(_, set)| set).collect()
+    }
+}
+
+/// Most ways in which a design is rounded.
+const ROUNDINGS: usize = 8;
+
+/// The nearest multiple of a parameter's step within its bounds; the one on the other side of a value, and how many steps further away it
+/// is.
+fn neighbours(of: &crate::file::Parameter, value: f64) -> (f64, Option<(f64, f64)>) {
+    let Some(step) = of.step else { return (value.clamp(of.min, of.max), None) };
+    // Multiples of a step of which its reciprocal is whole are decimals as they are written.
+    let multiple = |count: f64| {
+        let per = (1.0 / step).round();
+        if (per * step - 1.0).abs() < 1e-9 { count / per } else { count * step }
+    };
+    let count = (value / step).round();
+    let side = if value / step < count { -1.0 } else { 1.0 };
+    let candidates = [count, count + side, count - side].map(multiple);
+    let mut inside = candidates.into_iter().filter(|at| (of.min..=of.max).contains(at));
+    let Some(nearest) = inside.next() else { return (value.clamp(of.min, of.max), None) };
+    let off = |at: f64| (at - value).abs() / step;
+    // A value that is a multiple itself has no other side.
+    let other = inside.next().filter(|other| off(nearest) > 1e-6 && off(*other) < 1.0 + 1e-9);
+    (nearest, other.map(|other| (other, off(other) - off(nearest))))
 }
 
 /// Distance of a neighbour, in units of its parameter.

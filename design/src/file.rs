@@ -28,6 +28,9 @@
 //! [goal]                      # of `optimise`
 //! minimise = { peak_joint_speed = 1.0 }
 //! keep = { peak_joint_torque_nm = 1.8 }
+//!
+//! [repair]                    # of a robot that cannot do a motion
+//! pull = 3e-3                 # price of a change; larger ones change less, and more evenly
 //! ```
 
 use crate::goal::Goal;
@@ -53,6 +56,8 @@ pub struct DesignFile {
     pub parameters: Vec<Parameter>,
     /// What it is optimised for, if it says so.
     pub goal: Option<Goal>,
+    /// Price of a change in a repair, per square of a parameter's unit, if it says so.
+    pub repair_pull: Option<f64>,
 }
 
 /// A motion that a design is for.
@@ -154,6 +159,10 @@ fn design(document: &Document<'_>) -> Option<DesignFile> {
         true => Some(root.table("goal").and_then(|table| Goal::read(&table, &names))?),
         false => None,
     };
+    let repair_pull = match root.has("repair") {
+        true => Some(root.table("repair").and_then(|table| pull(&table))?),
+        false => None,
+    };
     root.done();
     Some(DesignFile {
         name: name?,
@@ -161,7 +170,16 @@ fn design(document: &Document<'_>) -> Option<DesignFile> {
         motions: motions?,
         parameters: parameters.into_iter().collect::<Option<_>>()?,
         goal,
+        repair_pull,
     })
+}
+
+/// Reads the pull of `[repair]`.
+fn pull(table: &Table<'_>) -> Option<f64> {
+    // Without any, nothing decides between many cures of one flaw.
+    let pull = table.number_in("pull", 1e-9..=1.0, "");
+    table.done();
+    pull
 }
 
 fn motion(table: &Table<'_>) -> Option<WeightedMotion> {

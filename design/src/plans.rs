@@ -4,6 +4,7 @@ use crate::designed::{Designed, Variant, on_samples_of};
 use crate::file::Parameter;
 use crate::repair::{self, Free, Made, Outcome, Repair, Shown};
 use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::report::Report;
 use rollwalk_planner::sensitivity::{NotOptimal, Optimal};
 use rollwalk_planner::{Options, Progress, Solution, optimise_solution};
 use rollwalk_robot::document::DocumentError;
@@ -48,6 +49,12 @@ impl Plans {
     /// The plans.
     pub fn plans(&self) -> impl Iterator<Item = &Plan> {
         self.solutions.iter().map(|solution| &solution.plan)
+    }
+
+    /// Whether all motions may be played.
+    pub fn all_hold(&self) -> bool {
+        self.plans()
+            .all(|plan| plan.solve.status.is_solved() && Report::new(plan).judgement.is_good())
     }
 
     /// That the robot can do all of its motions.
@@ -155,6 +162,7 @@ impl Designed {
         };
         let free: Vec<Free> = self.file.parameters.iter().enumerate().map(free).collect();
         let given: Vec<Plan> = plans.plans().cloned().collect();
+        let pull = self.file.repair_pull.unwrap_or(repair::PULL);
         let make = |values: &[f64]| -> Result<Made, DocumentError> {
             self.at(values).map(|Variant { robot, motions, .. }| Made { robot, motions })
         };
@@ -163,7 +171,7 @@ impl Designed {
             Shown::Iteration(progress) => watch(&all, progress),
             Shown::Step(..) => ControlFlow::Continue(()),
         };
-        let repair = repair::repair(&free, &given, &make, &Options::default(), shown);
+        let repair = repair::repair(&free, &given, pull, &make, &Options::default(), shown);
         let Repair { values, steps, outcome } = repair.map_err(|failed| match failed {
             repair::Failed::Made(error) => Failed::Robot(error),
             repair::Failed::NotOptimal(error) => Failed::NotOptimal(error),

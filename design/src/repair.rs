@@ -22,8 +22,8 @@ use std::fmt;
 use std::ops::ControlFlow;
 use thiserror::Error;
 
-/// Weight of the square of a change by one unit.
-const PULL: f64 = 3e-3;
+/// Weight of the square of a change by one unit, if the design file gives no other.
+pub const PULL: f64 = 3e-3;
 /// Longest change of a parameter in one step, and the length of steps that are too short to matter, units.
 const TRUST: f64 = 2.0;
 const SHORT: f64 = 2e-4;
@@ -181,7 +181,7 @@ impl<E> From<NotOptimal> for Ended<E> {
 
 /// Changes parameters until all motions can be done.
 ///
-/// `plans` are those of the motions by the robot as it is, in their order; they need not hold. `make` returns the robot and its
+/// `plans` are those of the motions by the robot as it is, in their order; they need not hold. `pull` is above 0. `make` returns the robot and its
 /// motions at values of the parameters, a little beyond their bounds too. `watch` may stop the work.
 ///
 /// # Errors
@@ -189,12 +189,13 @@ impl<E> From<NotOptimal> for Ended<E> {
 pub fn repair<E>(
     free: &[Free],
     plans: &[Plan],
+    pull: f64,
     make: &Make<'_, E>,
     options: &Options,
     watch: &mut Watch<'_>,
 ) -> Result<Repair, Failed<E>> {
     let values = free.iter().map(|free| free.original).collect();
-    let mut work = Work { free, plans, make, options, watch, values, steps: Vec::new() };
+    let mut work = Work { free, plans, pull, make, options, watch, values, steps: Vec::new() };
     let outcome = match work.run() {
         Ok(outcome) => outcome,
         Err(Ended::Interrupted) => Outcome::Interrupted,
@@ -207,6 +208,7 @@ pub fn repair<E>(
 struct Work<'a, 'w, E> {
     free: &'a [Free],
     plans: &'a [Plan],
+    pull: f64,
     make: &'a Make<'a, E>,
     options: &'a Options,
     watch: &'a mut Watch<'w>,
@@ -387,12 +389,12 @@ impl<E> Work<'_, '_, E> {
             around.moves.push(slopes.unknowns);
         }
         for (k, change) in self.changes(&self.values).enumerate() {
-            around.gradient[k] += 2.0 * PULL * change;
-            around.curvature[(k, k)] += 2.0 * PULL;
+            around.gradient[k] += 2.0 * self.pull * change;
+            around.curvature[(k, k)] += 2.0 * self.pull;
         }
         // Where the energy is not convex the step goes as far as if it curved the other way.
         let mut eigen = SymmetricEigen::new(around.curvature);
-        eigen.eigenvalues.apply(|value| *value = value.abs().max(2.0 * PULL));
+        eigen.eigenvalues.apply(|value| *value = value.abs().max(2.0 * self.pull));
         around.curvature = eigen.recompose();
         Ok(around)
     }
@@ -422,7 +424,7 @@ impl<E> Work<'_, '_, E> {
 
     /// The energy, and the pull.
     fn energy(&self, values: &[f64], short: &[Shortfall]) -> f64 {
-        let pull: f64 = self.changes(values).map(|change| PULL * change * change).sum();
+        let pull: f64 = self.changes(values).map(|change| self.pull * change * change).sum();
         short.iter().map(Shortfall::energy).sum::<f64>() + pull
     }
 

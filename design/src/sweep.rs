@@ -9,7 +9,7 @@ pub mod picture;
 mod row;
 pub mod table;
 
-pub use file::{Axis, RobotChoice, Sweep};
+pub use file::{Axis, RobotChoice, Sweep, speed_of};
 pub use row::Row;
 
 use crate::catalog::Catalog;
@@ -54,6 +54,17 @@ impl Ready {
     /// The caller stops it.
     pub fn chain(&self, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<Row>, Failed> {
         row::chain(self, chain, watch)
+    }
+
+    /// Warnings of axes of servos whose mass the robot file does not have.
+    pub fn without_mass(&self) -> impl Iterator<Item = String> + '_ {
+        let actuators = self.sweep.axes.iter().filter_map(|axis| match axis {
+            Axis::Servos { actuator, .. } => Some(actuator),
+            _ => None,
+        });
+        let design = self.design.iter();
+        design
+            .flat_map(move |of| actuators.clone().filter_map(|actuator| of.mass_unknown(actuator)))
     }
 
     /// Name of an axis, with the unit of its values.

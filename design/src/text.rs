@@ -151,8 +151,17 @@ impl RobotText {
         Ok(())
     }
 
-    /// Gives an actuator what another servo can do.
+    /// Gives an actuator what another servo can do, and the parts that are this actuator its mass.
     pub(crate) fn set_servo(&mut self, actuator: &str, servo: &Servo) {
+        let mut turns = |kind| {
+            self.everywhere(kind).iter().any(|table| text_of(&**table, "actuator") == actuator)
+        };
+        let turns_wheels_only = turns("end_effector") && !turns("joint");
+        let speed_max_rad_s =
+            if turns_wheels_only { servo.wheel_speed_max_rad_s() } else { servo.speed_max_rad_s };
+        for part in self.parts_of(actuator) {
+            set_number(part.get_mut("mass_kg"), servo.mass_kg);
+        }
         let all = self.document.get_mut("actuator").and_then(Item::as_table_like_mut);
         let found = all.and_then(|all| all.get_mut(actuator)).and_then(Item::as_table_like_mut);
         let Some(table) = found else { return };
@@ -161,18 +170,44 @@ impl RobotText {
             *model = Value::from(servo.name.as_str());
             *model.decor_mut() = decor;
         }
-        set_number(table.get_mut("speed_max_rad_s"), servo.speed_max_rad_s);
+        set_number(table.get_mut("speed_max_rad_s"), speed_max_rad_s);
         set_number(table.get_mut("torque_max_nm"), servo.torque_max_nm);
         match servo.stall_torque_nm {
             Some(stall_nm) => {
-                set_number(table.get_mut("stall_torque_nm"), stall_nm);
-                set_number(table.get_mut("no_load_speed_rad_s"), servo.no_load_speed_rad_s);
+                put_number(table, "stall_torque_nm", stall_nm);
+                put_number(table, "no_load_speed_rad_s", servo.no_load_speed_rad_s);
             }
             None => {
                 table.remove("stall_torque_nm");
                 table.remove("no_load_speed_rad_s");
             }
         }
+    }
+
+    /// Model of an actuator.
+    pub(crate) fn model_of(&self, actuator: &str) -> Option<&str> {
+        self.document.get("actuator")?.get(actuator)?.get("model")?.as_str()
+    }
+
+    /// Parts of links that are this actuator.
+    pub(crate) fn parts_of(&mut self, actuator: &str) -> Vec<&mut dyn TableLike> {
+        let links = self.everywhere("link").into_iter();
+        let parts = links.flat_map(|link| inner(link, "parts"));
+        parts.filter(|part| text_of(&**part, "actuator") == actuator).collect()
+    }
+
+    /// Tables of a kind, the robot's own and those of all templates.
+    fn everywhere(&mut self, kind: &str) -> Vec<&mut dyn TableLike> {
+        let mut found: Vec<&mut dyn TableLike> = Vec::new();
+        for (key, item) in self.document.as_table_mut().iter_mut() {
+            if key == kind {
+                found.extend(tables_in(item));
+            } else if let Some(templates) = item.as_table_like_mut().filter(|_| key == "template") {
+                let templates = templates.iter_mut().filter_map(|(_, of)| of.as_table_like_mut());
+                found.extend(templates.flat_map(|template| inner(template, kind)));
+            }
+        }
+        found
     }
 
     /// The places that a name with `*` stands for in a robot's own parts; in templates `*` is the limb's name.
@@ -334,13 +369,18 @@ fn limit_key(kind: Kind) -> &'static str {
     if kind == Kind::Speed { "speed_max_rad_s" } else { "torque_max_nm" }
 }
 
-/// Tables of an array, written as `[[name]]` or in one line.
+/// Tables of an array of a table.
 fn inner<'t>(table: &'t mut dyn TableLike, key: &str) -> Vec<&'t mut dyn TableLike> {
-    match table.get_mut(key) {
-        Some(Item::ArrayOfTables(tables)) => {
+    table.get_mut(key).map_or_else(Vec::new, tables_in)
+}
+
+/// Tables of an array, written as `[[name]]` or in one line.
+fn tables_in(item: &mut Item) -> Vec<&mut dyn TableLike> {
+    match item {
+        Item::ArrayOfTables(tables) => {
             tables.iter_mut().map(|table| table as &mut dyn TableLike).collect()
         }
-        Some(Item::Value(Value::Array(values))) => values
+        Item::Value(Value::Array(values)) => values
             .iter_mut()
             .filter_map(Value::as_inline_table_mut)
             .map(|table| table as &mut dyn TableLike)
@@ -384,6 +424,14 @@ fn move_vector(table: &mut dyn TableLike, key: &str, moved: impl Fn(Vector3<f64>
 fn set_number(item: Option<&mut Item>, to: f64) {
     if let Some(value) = item.and_then(Item::as_value_mut) {
         replace(value, to);
+    }
+}
+
+/// Puts a number at a key, which may be missing.
+fn put_number(table: &mut dyn TableLike, key: &str, to: f64) {
+    match table.get_mut(key) {
+        Some(item) => set_number(Some(item), to),
+        None => drop(table.insert(key, toml_edit::value(to))),
     }
 }
 

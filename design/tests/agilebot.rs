@@ -116,6 +116,11 @@ fn results_are_multiples_of_what_can_be_made() {
     let designed = legs(&["motions/trot.toml"]);
     let rounded = designed.rounded(&[0.12349, 0.0899999, 0.16, 0.1, 0.0704, 0.19]);
     assert_eq!(rounded, [0.123, 0.09, 0.16, 0.1, 0.07, 0.19]);
+    // Others around, the nearest first: the first two parameters are between multiples.
+    let others = designed.roundings(&[0.1234, 0.1003, 0.16, 0.1, 0.07, 0.19]);
+    let two: Vec<[f64; 2]> = others.iter().map(|values| [values[0], values[1]]).collect();
+    assert_eq!(two, [[0.123, 0.1], [0.124, 0.1], [0.123, 0.101], [0.124, 0.101]]);
+    assert!(others.iter().all(|values| values[2..] == [0.16, 0.1, 0.07, 0.19]));
     let variant = designed.at(&rounded).unwrap();
     assert!(variant.text.contains("origin_in_parent_m = [0.19, 0.07, 0.0]"), "{}", variant.text);
 }

@@ -39,6 +39,24 @@ fn a_longer_leg_is_edited_into_the_robot_file_and_planned() {
 }
 
 #[test]
+fn another_servo_is_put_in_with_its_mass() {
+    let desk = desk();
+    let edit = |servo: &str, out: &str| {
+        desk.run(&["design", "edit", "designs/legs.toml", "--servo", servo, "-o", out])
+    };
+    edit("xm540=MX-64AT", "lighter")
+        .succeeds_with(0, &["xm540: MX-64AT, was XM540-W150-T", "mass: "]);
+    let robot = desk.read_text("lighter/agilebot.toml");
+    assert!(robot.contains("model = \"MX-64AT\"       # thesis sec. 3.5.1"), "{robot}");
+    assert!(!robot.contains("mass_kg = 0.165"), "{robot}");
+    edit("xl540=MX-64AT", "x").fails(1, &["no actuator `xl540`", "xm430, xm430_drive, xm540"]);
+    edit("xm540=MX-65", "x").fails(1, &["the catalogue has no servo `MX-65`", "MX-64AT"]);
+    edit("MX-64AT", "x").fails(2, &["give ACTUATOR=SERVO"]);
+    let named = ["design", "edit", "designs/legs.toml", "xm540=2.0", "-o", "x"];
+    desk.run(&named).fails(1, &["no parameter `xm540`", "--servo xm540=MODEL"]);
+}
+
+#[test]
 fn the_other_legs_follow_to_keep_the_pitch() {
     let desk = desk();
     let args = ["design", "keep", "designs/legs.toml", "front_thigh+=0.01", "--feature", "pitch"];

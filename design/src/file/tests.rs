@@ -39,6 +39,9 @@ fn a_design_has_parameters_within_bounds() {
         WeightedMotion { file: "turn_in_place.toml".into(), weight: 0.5 }
     );
     assert_eq!(design.parameters[0].step, Some(0.001));
+    assert_eq!(design.repair_pull, None);
+    let pulled = DesignFile::from_toml("design.toml", &format!("{DESIGN}[repair]\npull = 1e-2\n"));
+    assert_eq!(pulled.unwrap().repair_pull, Some(1e-2));
     assert_eq!(design.parameters[1].place.axis, Some(Axis::Y));
     let mut robot = RobotText::new(include_str!("../../../robots/agilebot.toml")).unwrap();
     assert_eq!(
@@ -76,6 +79,8 @@ fn faults_say_what_would_be_right() {
         ),
         ("step_m = 0.001", "step_m = 0", "`step_m` must be above 0"),
         ("weight = 0.5", "weight = -1", "`weight` is -1"),
+        ("max_m = 0.12\n", "max_m = 0.12\n[repair]\npull = 0\n", "`pull` is 0"),
+        ("max_m = 0.12\n", "max_m = 0.12\n[repair]\n", "`pull` is missing"),
     ];
     for (from, to, part) in expected {
         let found = wrong(from, to);

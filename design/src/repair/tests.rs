@@ -37,7 +37,7 @@ fn repaired(free: &[Free], made: &dyn Fn(&[f64]) -> Made, watch: &mut Watch<'_>)
     let plan = |motion| optimise(&robot, motion, &few, &mut |_| ControlFlow::Continue(()));
     let plans: Vec<Plan> = motions.iter().map(plan).collect();
     let make = |values: &[f64]| Ok::<_, Infallible>(made(values));
-    repair(free, &plans, &make, &Options::default(), watch).unwrap()
+    repair(free, &plans, PULL, &make, &Options::default(), watch).unwrap()
 }
 
 fn on(_: Shown<'_>) -> ControlFlow<()> {

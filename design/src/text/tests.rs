@@ -1,6 +1,7 @@
 //! Numbers of robot files, changed by parameters of every kind.
 
 use super::*;
+use crate::catalog::Catalog;
 use crate::parameter::Axis;
 use rollwalk_robot::{Contact, Robot};
 
@@ -173,4 +174,37 @@ fn a_star_stands_for_all_parts_of_the_robot_that_fit_mirrored_ones_with_the_othe
     }
     let nothing = text.value(&place(Kind::Radius, None, "middle_*", None)).unwrap_err();
     assert!(nothing.help.contains("front_left"), "{}", nothing.help);
+}
+
+#[test]
+fn another_servo_brings_its_limits_and_where_parts_are_that_servo_its_mass() {
+    let catalog = Catalog::shipped();
+    let mass = |robot: &Robot| -> f64 { robot.links.iter().map(|link| link.mass_kg).sum() };
+    let before = read(&agilebot());
+    for (actuator, name, parts, was_kg) in
+        [("xm540", "MX-64AT", 8.0, 0.165), ("xm430_drive", "XL430-W250-T", 4.0, 0.082)]
+    {
+        let servo = catalog.get(name).unwrap();
+        let mut text = agilebot();
+        text.set_servo(actuator, servo);
+        let after = read(&text);
+        let heavier = mass(&after) - mass(&before);
+        assert!((heavier - parts * (servo.mass_kg - was_kg)).abs() < 1e-9, "{name}: {heavier}");
+        assert_eq!(text.model_of(actuator), Some(name));
+        let motors = after.joints.iter().map(|joint| &joint.actuator);
+        let wheels = after.end_effectors.iter().filter_map(|of| of.contact.actuator());
+        let motor = motors.chain(wheels).find(|motor| motor.model == name).unwrap();
+        // A wheel may use more of the speed without load.
+        let speed_max_rad_s = match actuator {
+            "xm540" => servo.speed_max_rad_s,
+            _ => servo.wheel_speed_max_rad_s(),
+        };
+        assert_eq!(motor.speed_max_rad_s, speed_max_rad_s);
+        assert!(text.to_string().contains("# hip pitch servo XM540: e-manual"), "comments stay");
+    }
+    // Nothing says which part it is.
+    let mut text = RobotText::new(&AGILEBOT.replace(", actuator = \"xm540\" }", " }")).unwrap();
+    text.set_servo("xm540", catalog.get("MX-64AT").unwrap());
+    assert!(text.parts_of("xm540").is_empty());
+    assert_eq!(mass(&read(&text)), mass(&before));
 }

@@ -12,6 +12,9 @@ pub(crate) struct MassProperties {
     pub inertia_kg_m2: Matrix3<f64>,
 }
 
+/// Names the motor that a part is, so that its mass is that of another one when a design takes another one.
+pub(super) const ACTUATOR: &str = "actuator";
+
 /// Sums parts: masses add, the centre of mass is their mean, inertias add after moving to it
 /// (parallel axes: I + m (|d|² 1 − d dᵀ)).
 pub(crate) fn sum(parts: &[MassProperties]) -> MassProperties {
@@ -52,8 +55,9 @@ pub(super) fn read(part: Table<'_>) -> MassProperties {
             None
         }
     };
-    // Says how designs change it, and nothing about the robot as it is.
+    // These say how designs change it, and nothing about the robot as it is.
     part.given("stretches", Table::boolean);
+    part.given(ACTUATOR, Table::string);
     part.done();
     let inertia_kg_m2 = Matrix3::from_diagonal(&(diagonal_per_kg.unwrap_or_default() * mass_kg));
     MassProperties { mass_kg, com_m, inertia_kg_m2 }

@@ -8,7 +8,7 @@ use super::fields::{
     axis, byte, data_sheet, drag, mass, named, number, rpy, soft_material, vector,
 };
 use super::group::{Group, Limb};
-use super::parts::MassProperties;
+use super::parts::{self, MassProperties};
 use super::places::{Places, Source};
 use super::shapes::shape;
 use crate::contact::{Contact, KINDS};
@@ -143,6 +143,14 @@ impl<'r, 'd> Reader<'r, 'd> {
     fn link(&mut self, group: &Group<'_, 'd>, mut table: Table<'d>) {
         let name = named(&mut table, "link");
         let MassProperties { mass_kg, com_m, inertia_kg_m2 } = mass(&table);
+        for part in table.tables("parts") {
+            if let Some(name) = part.given(parts::ACTUATOR, Table::string)
+                && !self.sheets.contains_key(name.as_str())
+            {
+                let known = self.sheets.keys().copied();
+                self.unknown("actuator", &part, parts::ACTUATOR, &name, known);
+            }
+        }
         let shapes = table.tables("shapes").iter().filter_map(|part| shape(group, part)).collect();
         table.done();
         self.robot.links.push(Link {

@@ -162,6 +162,13 @@ fn names_that_are_unknown_or_taken() {
         "known are: `servo`",
     );
     assert_fault(
+        "box_m = [0.2, 0.1, 0.05] }",
+        "box_m = [0.2, 0.1, 0.05], actuator = \"motor\" }",
+        "actuator = \"motor\" }",
+        "there is no actuator `motor`",
+        "known are: `servo`",
+    );
+    assert_fault(
         "template = \"leg\"",
         "template = \"lag\"",
         "template = ",

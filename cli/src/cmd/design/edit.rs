@@ -14,8 +14,9 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  rollwalk design edit designs/agilebot_legs.toml thigh=0.13 -o longer
-  rollwalk design edit designs/agilebot_legs.toml thigh+=0.01 track-=0.005 -o longer
+  rollwalk design edit designs/agilebot_legs.toml front_thigh=0.13 -o longer
+  rollwalk design edit designs/agilebot_legs.toml front_thigh+=0.01 half_track-=0.005 -o longer
+  rollwalk design edit designs/agilebot_legs.toml --servo xm540=MX-64AT -o lighter
 Then:
   rollwalk simulate longer/walk.plan.json")]
 pub struct Args {
@@ -23,8 +24,14 @@ pub struct Args {
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
     /// Parameters and their values, in m or rad; `+=` and `-=` change what the robot file has.
-    #[arg(value_name = "NAME=VALUE", required = true, value_parser = given::parse)]
+    #[arg(value_name = "NAME=VALUE", required_unless_present = "servo", value_parser = given::parse)]
     given: Vec<Given>,
+    /// Another servo for an actuator of the robot file: its limits, torque-speed line and mass; may be given several times.
+    #[arg(long, value_name = "ACTUATOR=SERVO", value_parser = given::parse_servo)]
+    servo: Vec<[String; 2]>,
+    /// Catalogue of servos (TOML) [default: the one that ships, servos/servos.toml].
+    #[arg(long, value_name = "SERVOS.toml", requires = "servo")]
+    servos: Option<PathBuf>,
     #[command(flatten)]
     folder: Folder,
 }
@@ -33,20 +40,23 @@ pub struct Args {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
     let given = given::values(&designed, &args.given)?;
+    let catalog = super::catalog(args.servos.as_deref())?;
+    let (changed, servos) = given::with_servos(&designed, &args.servo, &catalog)?;
     let folder = args.folder.open(&designed)?;
     let mut values = designed.original().to_vec();
     given.iter().for_each(|(index, value)| values[*index] = *value);
-    if values == designed.original() {
+    if values == designed.original() && servos.is_empty() {
         return Err(miette!("the robot file has these values already: nothing changes"));
     }
     let mut shown = Shown::new("planning");
     let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
     let before = plan_original(&designed, watch)?;
     shown.now("again");
-    let after = designed
+    let after = changed
         .plan_from(&before, &values, true, &mut |motion, state| shown.iteration(motion, state))
         .map_err(report)?;
     drop(shown);
-    let outcome = Outcome::new("edit", &designed, &before, &after)?;
+    let mut outcome = Outcome::new("edit", &designed, &before, &after)?;
+    outcome.servos = servos;
     folder.write(&outcome, &before, &after)
 }

@@ -129,6 +129,7 @@ impl Work for Chains<'_> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let (ready, texts) = Source::Disk.sweep(&args.sweep, args.servos.as_deref())?;
+    ready.without_mass().for_each(output::say);
     files::make_folder(&args.output)?;
     let chains = Chains { args, ready, texts };
     match shards::run(&chains, &args.output, &args.shards)? {

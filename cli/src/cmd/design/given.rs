@@ -1,7 +1,11 @@
-//! Parameters on the command line: `thigh=0.13`, `thigh+=0.01`.
+//! Changes on the command line: `thigh=0.13`, `thigh+=0.01`, `xm540=MX-64AT`.
 
-use miette::miette;
+use super::outcome::Swapped;
+use crate::output;
+use miette::{Report, miette};
+use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::Designed;
+use rollwalk_design::sweep::speed_of;
 
 /// A parameter with the value that it is given, or by which it is changed.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,8 +50,12 @@ pub fn values(designed: &Designed, given: &[Given]) -> miette::Result<Vec<(usize
     for Given { name, value, is_change } in given {
         let Some(index) = parameters.iter().position(|of| of.name == *name) else {
             let known: Vec<&str> = parameters.iter().map(|of| of.name.as_str()).collect();
+            let servo = match designed.model_of(name) {
+                Some(_) => format!("; another servo for an actuator: --servo {name}=MODEL"),
+                None => String::new(),
+            };
             return Err(miette!(
-                help = format!("it has {}", known.join(", ")),
+                help = format!("it has {}{servo}", known.join(", ")),
                 "design `{}` has no parameter `{name}`",
                 designed.file.name
             ));
@@ -69,6 +77,61 @@ pub fn values(designed: &Designed, given: &[Given]) -> miette::Result<Vec<(usize
         values.push((index, value));
     }
     Ok(values)
+}
+
+/// Reads `ACTUATOR=SERVO`.
+///
+/// # Errors
+/// It is no such thing.
+pub fn parse_servo(text: &str) -> Result<[String; 2], String> {
+    let both =
+        text.split_once('=').map(|(of, servo)| [of, servo].map(|word| word.trim().to_owned()));
+    let both = both.filter(|both| both.iter().all(|word| !word.is_empty()));
+    both.ok_or_else(|| format!("`{text}`: give ACTUATOR=SERVO, such as xm540=MX-64AT"))
+}
+
+/// The design with other servos, and what they replace. Says where a servo's mass is not known.
+///
+/// # Errors
+/// An actuator that the robot file has not, a servo that the catalogue has not, or a robot file that breaks a rule with it.
+pub fn with_servos(
+    designed: &Designed,
+    given: &[[String; 2]],
+    catalog: &Catalog,
+) -> miette::Result<(Designed, Vec<Swapped>)> {
+    let (mut changed, mut swapped) = (designed.clone(), Vec::<Swapped>::new());
+    for [actuator, name] in given {
+        let Some(model) = designed.model_of(actuator) else {
+            let nothing = designed.value_of(&speed_of(actuator)).err();
+            return Err(miette!(
+                help = nothing.map_or_else(String::new, |nothing| nothing.help),
+                "the robot file has no actuator `{actuator}`"
+            ));
+        };
+        let Some(servo) = catalog.get(name) else {
+            let all: Vec<&str> = catalog.servos().iter().map(|of| of.name.as_str()).collect();
+            return Err(miette!(
+                help = format!("it has {}", all.join(", ")),
+                "the catalogue has no servo `{name}`"
+            ));
+        };
+        if swapped.iter().any(|of| of.actuator == *actuator) {
+            return Err(miette!("actuator `{actuator}` is given twice"));
+        }
+        if let Some(warning) = designed.mass_unknown(actuator) {
+            output::say(warning);
+        }
+        changed = changed.with_servo(actuator, servo).map_err(|error| {
+            Report::new(error)
+                .wrap_err(format!("with {name} as `{actuator}` the robot file breaks a rule"))
+        })?;
+        swapped.push(Swapped {
+            actuator: actuator.clone(),
+            before: model.to_owned(),
+            after: name.clone(),
+        });
+    }
+    Ok((changed, swapped))
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use super::{Shown, plan_original, read, report};
 use crate::Exit;
-use crate::inputs::Source;
 use crate::output::{self, Table};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::duty::{self, Duty};
@@ -79,10 +78,7 @@ struct Limit {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
-    let catalog = match &args.servos {
-        Some(path) => Source::Disk.catalog(path)?,
-        None => Catalog::shipped(),
-    };
+    let catalog = super::catalog(args.servos.as_deref())?;
     let mut shown = Shown::new("planning");
     let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
     let plans = plan_original(&designed, watch)?;

@@ -13,6 +13,7 @@ use crate::inputs::Source;
 use crate::progress::Watch;
 use crate::{Exit, interrupt};
 use miette::{Report, miette};
+use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::Designed;
 use rollwalk_design::plans::{Failed, Plans, Watch as Seen};
 use rollwalk_planner::Progress;
@@ -118,6 +119,11 @@ impl Drop for Shown {
 /// Reads a design file, its robot and its motions.
 fn read(path: &Path) -> miette::Result<Designed> {
     Source::Disk.design(path)
+}
+
+/// The catalogue of servos in a file, or the one that ships.
+fn catalog(path: Option<&Path>) -> miette::Result<Catalog> {
+    path.map_or_else(|| Ok(Catalog::shipped()), |path| Source::Disk.catalog(path))
 }
 
 /// Plans the motions of the original robot, which it need not be able to do.

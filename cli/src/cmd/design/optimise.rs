@@ -4,8 +4,9 @@ use super::outcome::{Folder, Outcome};
 use super::{Shown, plan_original, read, report};
 use crate::{Exit, output};
 use miette::miette;
+use rollwalk_design::designed::Designed;
 use rollwalk_design::optimise;
-use rollwalk_design::plans::Repaired;
+use rollwalk_design::plans::{Plans, Repaired, Watch};
 use std::cell::RefCell;
 use std::path::PathBuf;
 
@@ -72,8 +73,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     shown.borrow_mut().now("again");
     let last = found.as_ref().map_or(&start, |found| &found.plans);
-    let values = designed.rounded(&last.variant.values);
-    let after = designed.plan_from(last, &values, true, watch).map_err(report)?;
+    let after = made(&designed, last, watch)?;
     drop(shown);
     let mut outcome = Outcome::new("optimise", &designed, &before, &after)?;
     outcome.repairs = repairs;
@@ -81,4 +81,17 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         (outcome.steps, outcome.lost) = (found.steps, found.lost);
     }
     folder.write(&outcome, &before, &after)
+}
+
+/// The design in steps that can be made: the nearest of which the motions hold, or the nearest if there is none.
+fn made(designed: &Designed, found: &Plans, watch: &mut Watch<'_>) -> miette::Result<Plans> {
+    let mut nearest = None;
+    for values in designed.roundings(&found.variant.values) {
+        let plans = designed.plan_from(found, &values, true, watch).map_err(report)?;
+        if plans.all_hold() {
+            return Ok(plans);
+        }
+        nearest.get_or_insert(plans);
+    }
+    Ok(nearest.expect("there is at least one"))
 }

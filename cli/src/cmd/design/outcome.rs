@@ -140,6 +140,11 @@ pub struct Outcome {
     command: &'static str,
     design: String,
     parameters: Vec<Changed>,
+    /// Servos that have come in the place of others.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub servos: Vec<Swapped>,
+    /// Mass of the robot, before and after, kg.
+    mass_kg: [f64; 2],
     motions: Vec<Compared>,
     /// Of `keep`: how far the feature is from what it was, by hand and kept.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -172,6 +177,17 @@ struct Changed {
     after: f64,
     min: f64,
     max: f64,
+}
+
+/// Servos of an actuator before and after.
+#[derive(Serialize)]
+pub struct Swapped {
+    /// Name of the actuator in the robot file.
+    pub actuator: String,
+    /// Model before.
+    pub before: String,
+    /// Model after.
+    pub after: String,
 }
 
 /// A motion before and after.
@@ -250,6 +266,8 @@ impl Outcome {
             command,
             design: designed.file.name.clone(),
             parameters: parameters.collect(),
+            servos: Vec::new(),
+            mass_kg: [before, after].map(mass_kg),
             motions: motions.collect::<miette::Result<_>>()?,
             drifts: Vec::new(),
             steps: Vec::new(),
@@ -276,6 +294,15 @@ impl Outcome {
             ]);
         }
         let mut parts = vec![format!("{}: {}", self.design, self.command), table.render()];
+        let [before, after] = self.mass_kg;
+        let swapped = self
+            .servos
+            .iter()
+            .map(|of| format!("{}: {}, was {}\n", of.actuator, of.after, of.before));
+        parts.push(format!(
+            "{}mass: {after:.3} kg, was {before:.3} kg",
+            swapped.collect::<String>()
+        ));
         for motion in &self.motions {
             let mut table = Table::new([&motion.motion, "before", "after", "change", "unit"]);
             for of in &motion.quantities {
@@ -340,6 +367,11 @@ impl Outcome {
             std::iter::once(titles).chain(steps.enumerate().map(row)).collect();
         Table::from(rows)
     }
+}
+
+/// Mass of a robot.
+fn mass_kg(plans: &Plans) -> f64 {
+    plans.variant.robot.links.iter().map(|link| link.mass_kg).sum()
 }
 
 fn compared(before: &Plan, after: &Plan) -> miette::Result<Compared> {
