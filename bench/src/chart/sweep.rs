@@ -5,12 +5,14 @@ use super::{BLACK, COLORS, Drawing, Drawn, Labels, RGBColor, SIZE, WHITE, svg};
 use plotters::element::{Cross, PathElement, Rectangle, Text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use rollwalk_design::sweep::picture::{Kind, Picture, Values};
+use rollwalk_design::sweep::picture::{Field, Kind, Picture, Values};
 use std::ops::Range;
 
 /// Most lines and most maps of a figure: more look alike.
 const LINES_MAX: usize = 12;
 const MAPS_MAX: usize = 9;
+/// Width of the names of lines, px.
+const LEGEND: i32 = 190;
 /// Size of a map and width of its scale, px.
 const MAP: (u32, u32) = (420, 340);
 const SCALE_WIDTH: u32 = 110;
@@ -76,10 +78,10 @@ fn lines(
         Some(names) => -0.5..names.len() as f64 - 0.5,
         None => range(at.iter().copied(), 0.05),
     };
-    let mut y = range(series.iter().flat_map(|(_, values)| values).copied().flatten(), 0.05);
+    let mut y = range(series.iter().flat_map(|(_, values)| values).filter_map(Field::value), 0.05);
     // Crosses stand below all values, one line of them below the other.
     let step = 0.035 * (y.end - y.start);
-    let is_lost = |(_, values): &&(String, Values)| values.iter().any(Option::is_none);
+    let is_lost = |(_, values): &&(String, Values)| values.contains(&Field::Lost);
     let lost: Vec<&(String, Values)> = series.iter().filter(is_lost).collect();
     let bottom = y.start;
     y.start -= step * (lost.len() as f64 + 0.5);
@@ -87,6 +89,7 @@ fn lines(
         let mut chart = ChartBuilder::on(root)
             .caption(labels.title, ("sans-serif", 16))
             .margin(12)
+            .margin_right(LEGEND)
             .x_label_area_size(40)
             .y_label_area_size(72)
             .build_cartesian_2d(x, y.clone())?;
@@ -104,27 +107,30 @@ fn lines(
         }
         let colors = || COLORS.iter().copied().cycle();
         for (index, ((name, values), color)) in series.iter().zip(colors()).enumerate() {
-            let mut points: Vec<(f64, Option<f64>)> =
+            let mut points: Vec<(f64, Field)> =
                 at.iter().copied().zip(values.iter().copied()).collect();
             points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let held = |run: &[(f64, Option<f64>)]| -> Vec<(f64, f64)> {
-                run.iter().filter_map(|(at, value)| Some((*at, (*value)?))).collect()
+            let held = |run: &[(f64, Field)]| -> Vec<(f64, f64)> {
+                run.iter().filter_map(|(at, field)| Some((*at, field.value()?))).collect()
             };
             // The seventh line and those after it are thin: the colours come again.
             let stroke = color.stroke_width(if index < COLORS.len() { 2 } else { 1 });
             if names.is_none() {
-                for run in points.split(|(_, value)| value.is_none()) {
+                for run in points.split(|(_, field)| field.value().is_none()) {
                     chart.draw_series([PathElement::new(held(run), stroke)])?;
                 }
             }
             let dots = held(&points).into_iter().map(|at| Circle::new(at, 3, color.filled()));
-            chart
-                .draw_series(dots)?
-                .label(name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], stroke));
+            chart.draw_series(dots)?;
+            // Beside the drawing, so that it covers nothing.
+            let (x, y) = (SIZE.0 as i32 - LEGEND + 10, 48 + 18 * index as i32);
+            root.draw(&PathElement::new([(x, y), (x + 16, y)], stroke))?;
+            let style = ("sans-serif", 11).into_font().color(&BLACK);
+            let style = style.pos(Pos::new(HPos::Left, VPos::Center));
+            root.draw(&Text::new(name.as_str(), (x + 22, y), style))?;
             if let Some(below) = lost.iter().position(|(other, _)| other == name) {
                 let height = bottom - step * (below as f64 + 0.5);
-                let crosses = points.iter().filter(|(_, value)| value.is_none());
+                let crosses = points.iter().filter(|(_, field)| *field == Field::Lost);
                 chart.draw_series(
                     crosses.map(|(at, _)| Cross::new((*at, height), 4, color.stroke_width(2))),
                 )?;
@@ -135,11 +141,7 @@ fn lines(
             let words = "× does not hold";
             root.draw(&Text::new(words, (84, SIZE.1 as i32 - 20), style))?;
         }
-        chart
-            .configure_series_labels()
-            .border_style(BLACK.mix(0.3))
-            .background_style(WHITE.mix(0.9))
-            .draw()
+        Ok(())
     })
 }
 
@@ -154,7 +156,7 @@ fn maps(
     let columns = (panels.len() as f64).sqrt().ceil().max(1.0) as u32;
     let rows = (panels.len() as u32).div_ceil(columns).max(1);
     let size = (MAP.0 * columns + SCALE_WIDTH, MAP.1 * rows + 40);
-    let all = panels.iter().flat_map(|(_, rows)| rows.iter().flatten()).copied().flatten();
+    let all = panels.iter().flat_map(|(_, rows)| rows.iter().flatten()).filter_map(Field::value);
     let values = range(all, 0.0);
     svg(title, size, |root| {
         let root = root.titled(title, ("sans-serif", 16))?;
@@ -195,11 +197,11 @@ fn map(
         .y_labels(6)
         .draw()?;
     for (y, (row, at_y)) in ys.iter().zip(cells.iter().zip(&at[0])) {
-        for (x, (value, at_x)) in xs.iter().zip(row.iter().zip(&at[1])) {
-            let color = value.map_or(NOTHING, |value| ramp(value, values));
+        for (x, (field, at_x)) in xs.iter().zip(row.iter().zip(&at[1])) {
+            let color = field.value().map_or(NOTHING, |value| ramp(value, values));
             let corners = [(x.start, y.start), (x.end, y.end)];
             chart.draw_series([Rectangle::new(corners, color.filled())])?;
-            if value.is_none() {
+            if *field == Field::Lost {
                 chart.draw_series([Cross::new((*at_x, *at_y), 5, BLACK.mix(0.5))])?;
             }
         }
@@ -256,7 +258,16 @@ fn draw_scale(area: &Drawing<'_>, quantity: &str, values: &Range<f64>) -> Drawn 
         .margin_bottom(60)
         .set_label_area_size(LabelAreaPosition::Right, 64)
         .build_cartesian_2d(0.0..1.0, values.clone())?;
-    chart.configure_mesh().disable_mesh().disable_x_axis().y_desc(quantity).y_labels(8).draw()?;
+    // As in the maps: without sizes they follow from that of the area.
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .disable_x_axis()
+        .y_desc(quantity)
+        .y_labels(8)
+        .label_style(("sans-serif", 11))
+        .axis_desc_style(("sans-serif", 12))
+        .draw()?;
     let step = (values.end - values.start) / STEPS as f64;
     for k in 0..STEPS {
         let low = values.start + step * k as f64;
@@ -270,6 +281,7 @@ fn draw_scale(area: &Drawing<'_>, quantity: &str, values: &Range<f64>) -> Drawn 
 
 #[cfg(test)]
 mod tests {
+    use super::Field::{Absent, Holds, Lost};
     use super::*;
 
     fn count(svg: &str, part: &str) -> usize {
@@ -278,18 +290,18 @@ mod tests {
 
     #[test]
     fn what_does_not_hold_has_a_cross_and_no_dot() {
-        let values = vec![Some(1.0), None, Some(3.0), Some(2.0)];
+        let values = vec![Holds(1.0), Lost, Holds(3.0), Absent];
         let picture = |kind| Picture { title: "t".into(), quantity: "q, m".into(), kind };
         let series =
-            vec![("a & b".to_owned(), values.clone()), ("c".to_owned(), vec![Some(2.0); 4])];
+            vec![("a & b".to_owned(), values.clone()), ("c".to_owned(), vec![Holds(2.0); 4])];
         let at = vec![0.1, 0.2, 0.3, 0.4];
         let svg =
             draw(&picture(Kind::Lines { x: "x, m".into(), at, series: series.clone() })).unwrap();
-        assert_eq!((count(&svg, "<circle"), count(&svg, "× does not hold")), (7, 1), "{svg}");
+        assert_eq!((count(&svg, "<circle"), count(&svg, "× does not hold")), (6, 1), "{svg}");
         assert!(svg.contains("a &amp; b") && !svg.contains("NaN"));
         let labels = ["p", "q", "r", "s"].map(str::to_owned).to_vec();
         let svg = draw(&picture(Kind::Choices { axis: "x".into(), labels, series })).unwrap();
-        assert_eq!(count(&svg, "<circle"), 7);
+        assert_eq!(count(&svg, "<circle"), 6);
         for name in ["p", "q", "r", "s"] {
             assert!(svg.contains(&format!("\n{name}\n")), "{name}: {svg}");
         }
@@ -305,12 +317,12 @@ mod tests {
         let draw = |cells| {
             draw(&Picture { title: "t".into(), quantity: "q".into(), kind: kind(cells) }).unwrap()
         };
-        let whole = draw(vec![vec![Some(1.0); 3], vec![Some(2.0), None, Some(3.0)]]);
+        let whole = draw(vec![vec![Holds(1.0); 3], vec![Holds(2.0), Lost, Holds(3.0)]]);
         // Both ends of the ramp, and two fields in which nothing holds.
         for (color, fields) in [("#FDE725", 6), ("#440154", 2), ("#E1E1E1", 2)] {
             assert_eq!(count(&whole, &format!("fill=\"{color}\"")), fields, "{color}");
         }
-        let none = draw(vec![vec![None; 3], vec![None; 3]]);
+        let none = draw(vec![vec![Lost; 3], vec![Absent; 3]]);
         assert_eq!(count(&none, "fill=\"#E1E1E1\""), 12);
         assert!(!none.contains("NaN") && !none.contains("inf"));
     }

@@ -95,7 +95,9 @@ fn watch(
     {
         // The number of the job, which comes when it has been submitted.
         BufReader::new(stdout).read_line(&mut first).into_diagnostic()?;
-        output::say(format_args!("Slurm has it as job {}", first.trim()));
+        if !first.is_empty() {
+            output::say(format_args!("Slurm has it as job {}", first.trim()));
+        }
     } else if let Some(stdout) = child.stdout.take() {
         thread::spawn(move || {
             BufReader::new(stdout).lines().map_while(Result::ok).for_each(output::say)
@@ -111,7 +113,7 @@ fn watch(
         }
         if interrupt::requested() {
             bar.finish_and_clear();
-            if engine == Engine::Slurm {
+            if engine == Engine::Slurm && !first.is_empty() {
                 let _ = Command::new("scancel").arg(first.trim()).status();
             }
             let _ = child.kill();

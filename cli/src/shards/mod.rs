@@ -27,10 +27,10 @@ pub struct Options {
     #[arg(long, value_name = "K/N", value_parser = shard, global = true)]
     shard: Option<[usize; 2]>,
     /// Number of shards of `--engine`; without it this is one of them, by the index that Slurm or Kubernetes gives it.
-    #[arg(long, value_name = "N", conflicts_with = "shard", global = true)]
+    #[arg(long, value_name = "N", value_parser = count, conflicts_with = "shard", global = true)]
     shards: Option<NonZeroUsize>,
     /// Cores to work on [default: all; one for what measures times].
-    #[arg(long, value_name = "N", global = true)]
+    #[arg(long, value_name = "N", value_parser = count, global = true)]
     cores: Option<NonZeroUsize>,
     /// Run the shards by an engine, watch them, and join their results.
     #[arg(long, value_enum, requires = "shards", global = true)]
@@ -38,6 +38,11 @@ pub struct Options {
     /// Write the job of `--engine`, and do not submit it.
     #[arg(long, requires = "engine", global = true)]
     dry_run: bool,
+}
+
+/// Reads a number of at least 1.
+fn count(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().map_err(|_| "give a whole number from 1 on".to_owned())
 }
 
 /// Reads `K/N`, K from 1.

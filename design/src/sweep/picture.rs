@@ -20,8 +20,26 @@ pub struct Picture {
     pub kind: Kind,
 }
 
-/// Values along an axis; `None` where no point holds.
-pub type Values = Vec<Option<f64>>;
+/// What is at a place of a figure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Field {
+    /// The best value of the points there that hold.
+    Holds(f64),
+    /// Points, of which none holds.
+    Lost,
+    /// No point: motions of other robots.
+    Absent,
+}
+
+impl Field {
+    /// Its value.
+    pub fn value(&self) -> Option<f64> {
+        if let Self::Holds(value) = self { Some(*value) } else { None }
+    }
+}
+
+/// What is along an axis.
+pub type Values = Vec<Field>;
 
 /// Kind of a figure.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,10 +95,15 @@ impl Picture {
             let fits = |row: &&&Row| {
                 let there =
                     shown.iter().zip(at).all(|(k, at)| row.labels[*k] == axes[*k].label(*at));
-                there && row.holds && group.has(row, &choices)
+                there && group.has(row, &choices)
             };
-            let values = rows.iter().filter(fits).filter_map(|row| row.quantities[column]);
-            values.reduce(f64::min)
+            let there: Vec<_> = rows.iter().filter(fits).collect();
+            let held = there.iter().filter(|row| row.holds);
+            match held.filter_map(|row| row.quantities[column]).reduce(f64::min) {
+                Some(best) => Field::Holds(best),
+                None if there.is_empty() => Field::Absent,
+                None => Field::Lost,
+            }
         };
         let line = |group: &Group, before: &[usize], axis: usize| -> Values {
             (0..axes[axis].len()).map(|at| value_at(group, &[before, &[at]].concat())).collect()
@@ -146,12 +169,13 @@ struct Group {
 
 impl Group {
     fn has(&self, row: &Row, choices: &[usize]) -> bool {
-        row.motion == self.motion
+        // Rows without a robot have no motion, and are of all.
+        (row.motion == self.motion || row.motion.is_empty())
             && choices.iter().zip(&self.labels).all(|(k, label)| row.labels[*k] == *label)
     }
 }
 
-/// The combinations that rows have, in their order. Rows without a robot have no motion: they are missing in all.
+/// The combinations that rows have, in their order.
 fn groups(axes: &[Axis], rows: &[&Row], choices: &[usize]) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for with_motion in [true, false] {

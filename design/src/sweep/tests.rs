@@ -1,5 +1,6 @@
 //! Sweeps: their order, their chains, their tables, their figures.
 
+use super::picture::Field::{Absent, Holds, Lost};
 use super::picture::{Kind, Picture};
 use super::*;
 use crate::goal::Quantity;
@@ -112,8 +113,9 @@ fn chains_go_on_behind_points_that_cannot_be_planned_into_tables_and_figures() {
     assert_eq!((x.as_str(), at), ("front_height, m", vec![-0.0447, -0.02, -0.0446]));
     let names: Vec<&str> = series.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["XM430-W210-T", "AX-12A"]);
-    assert_eq!(series[0].1, [rows[0].quantities[0], None, rows[2].quantities[0]]);
-    assert_eq!(series[1].1, [None; 3]);
+    let cost = |row: usize| Holds(rows[row].quantities[0].unwrap());
+    assert_eq!(series[0].1, [cost(0), Lost, cost(2)]);
+    assert_eq!(series[1].1, [Lost; 3]);
 }
 
 /// Rows as a sweep would have them, with the point's number as the cost; points in `lost` do not hold.
@@ -156,8 +158,8 @@ fn two_parameters_make_maps_and_what_lies_behind_them_is_the_best() {
     assert_eq!(axes, ["front_height, m", "rear_height, m"]);
     assert_eq!(at[1], [-0.03, -0.02]);
     assert_eq!(panels[0].0, "XM430-W210-T");
-    let row = |a, b| vec![Some(a), Some(b)];
-    assert_eq!(panels[0].1, [row(0.0, 1.0), vec![None; 2], row(4.0, 5.0)]);
+    let row = |a, b| vec![Holds(a), Holds(b)];
+    assert_eq!(panels[0].1, [row(0.0, 1.0), vec![Lost; 2], row(4.0, 5.0)]);
     assert_eq!(panels[1].1[2], row(10.0, 11.0));
 }
 
@@ -175,5 +177,20 @@ fn choices_alone_stand_side_by_side() {
         (axis.as_str(), labels),
         ("servo", vec!["XM430-W210-T".to_owned(), "AX-12A".to_owned()])
     );
-    assert_eq!(series, [("car_drive".to_owned(), vec![Some(0.0), None])]);
+    assert_eq!(series, [("car_drive".to_owned(), vec![Holds(0.0), Lost])]);
+    // Motions that not all robots have are lost nowhere; a robot that there is not is, for all of them.
+    let mut all = rows(&ready, &["car_drive"], &[]);
+    all[1].motion = "car_turn".to_owned();
+    let series = |all: &[Row]| match Picture::of(&ready, &all.iter().collect::<Vec<_>>(), None).kind
+    {
+        Kind::Choices { series, .. } => series,
+        other => panic!("{other:?}"),
+    };
+    let [drive, turn] = ["car_drive", "car_turn"].map(str::to_owned);
+    assert_eq!(
+        series(&all),
+        [(drive.clone(), vec![Holds(0.0), Absent]), (turn, vec![Absent, Holds(1.0)])]
+    );
+    (all[1].motion, all[1].holds) = (String::new(), false);
+    assert_eq!(series(&all), [(drive, vec![Holds(0.0), Lost])]);
 }
