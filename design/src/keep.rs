@@ -22,6 +22,8 @@ use rollwalk_planner::{Options, Progress};
 const DAMPING: f64 = 1e-2;
 /// Steps in which a change is made.
 const STEPS: usize = 4;
+/// Part of the drift that a step takes back: all of it. Eq. 2.22 as printed has −1.
+const TAKEN_BACK: f64 = 1.0;
 
 /// Changes the parameters `given` to their values and all others so that a feature of all motions stays as it is in `plans`.
 /// The result is on the samples of `plans`, not refined and not rounded.
@@ -35,10 +37,23 @@ pub fn keep(
     feature: Feature,
     watch: &mut Watch<'_>,
 ) -> Result<Plans, Failed> {
+    keep_in(STEPS, TAKEN_BACK, designed, plans, given, feature, watch)
+}
+
+/// [`keep`] in any number of steps, with any part of the drift taken back in each.
+fn keep_in(
+    steps: usize,
+    taken_back: f64,
+    designed: &Designed,
+    plans: &Plans,
+    given: &[(usize, f64)],
+    feature: Feature,
+    watch: &mut Watch<'_>,
+) -> Result<Plans, Failed> {
     plans.all_solved()?;
     let mut here = plans.clone();
     let mut at_start: Option<Vec<f64>> = None;
-    for left in (1..=STEPS).rev() {
+    for left in (1..=steps).rev() {
         let linear = Linear::of(designed, &here, feature, watch)?;
         let start = at_start.get_or_insert_with(|| linear.feature.clone());
         let values = &here.variant.values;
@@ -48,7 +63,7 @@ pub fn keep(
             by[parameter] = change / designed.unit(parameter);
         }
         let drift = DVector::from_vec(linear.feature.clone()) - DVector::from_vec(start.clone());
-        let wrong = &linear.jacobian * &by + drift;
+        let wrong = &linear.jacobian * &by + taken_back * drift;
         let free: Vec<usize> =
             (0..values.len()).filter(|k| given.iter().all(|(given, _)| given != k)).collect();
         if let Some(step) = least_change(designed, values, &linear.jacobian, &wrong, &free) {
@@ -161,3 +176,6 @@ impl Linear {
         Ok(Plans { variant, solutions })
     }
 }
+
+#[cfg(test)]
+mod tests;
