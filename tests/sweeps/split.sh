@@ -1,14 +1,26 @@
 #!/bin/sh
 # A sweep of more than 1,000 points: whole; interrupted, killed and taken up again; split by GNU parallel; and split over two
-# nodes of a Slurm of its own on the loopback interface. The tables must have the same bytes.
+# nodes of a Slurm of its own on the loopback interface. The tables must have the same bytes. Then a fault campaign by GNU parallel
+# and on Slurm; and what others make of the files (read.py).
 #
-#   split.sh ROLLWALK SWEEP.toml DIR        as root, with GNU parallel, Slurm and MUNGE installed
+#   split.sh ROLLWALK SWEEP.toml DIR        as root, with GNU parallel, Slurm, MUNGE, and read.py's modules in PYTHONPATH
 set -eu
 rollwalk=$1 sweep=$2 out=$3
 
 same() {
-    cmp "$out/whole/results.csv" "$out/$1/results.csv"
-    cmp "$out/whole/results.parquet" "$out/$1/results.parquet"
+    for file in results.csv results.parquet results.svg; do
+        cmp "$out/whole/$file" "$out/$1/$file"
+    done
+    echo "$1: the same bytes"
+}
+
+campaign() {
+    "$rollwalk" bench fault-campaign --seeds 30 --loss 3 --out "$@"
+}
+
+same_campaign() {
+    cmp "$out/campaign/fault-campaign.json" "$out/$1/fault-campaign.json"
+    cmp "$out/campaign/fault-campaign.md" "$out/$1/fault-campaign.md"
     echo "$1: the same bytes"
 }
 
@@ -29,6 +41,12 @@ same broken
 
 "$rollwalk" design explore "$sweep" -o "$out/parallel" --on parallel --shards 4
 same parallel
+campaign "$out/campaign"
+campaign "$out/campaign-parallel" --engine parallel --shards 4
+same_campaign campaign-parallel
+
+"$rollwalk" design explore "$sweep" -o "$out/whole" --on kubernetes --shards 4 --dry-run
+python3 "$(dirname "$0")/read.py" "$out/whole/results.csv" "$out/whole/results.parquet" "$out/whole/kubernetes.yaml"
 
 # MUNGE and Slurm with files of their own: nothing of the machine's configuration is touched.
 host=$(hostname)
@@ -69,3 +87,5 @@ slurmd -N node1
 slurmd -N node2
 "$rollwalk" design explore "$sweep" -o "$out/slurm" --on slurm --shards 4
 same slurm
+campaign "$out/campaign-slurm" --engine slurm --shards 4
+same_campaign campaign-slurm

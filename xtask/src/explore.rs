@@ -1,8 +1,13 @@
-//! A large sweep over designs, split in every way: `tests/sweeps/split.sh`.
+//! A large sweep over designs, split in every way, and a fault campaign: `tests/sweeps/split.sh`.
 
-use crate::{debian, shell, workspace};
+use crate::{debian, python, shell, workspace};
+use std::env;
 
-/// Explores the sweep whole, interrupted, by GNU parallel and by a Slurm of two nodes on the loopback interface.
+const PYARROW: &str = "pyarrow==26.0.1";
+const KUBERNETES_VALIDATE: &str = "kubernetes-validate==1.37.0";
+
+/// Explores the sweep whole, interrupted, by GNU parallel and by a Slurm of two nodes on the loopback interface, and has others read
+/// the files.
 ///
 /// # Errors
 /// Tables that differ, or the command that installs what is missing.
@@ -10,9 +15,15 @@ pub fn check() -> Result<(), String> {
     debian::need(&["parallel", "slurm-wlm", "munge"]).map_err(|install| {
         format!("the check needs GNU parallel and Slurm. On Debian:\n\n    {install}")
     })?;
+    let paths = [
+        python::path("pyarrow", PYARROW, "pyarrow")?,
+        python::path("kubernetes-validate", KUBERNETES_VALIDATE, "kubernetes_validate, yaml")?,
+    ];
+    let path = env::join_paths(paths.iter().flat_map(env::split_paths));
+    let path = path.map_err(|error| error.to_string())?;
     let programs = workspace::optimised_programs()?;
     let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
     let out = shell::target_folder().join("sweeps");
     let mut split = shell::command("tests/sweeps/split.sh", &[&rollwalk.path]);
-    shell::run(split.arg("tests/sweeps/sweep.toml").arg(out))
+    shell::run(split.arg("tests/sweeps/sweep.toml").arg(out).env("PYTHONPATH", path))
 }
