@@ -48,6 +48,8 @@ pub struct Designed {
     text: RobotText,
     motions: Vec<MotionText>,
     original: Vec<f64>,
+    /// Why the motions cannot be asked of the original robot, if it is one that does not reach their targets.
+    beyond: Option<DocumentError>,
 }
 
 /// A robot at some values of the parameters.
@@ -93,9 +95,27 @@ impl Designed {
         let original = file.check(&design.name, &design.text, |place| {
             if place.kind.is_of_motion() { of_motion(place) } else { text.value(place) }
         })?;
-        let designed = Self { file, robot, text, motions, original };
-        designed.at(&designed.original)?;
-        Ok(designed)
+        Self { file, robot, text, motions, original, beyond: None }.checked()
+    }
+
+    /// That the motions can be asked of the original robot, or of one with all parameters at their most or all at their least: targets may be
+    /// beyond the reach of the original.
+    fn checked(mut self) -> Result<Self, DocumentError> {
+        self.beyond = self.at(&self.original).err();
+        if let Some(error) = &self.beyond {
+            let parameters = &self.file.parameters;
+            let most: Vec<f64> = parameters.iter().map(|of| of.max).collect();
+            let least: Vec<f64> = parameters.iter().map(|of| of.min).collect();
+            if parameters.is_empty() || (self.at(&most).is_err() && self.at(&least).is_err()) {
+                return Err(error.clone());
+            }
+        }
+        Ok(self)
+    }
+
+    /// Why the motions cannot be asked of the original robot, if they cannot.
+    pub fn beyond(&self) -> Option<&DocumentError> {
+        self.beyond.as_ref()
     }
 
     /// A robot file and motions of which nothing may change.
@@ -107,9 +127,7 @@ impl Designed {
         let text = RobotText::new(&robot.text).unwrap_or_default();
         let file = DesignFile::default();
         let motions = motions.into_iter().map(MotionText::new).collect();
-        let designed = Self { file, robot, text, motions, original: Vec::new() };
-        designed.at(&[])?;
-        Ok(designed)
+        Self { file, robot, text, motions, original: Vec::new(), beyond: None }.checked()
     }
 
     /// The same with other motions.
@@ -118,8 +136,7 @@ impl Designed {
     /// They do not fit the robot.
     pub fn with_motions(mut self, motions: Vec<NamedText>) -> Result<Self, DocumentError> {
         self.motions = motions.into_iter().map(MotionText::new).collect();
-        self.at(&self.original)?;
-        Ok(self)
+        self.checked()
     }
 
     /// The same with the speed, torque and torque-speed line of another servo in an actuator of the robot file, and with its mass
@@ -129,8 +146,7 @@ impl Designed {
     /// The robot file breaks a rule with it.
     pub fn with_servo(mut self, actuator: &str, servo: &Servo) -> Result<Self, DocumentError> {
         self.text.set_servo(actuator, servo);
-        self.at(&self.original)?;
-        Ok(self)
+        self.checked()
     }
 
     /// Model of an actuator of the robot file; `None` if it has none of this name.

@@ -4,6 +4,7 @@ use super::read;
 use crate::Exit;
 use crate::output::{self, Table};
 use rollwalk_design::designed::Designed;
+use rollwalk_robot::document::DocumentError;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -50,7 +51,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let mut table = Table::new(["parameter", "now", "least", "most", "step", "unit", "changes"]);
     for of in &parameters {
-        let number = |value: f64| format!("{value}");
+        // The square root of a length that is not along an axis has no end.
+        let number = |value: f64| ((value * 1e6).round() / 1e6).to_string();
         table.row([
             of.name.to_owned(),
             number(of.value),
@@ -73,6 +75,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         designed.file.robot,
         table.render()
     ))?;
+    if let Some(beyond) = designed.beyond() {
+        output::say(format_args!("warning: as it is: {}", problems(beyond)));
+    }
     for problem in parameters.iter().flat_map(|of| &of.problems) {
         output::say(problem);
     }
@@ -86,8 +91,7 @@ fn parameter(designed: &Designed, index: usize) -> Parameter<'_> {
         let mut values = designed.original().to_vec();
         values[index] = value;
         let error = designed.at(&values).err()?;
-        let faults: Vec<String> = error.faults().map(ToString::to_string).collect();
-        Some(format!("warning: at {} = {value} {unit}: {}", of.name, faults.join("; ")))
+        Some(format!("warning: at {} = {value} {unit}: {}", of.name, problems(&error)))
     };
     Parameter {
         name: &of.name,
@@ -99,4 +103,10 @@ fn parameter(designed: &Designed, index: usize) -> Parameter<'_> {
         changes: of.place.to_string(),
         problems: [of.min, of.max].into_iter().filter_map(at).collect(),
     }
+}
+
+/// What is wrong, and what would be right.
+fn problems(error: &DocumentError) -> String {
+    let faults = error.faults().map(|fault| format!("{fault}: {}", fault.help));
+    faults.collect::<Vec<_>>().join("; ")
 }

@@ -50,13 +50,16 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let mut shown = Shown::new("planning");
     let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
-    let before = plan_original(&designed, watch)?;
-    shown.now("again");
-    let after = changed
-        .plan_from(&before, &values, true, &mut |motion, state| shown.iteration(motion, state))
-        .map_err(report)?;
+    let (before, after) = match designed.beyond() {
+        None => {
+            let before = plan_original(&designed, watch)?;
+            let after = changed.plan_from(&before, &values, true, watch).map_err(report)?;
+            (Some(before), after)
+        }
+        Some(_) => (None, changed.plan(&values, watch).map_err(report)?),
+    };
     drop(shown);
-    let mut outcome = Outcome::new("edit", &designed, &before, &after)?;
+    let mut outcome = Outcome::new("edit", &designed, before.as_ref(), &after)?;
     outcome.servos = servos;
-    folder.write(&outcome, &before, &after)
+    folder.write(&outcome, before.as_ref(), &after)
 }

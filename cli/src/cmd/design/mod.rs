@@ -128,6 +128,15 @@ fn catalog(path: Option<&Path>) -> miette::Result<Catalog> {
 
 /// Plans the motions of the original robot, which it need not be able to do.
 fn plan_original(designed: &Designed, watch: &mut Seen<'_>) -> miette::Result<Plans> {
+    if let Some(beyond) = designed.beyond() {
+        let names: Vec<&str> = designed.file.parameters.iter().map(|of| of.name.as_str()).collect();
+        let why = format!(
+            "the robot as it is cannot be asked for its motions, so that there is no plan to learn from: change {} first, by `rollwalk \
+             design edit`, which needs none",
+            names.join(" or ")
+        );
+        return Err(Report::new(beyond.clone()).wrap_err(why));
+    }
     let plans = designed.plan(designed.original(), watch).map_err(report)?;
     if plans.solutions.is_empty() {
         return Err(miette!(

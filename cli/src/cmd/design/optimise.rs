@@ -75,12 +75,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let last = found.as_ref().map_or(&start, |found| &found.plans);
     let after = made(&designed, last, watch)?;
     drop(shown);
-    let mut outcome = Outcome::new("optimise", &designed, &before, &after)?;
+    let mut outcome = Outcome::new("optimise", &designed, Some(&before), &after)?;
     outcome.repairs = repairs;
     if let Some(found) = found {
         (outcome.steps, outcome.lost) = (found.steps, found.lost);
     }
-    folder.write(&outcome, &before, &after)
+    folder.write(&outcome, Some(&before), &after)
 }
 
 /// The design in steps that can be made: the nearest of which the motions hold, or the nearest if there is none.

@@ -82,24 +82,32 @@ impl Place<'_> {
     ///
     /// # Errors
     /// The operating system refuses.
-    pub fn write(&self, outcome: &Outcome, before: &Plans, after: &Plans) -> miette::Result<Exit> {
+    pub fn write(
+        &self,
+        outcome: &Outcome,
+        before: Option<&Plans>,
+        after: &Plans,
+    ) -> miette::Result<Exit> {
         let folder = &self.folder.output;
         let write =
             |name: &str, content: &str| files::write(&folder.join(name), content.as_bytes());
         Output::of_source(&self.robot)?.write(after.variant.text.as_bytes())?;
-        for ((file, name), (before, after)) in
-            self.plans().zip(&self.motions).zip(before.plans().zip(after.plans()))
+        let before = plans_of(before, after);
+        for (((file, name), after), before) in
+            self.plans().zip(&self.motions).zip(after.plans()).zip(&before)
         {
             write(&file, &after.to_json())?;
-            write(&format!("{name}.svg"), &plot::comparison(before, after))?;
+            let figure =
+                before.map_or_else(|| plot::figure(after), |of| plot::comparison(of, after));
+            write(&format!("{name}.svg"), &figure)?;
         }
         for (name, text) in self.motions.iter().zip(&after.variant.motion_texts) {
             let place = Output::of_source(&folder.join(format!("{name}.toml")))?;
             place.write(self.of_robot(text).as_bytes())?;
         }
-        if let (Some(before), Some(after)) = (before.plans().next(), after.plans().next()) {
-            write(ROBOT_FIGURE, &plot::strip(&[before, after], 4))?;
-        }
+        let both: Vec<&Plan> =
+            before.first().copied().flatten().into_iter().chain(after.plans().take(1)).collect();
+        write(ROBOT_FIGURE, &plot::strip(&both, 4))?;
         let text = outcome.text();
         write(REPORT[0], &format!("```\n{text}\n```\n{}", self.figures()))?;
         let json = serde_json::to_string_pretty(outcome)
@@ -143,8 +151,8 @@ pub struct Outcome {
     /// Servos that have come in the place of others.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub servos: Vec<Swapped>,
-    /// Mass of the robot, before and after, kg.
-    mass_kg: [f64; 2],
+    /// Mass of the robot, before and after, kg; nothing of one of which the motions could not be asked.
+    mass_kg: [Option<f64>; 2],
     motions: Vec<Compared>,
     /// Of `keep`: how far the feature is from what it was, by hand and kept.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -241,17 +249,18 @@ impl Drift {
 }
 
 impl Outcome {
-    /// Compares two designs; plays their plans in the simulated world.
+    /// Compares two designs, or shows one whose motions could not be asked of the original; plays their plans in the simulated
+    /// world.
     ///
     /// # Errors
     /// A step of that world has no solution.
     pub fn new(
         command: &'static str,
         designed: &Designed,
-        before: &Plans,
+        before: Option<&Plans>,
         after: &Plans,
     ) -> miette::Result<Self> {
-        let values = before.variant.values.iter().zip(&after.variant.values);
+        let values = designed.original().iter().zip(&after.variant.values);
         let parameters = designed.file.parameters.iter().zip(values).map(|(of, values)| Changed {
             name: of.name.clone(),
             unit: of.place.kind.unit().0,
@@ -260,14 +269,14 @@ impl Outcome {
             min: of.min,
             max: of.max,
         });
-        let motions =
-            before.plans().zip(after.plans()).map(|(before, after)| compared(before, after));
+        let motions = plans_of(before, after).into_iter().zip(after.plans());
+        let motions = motions.map(|(before, after)| compared(before, after));
         Ok(Self {
             command,
             design: designed.file.name.clone(),
             parameters: parameters.collect(),
             servos: Vec::new(),
-            mass_kg: [before, after].map(mass_kg),
+            mass_kg: [before.map(mass_kg), Some(mass_kg(after))],
             motions: motions.collect::<miette::Result<_>>()?,
             drifts: Vec::new(),
             steps: Vec::new(),
@@ -294,15 +303,13 @@ impl Outcome {
             ]);
         }
         let mut parts = vec![format!("{}: {}", self.design, self.command), table.render()];
-        let [before, after] = self.mass_kg;
         let swapped = self
             .servos
             .iter()
             .map(|of| format!("{}: {}, was {}\n", of.actuator, of.after, of.before));
-        parts.push(format!(
-            "{}mass: {after:.3} kg, was {before:.3} kg",
-            swapped.collect::<String>()
-        ));
+        let kg = |mass_kg: Option<f64>| mass_kg.map(|mass_kg| format!("{mass_kg:.3} kg"));
+        let masses = self.mass_kg.map(kg).into_iter().rev().flatten().collect::<Vec<_>>();
+        parts.push(format!("{}mass: {}", swapped.collect::<String>(), masses.join(", was ")));
         for motion in &self.motions {
             let mut table = Table::new([&motion.motion, "before", "after", "change", "unit"]);
             for of in &motion.quantities {
@@ -374,12 +381,20 @@ fn mass_kg(plans: &Plans) -> f64 {
     plans.variant.robot.links.iter().map(|link| link.mass_kg).sum()
 }
 
-fn compared(before: &Plan, after: &Plan) -> miette::Result<Compared> {
+/// A plan before for each one after, if there is one.
+fn plans_of<'p>(before: Option<&'p Plans>, after: &Plans) -> Vec<Option<&'p Plan>> {
+    let count = after.solutions.len();
+    let before = before.into_iter().flat_map(Plans::plans).map(Some);
+    before.chain(std::iter::repeat(None)).take(count).collect()
+}
+
+fn compared(before: Option<&Plan>, after: &Plan) -> miette::Result<Compared> {
     let weights = Weights::default();
+    let is_solved = |plan: &&Plan| plan.solve.status.is_solved();
     let of = |quantity: Quantity| {
         let Quantity { objective, name, unit, little, .. } = quantity;
-        let [before, after] = [before, after]
-            .map(|plan| plan.solve.status.is_solved().then(|| objective.of_plan(plan, &weights)));
+        let of = |plan: &Plan| objective.of_plan(plan, &weights);
+        let [before, after] = [before, Some(after)].map(|plan| plan.filter(is_solved).map(of));
         let ratio = before.zip(after).filter(|(before, _)| *before > little);
         let ratio = ratio.map(|(before, after)| after / before);
         Pair { name, unit, before, after, ratio }
@@ -387,15 +402,15 @@ fn compared(before: &Plan, after: &Plan) -> miette::Result<Compared> {
     let all = Quantity::ALL.into_iter();
     let quantities = all.filter(|of| of.objective.is_defined(&after.motion)).map(of);
     let report = Report::new(after);
-    let simulated = |plan: &Plan| {
-        let outcome = plan.solve.status.is_solved().then(|| played::play(plan, true));
+    let simulated = |plan: Option<&Plan>| {
+        let outcome = plan.filter(is_solved).map(|plan| played::play(plan, true));
         outcome.transpose().map(|outcome| outcome.as_ref().map(played::ratios))
     };
     Ok(Compared {
         motion: after.motion.name.clone(),
         holds: report.judgement.is_good(),
         conclusion: planning::conclusion(after, &report),
-        simulated: [simulated(before)?, simulated(after)?],
+        simulated: [simulated(before)?, simulated(Some(after))?],
         quantities: quantities.collect(),
     })
 }
