@@ -67,7 +67,7 @@ class Log:
             self.angle = channels("rad")
             self.kp, self.kd, self.limit = (channels(what) for what in ("kp_nm_rad", "kd_nm_s_rad", "limit_nm"))
             target, speed, torque = (channels(what) for what in ("target_rad", "target_rad_s", "feedforward_nm"))
-            self.control = self.kp * target + self.kd * speed + torque
+            self.target, self.speed, self.torque = target, speed, torque
         except StopIteration:
             raise Unusable(f"{path}: the hoist holds the robot all the time (held), or there are no rows") from None
         except (KeyError, TypeError, ValueError) as error:
@@ -75,6 +75,11 @@ class Log:
         if len(self.rows) < 2:
             raise Unusable(f"{path}: one row without the hoist; expected at least 2")
         self.step_s = float(np.median(np.diff(self.time_s)))
+
+    @property
+    def control(self):
+        """What a drive adds to its springs and dampers about 0."""
+        return self.kp * self.target + self.kd * self.speed + self.torque
 
     def yaw_rad(self):
         w, x, y, z = self.base[:, 3:].T
@@ -100,9 +105,9 @@ def _expect_robot(row, robot):
             raise ValueError(f"columns *{ending} of {', '.join(sorted(found ^ expected))}")
 
 
-def played(log, robot, look=lambda d: None):
+def played(log, robot, look=lambda d: None, parts=PARTS):
     """Centre of mass and heading at the end of each row, and the row at which the robot fell; `look` sees MuJoCo's data at each."""
-    model = Model(robot, GRAVITY_M_S2, Ground(step_s=log.step_s / PARTS))
+    model = Model(robot, GRAVITY_M_S2, Ground(step_s=log.step_s / parts))
     m, d = model.m, mujoco.MjData(model.m)
     drives = Drives(model, ROLLING_SIGN_WIDTH_M_S)
     feet = np.full(m.ngeom, -1)
@@ -113,14 +118,15 @@ def played(log, robot, look=lambda d: None):
     mujoco.mj_forward(m, d)
     up, height = d.xmat[1][6:9].copy(), d.xpos[1, 2]
     load = np.zeros(len(model.foot_geoms))
+    controls = log.control
     com, yaw, fell = [d.subtree_com[1].copy()], [_yaw(d)], None
     look(d)
     for row in range(1, len(log.rows)):
         # What acts in the step that ends at the row.
         m.actuator_biasprm[:, 1], m.actuator_biasprm[:, 2] = -log.kp[row], -log.kd[row]
-        d.ctrl[:] = log.control[row]
+        d.ctrl[:] = controls[row]
         drives.torque_max = log.limit[row]
-        for _ in range(PARTS):
+        for _ in range(parts):
             drives.act(d, load)
             mujoco.mj_step(m, d)
             load[:] = 0

@@ -3,8 +3,8 @@
 
     python3 tests/replay/recorded.py ROBOT.toml RUN.csv -o RECORDED.csv [--angle-noise RAD] [--place-noise M] [--seed N]
 
-RUN.csv is that of `rollwalk simulate PLAN.json --world-log RUN.csv` (docs/world-log.md), of a motion that begins at rest on level ground. Gains and
-limits are those in it, masses, friction and feet those of ROBOT.toml. The table has what a real robot could have: commands, angles and speeds of
+RUN.csv is that of `rollwalk simulate PLAN.json --world-log RUN.csv` (docs/world-log.md), on level ground; the robot begins at rest. Commands and
+limits are those in it, gains, masses, friction and feet those of ROBOT.toml. The table has what a real robot could have: commands, angles and speeds of
 motors, and the pose of the body from an IMU and something that tracks it. Exit code: 0, or 2 if a file cannot be used.
 """
 
@@ -43,10 +43,23 @@ def main(arguments):
     return 0
 
 
+# Steps of MuJoCo in a row: in steps of a quarter of a row, its integrator of first order would pass for a gain.
+PARTS = 16
+
+
 def record(log, robot, options):
     """Heading and rows."""
+    gains = [actuator for _, actuator, _, _ in robots.channels(robot)]
+    log.kp[:] = [actuator["kp_nm_rad"] for actuator in gains]
+    log.kd[:] = [actuator["kd_nm_s_rad"] for actuator in gains]
     seen = []
-    _, _, fell = played(log, robot, lambda d: seen.append((d.actuator_length.copy(), d.actuator_velocity.copy(), d.qpos[:7].copy())))
+
+    def look(d):
+        # Positions and speeds of now: what MuJoCo derives from them, lengths of actuators among it, is of the step before.
+        joints = d.model.actuator_trnid[:, 0]
+        seen.append((d.qpos[d.model.jnt_qposadr[joints]], d.qvel[d.model.jnt_dofadr[joints]], d.qpos[:7].copy()))
+
+    _, _, fell = played(log, robot, look, PARTS)
     if fell is not None:
         raise Unusable(f"the robot falls in MuJoCo at {log.time_s[fell]:.2f} s")
     random = np.random.default_rng(options.seed)

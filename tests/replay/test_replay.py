@@ -6,6 +6,7 @@
 Needs Python 3.11, mujoco and numpy; no plan and no program of the project.
 """
 
+import argparse
 import copy
 import json
 import math
@@ -14,6 +15,7 @@ import sys
 import tempfile
 import unittest
 from pathlib import Path
+from unittest import mock
 
 import mujoco
 import numpy as np
@@ -27,6 +29,7 @@ import logged  # noqa: E402
 import measure  # noqa: E402
 import motion  # noqa: E402
 import player  # noqa: E402
+import recorded  # noqa: E402
 import robots  # noqa: E402
 import tables  # noqa: E402
 import world  # noqa: E402
@@ -448,12 +451,15 @@ class Logs(unittest.TestCase):
             row |= {f"{wheel['name']}_normal_n": 0.0 for wheel in wheels}
             self.rows.append(row)
 
+    def written(self, folder):
+        path = Path(folder) / "run.csv"
+        lines = [",".join(self.rows[0])] + [",".join(map(str, row.values())) for row in self.rows]
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
     def compared(self):
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "run.csv"
-            lines = [",".join(self.rows[0])] + [",".join(map(str, row.values())) for row in self.rows]
-            path.write_text("\n".join(lines) + "\n")
-            return logged.compare(self.robot, logged.Log(path, self.robot), {})
+            return logged.compare(self.robot, logged.Log(self.written(folder), self.robot), {})
 
     def test_wheels_that_are_commanded_a_speed_roll_their_way(self):
         result = self.compared()
@@ -462,6 +468,17 @@ class Logs(unittest.TestCase):
         # Damping is all that holds a wheel at its speed, and there is next to no load.
         self.assertAlmostEqual(piece["mujoco"]["forward_m"] / (2.0 * self.radius_m * 239 / 240), 1.0, delta=0.01)
         self.assertEqual(piece["ours"]["forward_m"], 0.0)
+
+    def test_motors_are_recorded_at_the_end_of_a_row(self):
+        """With one step of MuJoCo in a row: what it derives of the state, such as lengths of actuators, is that of the step before."""
+        options = argparse.Namespace(angle_noise=0.0, place_noise=0.0, seed=0)
+        with tempfile.TemporaryDirectory() as folder, mock.patch.object(recorded, "PARTS", 1):
+            heading, *rows = recorded.record(logged.Log(self.written(folder), self.robot), self.robot, options)
+        rows = np.array(rows, dtype=float)
+        wheel = next(name for name in heading if name.endswith("_motor_rad"))
+        angle, speed = rows[:, heading.index(wheel)], rows[:, heading.index(f"{wheel}_s")]
+        self.assertGreater(angle[1], 1e-3)
+        np.testing.assert_allclose(np.diff(angle), speed[1:] / 240, rtol=0, atol=1e-9)
 
     def test_a_drive_without_power_stands_still(self):
         for row in self.rows:
