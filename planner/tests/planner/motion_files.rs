@@ -7,20 +7,20 @@ use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
 
 fn agilebot() -> Robot {
-    let text = include_str!("../../robots/agilebot.toml");
+    let text = include_str!("../../../robots/agilebot.toml");
     Robot::from_toml("robots/agilebot.toml", text).unwrap()
 }
 
 fn creature3() -> Robot {
-    let text = include_str!("../../robots/creature3.toml");
+    let text = include_str!("../../../robots/creature3.toml");
     Robot::from_toml("robots/creature3.toml", text).unwrap()
 }
 
-const STAND: &str = include_str!("../../motions/stand.toml");
-const DRIVE: &str = include_str!("../../motions/drive_1m.toml");
-const TURN: &str = include_str!("../../motions/turn_in_place.toml");
-const WALK: &str = include_str!("../../motions/walk.toml");
-const LIBRARY: &str = include_str!("../../motions/agilebot_library.toml");
+const STAND: &str = include_str!("../../../motions/stand.toml");
+const DRIVE: &str = include_str!("../../../motions/drive_1m.toml");
+const TURN: &str = include_str!("../../../motions/turn_in_place.toml");
+const WALK: &str = include_str!("../../../motions/walk.toml");
+const LIBRARY: &str = include_str!("../../../motions/agilebot_library.toml");
 
 fn motion(text: &str) -> Motion {
     Motion::from_toml("m.toml", text, &agilebot()).unwrap()
@@ -273,7 +273,7 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
 
 #[test]
 fn goals_out_of_reach_are_rejected_before_the_optimiser_tries() {
-    // Further than the wheels roll by what the body leans forward: `planner/tests/start.rs` plans it.
+    // Further than the wheels roll by what the body leans forward: `planner/tests/planner/start.rs` plans it.
     let leaning = DRIVE.replace("forward_m = 1.0", "forward_m = 1.5");
     Motion::from_toml("m.toml", &leaning, &agilebot()).unwrap();
     let short = DRIVE.replace("duration_s = 4.0", "duration_s = 2.5");

@@ -1,0 +1,11 @@
+//! The planner as other crates use it: one binary, one module per subject.
+
+mod choreography;
+mod clearance;
+mod diagnosis;
+mod layers;
+mod motion_files;
+mod optimise;
+mod refine;
+mod robots;
+mod start;
