@@ -1,0 +1,71 @@
+// What can be done from header, menus and keyboard, in one place.
+
+import { Cancelled } from "./engine/engine.ts";
+import { baseName } from "./project/documents.ts";
+import { download, pickFiles, saveDocument } from "./project/files.ts";
+import { save, type Settings, type Theme } from "./project/settings.ts";
+import { linkTo } from "./project/share.ts";
+import type { Studio } from "./project/studio.ts";
+import { openGallery } from "./ui/gallery.ts";
+import { openHelp } from "./ui/help.ts";
+import type { Item } from "./ui/menu.ts";
+
+export type Commands = ReturnType<typeof buildCommands>;
+
+export function buildCommands(studio: Studio, settings: Settings, restyle: () => void) {
+  const name = () => studio.motion?.name ?? "motion";
+  const exported = async (file: string, body: Parameters<Studio["engine"]["request"]>[1]) => {
+    try {
+      const { value, binary } = await studio.engine.request("solver", body);
+      download(file, binary ?? value.text);
+      studio.say(`Saved ${file}.`);
+    } catch (error) {
+      if (!(error instanceof Cancelled)) studio.complain(error);
+    }
+  };
+  const share = async () => {
+    try {
+      const link = await linkTo(studio.documents.now);
+      await navigator.clipboard.writeText(link);
+      studio.say(`Copied a link of ${link.length} characters that holds the whole project. Nothing was sent.`);
+    } catch {
+      // No clipboard (not allowed, or an insecure page): the address bar is one as well.
+      history.replaceState(null, "", await linkTo(studio.documents.now));
+      studio.say("The link is in the address bar; it holds the whole project. Nothing was sent.");
+    }
+  };
+  const planned = () => studio.shown === null;
+  return {
+    undo: () => studio.undo(),
+    redo: () => studio.redo(),
+    open: () => void pickFiles(studio),
+    save: () => void saveDocument(studio, studio.documents.motionPath),
+    examples: () => void openGallery(studio),
+    help: openHelp,
+    saveItems: (): Item[] => [
+      ...studio.documents.now.files.map(({ path }, index) => ({
+        text: baseName(path),
+        hint: studio.documents.changed(path) ? "changed" : undefined,
+        shortcut: index === studio.documents.now.files.findIndex((file) => file.path === studio.documents.motionPath) ? "Ctrl+S" : undefined,
+        act: () => void saveDocument(studio, path),
+      })),
+      "line",
+      { heading: "Export the plan" },
+      { text: `${name()}.json`, hint: "plan file", disabled: planned(), act: () => void exported(`${name()}.json`, { kind: "plan_json" }) },
+      { text: `${name()}.csv`, hint: "table, 60 Hz", disabled: planned(), act: () => void exported(`${name()}.csv`, { kind: "export", what: "csv", rate_hz: 60 }) },
+    ],
+    shareItems: (): Item[] => [
+      { text: "Copy link", hint: "the project is in the link itself; nothing is sent", act: () => void share() },
+    ],
+    themeItems: (): Item[] =>
+      (["system", "light", "dark"] as Theme[]).map((theme) => ({
+        text: { system: "As the system", light: "Light", dark: "Dark" }[theme],
+        checked: settings.theme === theme,
+        act() {
+          settings.theme = theme;
+          save(settings);
+          restyle();
+        },
+      })),
+  };
+}

@@ -1,0 +1,168 @@
+// What page and engine say to each other: requests, answers and the values in them.
+// Frames: world, z up. Units stand in the names; all are SI.
+
+export type Vec3 = [number, number, number];
+export type File = { path: string; text: string };
+
+export type RequestBody =
+  | { kind: "examples" }
+  | { kind: "example"; path: string }
+  | { kind: "open"; files: File[]; motion: string }
+  | { kind: "amend"; path: string; edit: Edit; files?: File[]; motion?: string; text?: string }
+  | { kind: "plan"; files: File[]; motion: string; from: "scratch" | "good"; iterations: number | null; frames_hz: number }
+  | { kind: "report" }
+  | { kind: "plan_json" }
+  | { kind: "solution" }
+  | { kind: "resume" }
+  | { kind: "library"; files: File[]; library: string }
+  | { kind: "export"; what: "csv" | "json"; rate_hz: number };
+
+export type Edit =
+  | { edit: "number"; table: string[]; key: string; value: number | null }
+  | { edit: "text"; table: string[]; key: string; value: string | null }
+  | { edit: "gait"; gait: string; duty: number | null }
+  | { edit: "footfalls"; stance: boolean[][] }
+  | { edit: "swing"; end_effector: number; from: number; to: number; stance: boolean }
+  | { edit: "target"; index: number | null; target: Target | null }
+  | { edit: "height"; index: number | null; height: Height | null }
+  | { edit: "parameter"; name: string; value: number };
+
+export type Fault = {
+  path: string;
+  message: string;
+  label: string;
+  help: string;
+  line: number;
+  column: number;
+  /** UTF-8 byte offsets into the text. */
+  span: [number, number];
+};
+
+export type Shape = {
+  position_m: Vec3;
+  orientation_wxyz: [number, number, number, number];
+  role: "part" | "clearance" | "wheel" | "foot" | "blade";
+} & (
+  | { shape: "box"; size_m: Vec3 }
+  | { shape: "cylinder"; radius_m: number; length_m: number } // axis along y
+  | { shape: "sphere"; radius_m: number }
+  | { shape: "capsule"; radius_m: number; length_m: number } // axis along z
+);
+
+export type Joint = {
+  name: string;
+  position_min_rad: number;
+  position_max_rad: number;
+  speed_max_rad_s: number;
+  torque_max_nm: number;
+};
+
+export type EndEffector = {
+  name: string;
+  contact: string;
+  radius_m: number;
+  body: number;
+  wheel_body: number | null;
+  driven: boolean;
+  friction_coefficient: number;
+  motor_speed_max_rad_s: number | null;
+  motor_torque_max_nm: number | null;
+};
+
+export type Parameter = {
+  name: string;
+  label: string;
+  unit: string;
+  value: number;
+  min: number;
+  max: number;
+  step: number;
+};
+
+export type Scene = {
+  name: string;
+  bodies: { name: string; shapes: Shape[] }[];
+  joints: Joint[];
+  end_effectors: EndEffector[];
+  mass_kg: number;
+  parameters: Parameter[];
+};
+
+export type Target = {
+  of: string;
+  at_s: number;
+  forward_m?: number | null;
+  left_m?: number | null;
+  up_m?: number | null;
+  speed_forward_m_s?: number | null;
+  speed_left_m_s?: number | null;
+  speed_up_m_s?: number | null;
+  heading_rad?: number | null;
+};
+
+export type Height = {
+  of: string;
+  from_s?: number | null;
+  to_s?: number | null;
+  above_m?: number | null;
+  below_m?: number | null;
+};
+
+export type Goal = { forward_m: number | null; left_m: number | null; turn_rad: number | null };
+
+export type MotionView = {
+  name: string;
+  ends: "periodic" | "at_rest";
+  duration_s: number;
+  samples: number;
+  swing_height_m: number;
+  /** [end effector][sample] */
+  stance: boolean[][];
+  goal: Goal;
+  targets: Target[];
+  heights: Height[];
+  gaits: string[];
+  needs_feedback: string | null;
+};
+
+export type Fix = { label: string; path: string; edit: Edit };
+
+export type Culprit = {
+  constraint: string;
+  what: string;
+  from_s: number | null;
+  to_s: number | null;
+  end_effector: number | null;
+  joint: number | null;
+  advice: string;
+  fix?: Fix | null;
+};
+
+export type Solve = {
+  status: string;
+  words: string;
+  iterations: number;
+  energy: number;
+  worst_level: number;
+  worst_constraint: string;
+  culprits: Culprit[];
+};
+
+export type FramesHeader = {
+  count: number;
+  rate_hz: number;
+  duration_s: number;
+  period: { offset_m: [number, number]; yaw_rad: number } | null;
+  width: number;
+  columns: { bodies: number; com: number; end_effectors: number; joints: number; wheels: number };
+};
+
+export type Opened = { scene: Scene; motion: MotionView };
+export type Planned = Opened & { solve: Solve; frames: FramesHeader; converged: boolean; good: boolean };
+
+export type Progress = {
+  iteration: number;
+  worst_level: number;
+  worst_constraint: string;
+  what: string;
+};

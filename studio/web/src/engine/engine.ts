@@ -1,0 +1,46 @@
+// The engine as the page sees it, whichever way it is reached: three lanes of requests that do not
+// wait for each other, so that an edit never waits for a solve.
+
+import type { Fault, Progress, RequestBody } from "../contract.ts";
+
+/** `documents` answers at once, `solver` holds plans, `library` builds. */
+export type Lane = "documents" | "solver" | "library";
+
+export type Done = { value: any; binary: Uint8Array | null };
+
+/** Documents have faults; nothing else happened. */
+export class Faults extends Error {
+  constructor(readonly faults: Fault[]) {
+    super(faults[0]?.message ?? "the documents have faults");
+  }
+}
+
+/** A request that the engine cannot serve, with what would help. */
+export class Refused extends Error {
+  constructor(
+    message: string,
+    readonly help: string,
+  ) {
+    super(message);
+  }
+}
+
+/** The engine broke (a trap, a lost connection) and was started anew. */
+export class Broken extends Error {}
+
+/** The page cancelled the request. */
+export class Cancelled extends Error {
+  constructor() {
+    super("cancelled");
+  }
+}
+
+export interface Engine {
+  /** How the engine is reached, in words. */
+  readonly place: string;
+  request(lane: Lane, body: RequestBody, options?: Options): Promise<Done>;
+  /** Ends what the lane is doing; its requests fail with `Cancelled`. */
+  cancel(lane: Lane): void;
+}
+
+export type Options = { binary?: Uint8Array; progress?: (progress: Progress) => void };

@@ -1,0 +1,65 @@
+// The engine in this page: WebAssembly, compiled once, in a worker for each lane. To interrupt a solve its
+// worker is ended; the next request starts another.
+
+import workerSource from "worker-source";
+import type { RequestBody } from "../contract.ts";
+import { Broken, type Done, type Engine, type Lane, type Options } from "./engine.ts";
+import { type Channel, type Events, LaneOfRequests } from "./lane.ts";
+
+export class WasmEngine implements Engine {
+  readonly place = "in this page";
+  #lanes: Record<Lane, LaneOfRequests>;
+  #source: string;
+
+  constructor(private readonly module: WebAssembly.Module) {
+    this.#source = URL.createObjectURL(new Blob([workerSource], { type: "text/javascript" }));
+    const lane = (name: Lane) =>
+      new LaneOfRequests(
+        (events) => this.#worker(name, events),
+        (channel) => (channel.close(), "closed"),
+      );
+    this.#lanes = { documents: lane("documents"), solver: lane("solver"), library: lane("library") };
+  }
+
+  request(lane: Lane, body: RequestBody, options: Options = {}): Promise<Done> {
+    return this.#lanes[lane].request(body, options);
+  }
+
+  cancel(lane: Lane) {
+    this.#lanes[lane].cancel();
+  }
+
+  #worker(name: string, events: Events): Channel {
+    const worker = new Worker(this.#source, { name });
+    worker.onmessage = ({ data }) => {
+      if (data.broken !== undefined) events.broken(data.broken);
+      else events.answer(data.json, data.binary);
+    };
+    worker.onerror = (event) => {
+      event.preventDefault();
+      events.broken(event.message || "the worker could not be started");
+    };
+    worker.postMessage({ module: this.module });
+    return {
+      send: (json, binary) => worker.postMessage({ json, binary }),
+      close: () => worker.terminate(),
+    };
+  }
+}
+
+/** Compiles the engine: from the page itself if it is a single file, else from beside it. */
+export async function compile(): Promise<WebAssembly.Module> {
+  const inlined = document.getElementById("studio-wasm")?.textContent;
+  if (inlined) return WebAssembly.compile(bytesOf(inlined.trim()));
+  const response = await fetch("studio.wasm");
+  if (!response.ok) throw new Broken(`studio.wasm could not be loaded: ${response.status} ${response.statusText}`);
+  // Not compileStreaming: hosts of static files do not all know the type of .wasm.
+  return WebAssembly.compile(await response.arrayBuffer());
+}
+
+function bytesOf(base64: string): Uint8Array<ArrayBuffer> {
+  const text = atob(base64);
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  return bytes;
+}

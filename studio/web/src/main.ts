@@ -1,0 +1,17 @@
+// The page: chooses the engine, builds the parts and opens what was open before, what the link holds, or an example.
+
+import { chooseEngine } from "./engine/choose.ts";
+import { start } from "./start.ts";
+import { h } from "./ui/dom.ts";
+
+const root = document.getElementById("studio")!;
+
+chooseEngine()
+  .then((engine) => start(root, engine))
+  .catch((error: unknown) => {
+    console.error(error);
+    const message = error instanceof Error ? error.message : String(error);
+    root.replaceChildren(
+      h("div", { class: "stopped", role: "alert" }, h("h1", { text: "The studio did not start" }), h("p", { text: message }), h("p", { class: "muted", text: "A browser with WebAssembly and WebGL 2 is needed. Opened from disk, the page needs to be the single file." })),
+    );
+  });

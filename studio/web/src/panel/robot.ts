@@ -1,0 +1,100 @@
+// The robot: its parameters as sliders, the motion follows; and what it has, as tables.
+
+import type { Studio } from "../project/studio.ts";
+import { format, h, replace } from "../ui/dom.ts";
+import { numberField } from "../ui/number.ts";
+
+export function robotPanel(studio: Studio): HTMLElement {
+  const summary = h("p", { class: "muted" });
+  const sliders = h("div", { class: "sliders" });
+  const tables = h("div", {});
+  let built = "";
+  let updates: (() => void)[] = [];
+  studio.events.on("documents", () => {
+    const { scene } = studio;
+    if (!scene) return;
+    summary.textContent = `${scene.name}: ${scene.joints.length} joints, ${scene.end_effectors.length} end effectors, ${format(scene.mass_kg, 2)} kg`;
+    const key = JSON.stringify([scene.parameters.map((one) => [one.name, one.min, one.max]), scene.joints]);
+    if (key !== built) {
+      built = key;
+      updates = [];
+      replace(sliders, ...scene.parameters.map((one) => slider(studio, one.name, updates)));
+      replace(tables, jointTable(studio), feetTable(studio));
+    }
+    for (const one of updates) one();
+  });
+  return h("div", {}, summary, h("h3", { text: "Parameters" }), sliders, tables);
+}
+
+function slider(studio: Studio, name: string, updates: (() => void)[]): HTMLElement {
+  const parameter = () => studio.scene?.parameters.find((one) => one.name === name);
+  const { label, unit, min, max, step } = parameter()!;
+  const path = () => studio.documents.robotPath;
+  const digits = Math.max(0, Math.min(5, Math.ceil(-Math.log10(step))));
+  const change = (value: number, how: { gesture: string | null; drag: boolean }) => {
+    foresee(studio, name, value);
+    studio.edit({ edit: "parameter", name, value }, { path: path(), ...how });
+  };
+  const range = h("input", { type: "range", min, max, step, "aria-label": `${label}, ${unit}` });
+  let gesture: string | null = null;
+  range.addEventListener("input", () => {
+    gesture ??= studio.newGesture();
+    change(Number(range.value), { gesture, drag: true });
+  });
+  range.addEventListener("change", () => {
+    change(Number(range.value), { gesture, drag: false });
+    gesture = null;
+  });
+  const number = numberField({
+    label,
+    unit,
+    step,
+    digits,
+    min,
+    max,
+    newGesture: () => studio.newGesture(),
+    changed: (value, how) => value !== null && change(value, how),
+  });
+  updates.push(() => {
+    const now = parameter();
+    if (!now) return;
+    number.update(now.value);
+    if (!gesture) range.value = String(now.value);
+    range.setAttribute("aria-valuetext", `${format(now.value, digits)} ${unit}`);
+  });
+  return h("div", { class: "slider" }, number.element, range);
+}
+
+/** A parameter belongs to the robot file, whose view is here in the scene. */
+function foresee(studio: Studio, name: string, value: number) {
+  if (!studio.scene) return;
+  const parameters = studio.scene.parameters.map((one) => (one.name === name ? { ...one, value } : one));
+  studio.scene = { ...studio.scene, parameters };
+}
+
+function jointTable(studio: Studio): HTMLElement {
+  const rows = studio.scene!.joints.map((joint) =>
+    row(joint.name, `${format(joint.position_min_rad, 2)} … ${format(joint.position_max_rad, 2)}`, format(joint.speed_max_rad_s, 2), format(joint.torque_max_nm, 2)),
+  );
+  return table("Joints", ["joint", "angle, rad", "speed, rad/s", "torque, N·m"], rows);
+}
+
+function feetTable(studio: Studio): HTMLElement {
+  const rows = studio.scene!.end_effectors.map((foot) =>
+    row(foot.name, foot.contact.replaceAll("_", " "), format(foot.radius_m, 3), format(foot.friction_coefficient, 2)),
+  );
+  return table("End effectors", ["end effector", "kind", "radius, m", "friction"], rows);
+}
+
+function table(title: string, heads: string[], rows: HTMLElement[]): HTMLElement {
+  return h(
+    "details",
+    {},
+    h("summary", { text: title }),
+    h("table", {}, h("thead", {}, h("tr", {}, ...heads.map((text) => h("th", { scope: "col", text })))), h("tbody", {}, ...rows)),
+  );
+}
+
+function row(name: string, ...cells: string[]): HTMLElement {
+  return h("tr", {}, h("th", { scope: "row", text: name }), ...cells.map((text) => h("td", { text })));
+}

@@ -1,0 +1,123 @@
+// What became of the plan, in words: planned, being planned, or who is to blame and what would do.
+
+import type { Culprit, Fault } from "../contract.ts";
+import { baseName } from "../project/documents.ts";
+import type { Studio } from "../project/studio.ts";
+import { format, h, replace } from "../ui/dom.ts";
+
+export type StatusActions = { jump(fault: Fault): void; seek(time_s: number): void };
+
+/** Planning that is over sooner than this is not announced: it would only flicker. */
+const QUIET_MS = 250;
+
+export function buildStatus(host: HTMLElement, studio: Studio, actions: StatusActions) {
+  const head = h("div", { class: "status-head" });
+  const body = h("div", { class: "status-body" });
+  // One live region for all of it, so that a screen reader hears what changed, and once.
+  const live = h("p", { class: "visually-hidden", role: "status", "aria-live": "polite" });
+  replace(host, head, body, live);
+  let since = 0;
+  let timer = 0;
+  let drawn = "";
+
+  const update = () => {
+    const state = stateOf(studio);
+    if (state.kind === "planning") {
+      since ||= performance.now();
+      const wait = QUIET_MS - (performance.now() - since);
+      if (wait > 0) {
+        clearTimeout(timer);
+        timer = setTimeout(update, wait + 1) as unknown as number;
+        return;
+      }
+    } else since = 0;
+    host.dataset.state = state.kind;
+    replace(head, h("span", { class: "status-mark", "aria-hidden": "true", text: MARKS[state.kind] }), h("strong", { text: state.title }), ...(state.kind === "planning" ? [stopButton(studio)] : []));
+    const key = JSON.stringify([state.kind, state.words, studio.faults, studio.shown?.planned.solve.culprits, studio.selection.culprit]);
+    if (key !== drawn) {
+      drawn = key;
+      replace(body, state.words ? h("p", { text: state.words }) : null, ...detailsOf(studio, state.kind, actions));
+    }
+    const said = state.kind === "planning" ? "Planning" : `${state.title}. ${state.words}`;
+    if (live.textContent !== said) live.textContent = said;
+  };
+  studio.events.on(["activity", "plan", "documents", "selection"], update);
+  update();
+}
+
+type Kind = "empty" | "planning" | "good" | "bad" | "faults" | "problem";
+
+const MARKS: Record<Kind, string> = { empty: "○", planning: "◔", good: "✓", bad: "✕", faults: "✕", problem: "!" };
+
+function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
+  const { faults, problem, progress, shown } = studio;
+  if (faults.length > 0) {
+    const title = faults.length === 1 ? "A fault in the file" : `${faults.length} faults in the files`;
+    return { kind: "faults", title, words: "The picture is of the last documents without faults." };
+  }
+  if (problem) return { kind: "problem", title: problem.message, words: problem.help };
+  if (studio.planning) {
+    const detail = progress
+      ? `Iteration ${progress.iteration}: ${progress.worst_constraint} is at ${format(progress.worst_level, 2)} times its tolerance.`
+      : "";
+    return { kind: "planning", title: progress?.what && progress.what !== "plan" ? `Planning ${progress.what}` : "Planning", words: detail };
+  }
+  if (!shown) return { kind: "empty", title: "No motion is open", words: "" };
+  const { solve, converged } = shown.planned;
+  const title = shown.drag ? (converged ? "Follows" : "Not met yet") : converged ? "Planned" : TITLES[solve.status] ?? "Not planned";
+  const words = [solve.words, studio.notice].filter(Boolean).join(" ");
+  return { kind: converged ? "good" : "bad", title, words };
+}
+
+const TITLES: Record<string, string> = {
+  infeasible: "Cannot be met",
+  fails_as_played: "Does not hold as played",
+  stalled: "The optimiser is stuck",
+  iteration_limit: "Not solved within the iterations allowed",
+  interrupted: "Interrupted",
+};
+
+function stopButton(studio: Studio): HTMLElement {
+  return h("button", { type: "button", class: "button small", text: "Stop", onclick: () => studio.cancel() });
+}
+
+function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLElement | null)[] {
+  if (kind === "faults") return [h("ul", { class: "faults" }, ...studio.faults.map((fault) => faultOf(fault, actions)))];
+  if (kind !== "bad") return [];
+  const { culprits } = studio.shown!.planned.solve;
+  if (culprits.length === 0) return [];
+  return [
+    h("h3", { text: "To blame" }),
+    h("ul", { class: "culprits" }, ...culprits.map((culprit, index) => culpritOf(studio, culprit, index, actions))),
+  ];
+}
+
+function faultOf(fault: Fault, actions: StatusActions): HTMLElement {
+  return h(
+    "li",
+    {},
+    h("button", { type: "button", class: "link", onclick: () => actions.jump(fault), text: `${baseName(fault.path)}, line ${fault.line}` }),
+    h("span", { text: fault.label ? `${fault.message}: ${fault.label}` : fault.message }),
+    fault.help ? h("span", { class: "advice", text: fault.help }) : null,
+  );
+}
+
+function culpritOf(studio: Studio, culprit: Culprit, index: number, actions: StatusActions): HTMLElement {
+  const { fix } = culprit;
+  const pressed = studio.selection.culprit === index;
+  const show = () => {
+    if (pressed) return studio.selection.clear();
+    const span = culprit.from_s !== null ? { from_s: culprit.from_s, to_s: culprit.to_s ?? culprit.from_s } : null;
+    studio.selection.blame(index, culprit.end_effector, culprit.joint, span);
+    if (span) actions.seek((span.from_s + span.to_s) / 2);
+  };
+  return h(
+    "li",
+    { class: pressed ? "shown" : "" },
+    h("button", { type: "button", class: "culprit", "aria-pressed": String(pressed), title: "Show it in scene and timeline", onclick: show, text: culprit.what }),
+    culprit.advice ? h("span", { class: "advice", text: culprit.advice }) : null,
+    fix
+      ? h("button", { type: "button", class: "button small", text: fix.label, onclick: () => studio.edit(fix.edit, { path: fix.path }) })
+      : null,
+  );
+}

@@ -1,0 +1,128 @@
+// The documents of a project and their history. They are the only truth: undo is a step back to previous texts.
+
+import type { File } from "../contract.ts";
+
+export type Snapshot = { readonly files: readonly File[]; readonly motion: string };
+
+export class Documents {
+  #now: Snapshot = { files: [], motion: "" };
+  #past: Snapshot[] = [];
+  #future: Snapshot[] = [];
+  #gesture: string | null = null;
+  #saved = new Map<string, string>();
+
+  get now(): Snapshot {
+    return this.#now;
+  }
+
+  get motionPath(): string {
+    return this.#now.motion;
+  }
+
+  files(): File[] {
+    return this.#now.files.map((file) => ({ ...file }));
+  }
+
+  text(path: string): string | undefined {
+    return this.#now.files.find((file) => file.path === path)?.text;
+  }
+
+  /** The robot file: what the motion file names, else the only other file that is one. */
+  get robotPath(): string | undefined {
+    return this.#now.files.find((file) => kindOf(file) === "robot")?.path;
+  }
+
+  get libraryPath(): string | undefined {
+    return this.#now.files.find((file) => kindOf(file) === "library")?.path;
+  }
+
+  /** Another project. It can be undone like any edit. */
+  open(snapshot: Snapshot, remember = true) {
+    if (remember && this.#now.files.length > 0) this.#remember();
+    this.#now = snapshot;
+    this.#gesture = null;
+    for (const file of snapshot.files) this.#saved.set(file.path, file.text);
+  }
+
+  /** New text of a document. Changes of one gesture are one step of undo. */
+  write(path: string, text: string, gesture: string | null) {
+    if (this.text(path) === text) return;
+    if (gesture === null || gesture !== this.#gesture) this.#remember();
+    this.#gesture = gesture;
+    const files = this.#now.files.map((file) => (file.path === path ? { path, text } : file));
+    this.#now = { ...this.#now, files };
+  }
+
+  endGesture() {
+    this.#gesture = null;
+  }
+
+  get canUndo(): boolean {
+    return this.#past.length > 0;
+  }
+
+  get canRedo(): boolean {
+    return this.#future.length > 0;
+  }
+
+  undo(): boolean {
+    return this.#step(this.#past, this.#future);
+  }
+
+  redo(): boolean {
+    return this.#step(this.#future, this.#past);
+  }
+
+  changed(path: string): boolean {
+    return this.#saved.get(path) !== this.text(path);
+  }
+
+  get anyChanged(): boolean {
+    return this.#now.files.some((file) => this.changed(file.path));
+  }
+
+  markSaved(path: string) {
+    this.#saved.set(path, this.text(path) ?? "");
+  }
+
+  /** What a session before this one had saved, so that changes are still marked after a reload. */
+  restore(snapshot: Snapshot, saved: [string, string][]) {
+    this.#now = snapshot;
+    this.#saved = new Map(saved);
+  }
+
+  get saved(): [string, string][] {
+    return this.#now.files.flatMap((file) =>
+      this.changed(file.path) && this.#saved.has(file.path) ? [[file.path, this.#saved.get(file.path)!] as [string, string]] : [],
+    );
+  }
+
+  #remember() {
+    this.#past.push(this.#now);
+    this.#future = [];
+  }
+
+  #step(from: Snapshot[], to: Snapshot[]): boolean {
+    const snapshot = from.pop();
+    if (!snapshot) return false;
+    to.push(this.#now);
+    this.#now = snapshot;
+    this.#gesture = null;
+    return true;
+  }
+}
+
+export type Kind = "robot" | "motion" | "library" | "design" | "plan" | "other";
+
+/** What a file seems to be, from the tables that only such files have. The engine has the last word. */
+export function kindOf(file: File): Kind {
+  if (/^\s*\{/.test(file.text)) return file.text.includes('"rollwalk-plan"') ? "plan" : "other";
+  if (/^\s*\[\[link\]\]/m.test(file.text)) return "robot";
+  if (/^\s*\[\[motion\]\]/m.test(file.text)) return "library";
+  if (/^\s*duration_s\s*=/m.test(file.text) && /^\s*robot\s*=/m.test(file.text)) return "motion";
+  return "other";
+}
+
+export function baseName(path: string): string {
+  return path.slice(path.lastIndexOf("/") + 1);
+}

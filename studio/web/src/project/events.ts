@@ -1,0 +1,19 @@
+// Who listens to what: a list of named events, each with its listeners.
+
+export class Events<Name extends string> {
+  #listeners = new Map<Name, (() => void)[]>();
+
+  on(names: Name | Name[], listener: () => void) {
+    for (const name of Array.isArray(names) ? names : [names]) {
+      const list = this.#listeners.get(name) ?? [];
+      list.push(listener);
+      this.#listeners.set(name, list);
+    }
+  }
+
+  emit(...names: Name[]) {
+    const called = new Set<() => void>();
+    for (const name of names) for (const listener of this.#listeners.get(name) ?? []) called.add(listener);
+    for (const listener of called) listener();
+  }
+}

@@ -1,0 +1,126 @@
+// Files of this computer: opened by picker or drop, saved in place where the browser can (File System Access),
+// else as a download.
+
+import { baseName, kindOf, type Snapshot } from "./documents.ts";
+import type { Studio } from "./studio.ts";
+
+type Handle = FileSystemFileHandle;
+const TYPES = [{ description: "Rollwalk files", accept: { "text/plain": [".toml"], "application/json": [".json"] } }];
+const MOST_BYTES = 5_000_000;
+
+/** Where files were opened from, by path, so that they can be saved in place. */
+const handles = new Map<string, Handle>();
+
+type Picker = {
+  showOpenFilePicker?(options: object): Promise<Handle[]>;
+  showSaveFilePicker?(options: object): Promise<Handle>;
+};
+const picker = window as unknown as Picker;
+
+export async function pickFiles(studio: Studio) {
+  if (picker.showOpenFilePicker) {
+    let picked: Handle[];
+    try {
+      picked = await picker.showOpenFilePicker({ multiple: true, types: TYPES });
+    } catch {
+      return; // the person closed the picker
+    }
+    const files = await Promise.all(picked.map((handle) => handle.getFile()));
+    picked.forEach((handle) => handles.set(handle.name, handle));
+    await openFiles(studio, files);
+    return;
+  }
+  const input = document.createElement("input");
+  input.type = "file";
+  input.multiple = true;
+  input.accept = ".toml,.json";
+  input.onchange = () => void openFiles(studio, [...(input.files ?? [])]);
+  input.click();
+}
+
+/** Opens what was picked or dropped. Files that are not there come from the project at hand. */
+export async function openFiles(studio: Studio, picked: File[]) {
+  try {
+    const files = await Promise.all(
+      picked.map(async (file) => {
+        if (file.size > MOST_BYTES) throw new Error(`${file.name} has ${(file.size / 1e6).toFixed(1)} MB; files of this studio have less than ${MOST_BYTES / 1e6}`);
+        return { path: file.name, text: await file.text() };
+      }),
+    );
+    const motion = files.find((file) => kindOf(file) === "motion");
+    const others = studio.documents.files().filter((old) => !files.some((file) => baseName(file.path) === baseName(old.path)));
+    const replaces = (kind: string) => files.some((file) => kindOf(file) === kind);
+    if (motion) {
+      // A motion with its robot is a project; one alone keeps the robot at hand, if it is the one it names.
+      const kept = replaces("robot") ? [] : others.filter((file) => motion.text.includes(baseName(file.path)));
+      await studio.openProject(snapshot([...files, ...kept], motion.path));
+    } else if (replaces("robot") || replaces("library")) {
+      const robot = studio.documents.robotPath;
+      const kept = others.filter((file) => !(replaces("robot") && file.path === robot));
+      const renamed = files.map((file) => (kindOf(file) === "robot" && robot ? { ...file, path: robot } : file));
+      await studio.openProject(snapshot([...renamed, ...kept], studio.documents.motionPath));
+    } else {
+      throw new Error(`${picked.map((file) => file.name).join(", ")}: not a robot, motion or library file of Rollwalk`);
+    }
+  } catch (error) {
+    studio.complain(error);
+  }
+}
+
+function snapshot(files: Snapshot["files"][number][], motion: string): Snapshot {
+  return { files, motion };
+}
+
+/** Saves a document: where it came from, if the browser can, else as a download. */
+export async function saveDocument(studio: Studio, path: string, elsewhere = false) {
+  const text = studio.documents.text(path) ?? "";
+  const name = baseName(path);
+  try {
+    let handle = elsewhere ? undefined : handles.get(path);
+    if (!handle && picker.showSaveFilePicker) {
+      handle = await picker.showSaveFilePicker({ suggestedName: name, types: TYPES });
+      handles.set(path, handle);
+    }
+    if (handle) {
+      const stream = await handle.createWritable();
+      await stream.write(text);
+      await stream.close();
+    } else {
+      download(name, text);
+    }
+  } catch (error) {
+    if ((error as Error).name !== "AbortError") studio.complain(error);
+    return;
+  }
+  studio.documents.markSaved(path);
+  studio.events.emit("documents");
+  studio.say(`Saved ${name}.`);
+}
+
+export function download(name: string, content: string | Uint8Array) {
+  const blob = new Blob([content as BlobPart], { type: "application/octet-stream" });
+  const url = URL.createObjectURL(blob);
+  const link = document.createElement("a");
+  link.href = url;
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(url), 10_000);
+}
+
+/** Files can be dropped anywhere on the page. */
+export function acceptDrops(studio: Studio, target: HTMLElement) {
+  const over = (event: DragEvent) => {
+    if (!event.dataTransfer?.types.includes("Files")) return;
+    event.preventDefault();
+    target.classList.add("dropping");
+  };
+  target.addEventListener("dragenter", over);
+  target.addEventListener("dragover", over);
+  target.addEventListener("dragleave", (event) => event.relatedTarget || target.classList.remove("dropping"));
+  target.addEventListener("drop", (event) => {
+    target.classList.remove("dropping");
+    if (!event.dataTransfer?.files.length) return;
+    event.preventDefault();
+    void openFiles(studio, [...event.dataTransfer.files]);
+  });
+}

@@ -1,0 +1,117 @@
+// Keeps the plan up with the documents: one request at a time, of newer ones only the last (latest wins).
+// While something is dragged a few iterations are enough; on release follows a plan in full.
+
+import type { Planned, Progress } from "../contract.ts";
+import { Broken, Cancelled, type Engine, Faults, Refused } from "../engine/engine.ts";
+import type { Snapshot } from "./documents.ts";
+
+export const FRAMES_HZ = 60;
+const DRAG_ITERATIONS = 2;
+/** A solve in full that takes longer gives way to a newer edit. */
+const PATIENCE_MS = 500;
+
+export type Wish = { snapshot: Snapshot; version: number; drag: boolean; from: "scratch" | "good" };
+
+export type Outcome = {
+  planned(wish: Wish, planned: Planned, frames: Float32Array): void;
+  failed(wish: Wish, error: Error): void;
+  progress(progress: Progress | null): void;
+  activity(): void;
+};
+
+export class Planner {
+  #wish: Wish | null = null;
+  #running: { wish: Wish; since: number } | null = null;
+  #good: Uint8Array | null = null;
+  #fresh = false;
+  #restarts = 0;
+
+  constructor(
+    private readonly engine: Engine,
+    private readonly outcome: Outcome,
+  ) {}
+
+  get busy(): boolean {
+    return this.#running !== null;
+  }
+
+  ask(wish: Wish) {
+    // A drag step must not take the place of the plan in full, nor a warm start that of a cold one.
+    const from = this.#wish?.from === "scratch" ? "scratch" : wish.from;
+    this.#wish = { ...wish, from };
+    const running = this.#running;
+    if (!running) void this.#run();
+    else if (!running.wish.drag) {
+      const left = PATIENCE_MS - (performance.now() - running.since);
+      setTimeout(() => this.#running === running && this.#wish && this.engine.cancel("solver"), Math.max(0, left));
+    }
+  }
+
+  /** Ends the solve that is under way; the plan that is shown stays. */
+  cancel() {
+    this.#wish = null;
+    this.engine.cancel("solver");
+  }
+
+  /** The documents are those of another project: its first plan starts from nothing. */
+  forget() {
+    this.#good = null;
+  }
+
+  async #run() {
+    while (this.#wish) {
+      const wish = this.#wish;
+      this.#wish = null;
+      this.#running = { wish, since: performance.now() };
+      this.outcome.activity();
+      try {
+        await this.#plan(wish);
+        this.#restarts = 0;
+      } catch (error) {
+        this.#recover(wish, error as Error);
+      }
+      this.#running = null;
+      this.outcome.progress(null);
+    }
+    this.outcome.activity();
+  }
+
+  async #plan(wish: Wish) {
+    if (this.#fresh && this.#good && wish.from === "good") {
+      await this.engine.request("solver", { kind: "resume" }, { binary: this.#good });
+    }
+    this.#fresh = false;
+    const { value, binary } = await this.engine.request(
+      "solver",
+      {
+        kind: "plan",
+        files: wish.snapshot.files.map((file) => ({ ...file })),
+        motion: wish.snapshot.motion,
+        from: wish.from,
+        iterations: wish.drag ? DRAG_ITERATIONS : null,
+        frames_hz: FRAMES_HZ,
+      },
+      { progress: (progress) => this.outcome.progress(progress) },
+    );
+    if (!binary) throw new Refused("The engine answered without frames.", "");
+    const frames = new Float32Array(binary.buffer, binary.byteOffset, binary.byteLength / 4);
+    this.outcome.planned(wish, value, frames);
+    if (value.good && !wish.drag) this.#good = (await this.engine.request("solver", { kind: "solution" })).binary;
+  }
+
+  #recover(wish: Wish, error: Error) {
+    if (error instanceof Cancelled) {
+      this.#fresh = true;
+      if (!this.#wish) this.outcome.failed(wish, error);
+      return;
+    }
+    if (error instanceof Broken) {
+      this.#fresh = true;
+      // A solution that breaks a new engine as well must not do so for ever.
+      if (++this.#restarts === 2) this.#good = null;
+      if (this.#restarts <= 2) this.#wish ??= { ...wish, from: this.#good ? wish.from : "scratch" };
+    }
+    if (!(error instanceof Faults || error instanceof Refused || error instanceof Broken)) console.error(error);
+    this.outcome.failed(wish, error);
+  }
+}

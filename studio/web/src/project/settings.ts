@@ -1,0 +1,58 @@
+// What is shown and how, kept between sessions in this browser alone.
+
+export type Layer =
+  | "forces"
+  | "cones"
+  | "com_path"
+  | "foot_paths"
+  | "polygon"
+  | "ghosts"
+  | "clearance"
+  | "targets"
+  | "marks";
+
+export type Theme = "system" | "light" | "dark";
+
+export type Settings = { theme: Theme; layers: Record<Layer, boolean>; follow: boolean; plotHeight: number; quantity: string };
+
+const KEY = "rollwalk-studio-settings";
+
+const DEFAULTS: Settings = {
+  theme: "system",
+  layers: {
+    forces: true,
+    cones: false,
+    com_path: true,
+    foot_paths: true,
+    polygon: true,
+    ghosts: false,
+    clearance: false,
+    targets: true,
+    marks: true,
+  },
+  follow: true,
+  plotHeight: 150,
+  quantity: "joint_torque",
+};
+
+export function load(): Settings {
+  try {
+    const kept = JSON.parse(localStorage.getItem(KEY) ?? "{}");
+    return { ...DEFAULTS, ...kept, layers: { ...DEFAULTS.layers, ...kept.layers } };
+  } catch {
+    return structuredClone(DEFAULTS);
+  }
+}
+
+export function save(settings: Settings) {
+  try {
+    localStorage.setItem(KEY, JSON.stringify(settings));
+  } catch {
+    // Storage may be full or forbidden: settings last until the page is closed.
+  }
+}
+
+/** Whether dark colours are to be used. */
+export function isDark(theme: Theme): boolean {
+  return theme === "dark" || (theme === "system" && matchMedia("(prefers-color-scheme: dark)").matches);
+}

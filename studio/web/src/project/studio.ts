@@ -1,0 +1,225 @@
+// The state of the page and what can be done to it. Views listen to `events` and read; they change nothing themselves.
+
+import type { Edit, Fault, MotionView, Planned, Progress, Scene } from "../contract.ts";
+import { Broken, Cancelled, type Engine, Faults, Refused } from "../engine/engine.ts";
+import { Documents, type Snapshot } from "./documents.ts";
+import { Events } from "./events.ts";
+import { foresee } from "./foresee.ts";
+import { Frames } from "./frames.ts";
+import { Planner, type Wish } from "./planner.ts";
+import { Selection } from "./selection.ts";
+
+export type Name = "documents" | "plan" | "activity" | "selection";
+export type Shown = { planned: Planned; frames: Frames; version: number; drag: boolean };
+export type Problem = { message: string; help: string };
+type Amendment = { edit: Edit; path: string; gesture: string | null; drag: boolean };
+
+export class Studio {
+  readonly events = new Events<Name>();
+  readonly documents = new Documents();
+  readonly selection = new Selection(() => this.events.emit("selection"));
+  /** Grows with every change of the documents. */
+  version = 0;
+  /** The version whose plan in full has been answered, with whatever outcome. */
+  settled = 0;
+  scene: Scene | null = null;
+  motion: MotionView | null = null;
+  shown: Shown | null = null;
+  faults: Fault[] = [];
+  problem: Problem | null = null;
+  /** Something that went well, said once: "saved walk.toml". */
+  notice = "";
+  progress: Progress | null = null;
+
+  #planner: Planner;
+  #amendments: Amendment[] = [];
+  #amending = false;
+  #gestures = 0;
+
+  constructor(readonly engine: Engine) {
+    this.#planner = new Planner(engine, {
+      planned: (wish, planned, frames) => this.#planned(wish, planned, frames),
+      failed: (wish, error) => this.#failed(wish, error),
+      progress: (progress) => {
+        this.progress = progress;
+        this.events.emit("activity");
+      },
+      activity: () => this.events.emit("activity"),
+    });
+  }
+
+  get planning(): boolean {
+    return this.#planner.busy || this.#amendments.length > 0 || this.#amending;
+  }
+
+  /** The picture is of documents before the last edit. */
+  get stale(): boolean {
+    return this.shown !== null && this.shown.version < this.version;
+  }
+
+  async openProject(snapshot: Snapshot, remember = true) {
+    this.documents.open(snapshot, remember);
+    await this.newProject();
+  }
+
+  /** After the documents became those of another project. */
+  async newProject() {
+    this.selection.clear();
+    this.#planner.forget();
+    await this.#documentsChanged("scratch");
+  }
+
+  newGesture(): string {
+    return `gesture ${++this.#gestures}`;
+  }
+
+  /** Changes a document: shown at once, planned as soon as the engine has the text. */
+  edit(edit: Edit, { path = this.documents.motionPath, gesture = null as string | null, drag = false } = {}) {
+    if (this.motion && this.scene && path === this.documents.motionPath) {
+      const next = foresee(edit, this.motion, this.scene);
+      this.motion = next.motion;
+      this.scene = next.scene;
+    }
+    this.version++;
+    const amendment = { edit, path, gesture, drag };
+    // A newer step of a drag takes the place of one that still waits.
+    const waiting = gesture ? this.#amendments.findIndex((one) => one.gesture === gesture && slot(one) === slot(amendment)) : -1;
+    if (waiting >= 0) this.#amendments[waiting] = amendment;
+    else this.#amendments.push(amendment);
+    this.events.emit("documents", "activity");
+    void this.#amend();
+  }
+
+  /** The text of a document as it was typed. */
+  write(path: string, text: string, gesture: string | null) {
+    this.documents.write(path, text, gesture);
+    void this.#documentsChanged("good");
+  }
+
+  undo() {
+    if (this.documents.undo()) void this.#documentsChanged("good");
+  }
+
+  redo() {
+    if (this.documents.redo()) void this.#documentsChanged("good");
+  }
+
+  planAgain() {
+    void this.#documentsChanged("scratch");
+  }
+
+  cancel() {
+    this.#planner.cancel();
+  }
+
+  say(notice: string) {
+    this.notice = notice;
+    this.events.emit("activity");
+  }
+
+  complain(error: unknown) {
+    if (error instanceof Cancelled) return;
+    const help = error instanceof Refused ? error.help : "";
+    if (error instanceof Faults) this.faults = error.faults;
+    this.problem = { message: error instanceof Error ? error.message : String(error), help };
+    this.events.emit("activity");
+  }
+
+  async #amend() {
+    if (this.#amending) return;
+    this.#amending = true;
+    while (this.#amendments.length > 0) {
+      const { edit, path, gesture, drag } = this.#amendments.shift()!;
+      try {
+        const { files, motion } = this.documents.now;
+        const body = { kind: "amend", files: files.map((file) => ({ ...file })), motion, path, edit } as const;
+        const { value } = await this.engine.request("documents", body);
+        this.documents.write(path, value.text, gesture);
+        this.problem = null;
+        if (!drag) this.documents.endGesture();
+        if (this.#amendments.length === 0) await this.#changed(drag ? "drag" : "good");
+      } catch (error) {
+        // The document is as it was: show it as it is.
+        this.complain(error);
+        await this.#changed("good");
+      }
+    }
+    this.#amending = false;
+    this.events.emit("documents", "activity");
+  }
+
+  async #documentsChanged(from: "scratch" | "good") {
+    this.version++;
+    this.#amendments = [];
+    this.problem = null;
+    await this.#changed(from);
+  }
+
+  async #changed(how: "scratch" | "good" | "drag") {
+    const version = this.version;
+    const snapshot = this.documents.now;
+    const drag = how === "drag";
+    this.notice = "";
+    if (!drag) await this.#read(snapshot, version);
+    this.events.emit("documents", "activity");
+    if (version !== this.version) return;
+    if (this.faults.length > 0 && !drag) {
+      this.settled = version;
+      this.events.emit("activity");
+      return;
+    }
+    this.#planner.ask({ snapshot, version, drag, from: how === "scratch" ? "scratch" : "good" });
+  }
+
+  /** What the documents say, checked by the engine, without waiting for a plan. */
+  async #read(snapshot: Snapshot, version: number) {
+    try {
+      const { value } = await this.engine.request("documents", {
+        kind: "open",
+        files: snapshot.files.map((file) => ({ ...file })),
+        motion: snapshot.motion,
+      });
+      if (version !== this.version) return;
+      this.faults = [];
+      this.scene = value.scene;
+      this.motion = value.motion;
+    } catch (error) {
+      if (version !== this.version) return;
+      if (error instanceof Faults) this.faults = error.faults;
+      else this.complain(error);
+    }
+  }
+
+  #planned(wish: Wish, planned: Planned, frames: Float32Array) {
+    this.shown = {
+      planned,
+      frames: new Frames(planned.frames, frames, planned.scene.end_effectors),
+      version: wish.version,
+      drag: wish.drag,
+    };
+    this.faults = [];
+    if (wish.version === this.version) {
+      this.scene = planned.scene;
+      this.motion = planned.motion;
+      this.problem = null;
+      if (!wish.drag) this.settled = wish.version;
+      this.events.emit("documents");
+    }
+    this.events.emit("plan", "activity");
+  }
+
+  #failed(wish: Wish, error: Error) {
+    if (error instanceof Faults) this.faults = error.faults;
+    else if (error instanceof Broken) this.problem = { message: `The engine stopped: ${error.message}`, help: "It was started again with your documents. Nothing is lost." };
+    else if (error instanceof Cancelled) this.notice = "Planning was stopped. The picture is of the plan before.";
+    else this.complain(error);
+    if (!wish.drag && wish.version === this.version && !(error instanceof Broken)) this.settled = wish.version;
+    this.events.emit("plan", "activity");
+  }
+}
+
+/** What an amendment sets; two with the same slot set the same thing. */
+function slot({ path, edit }: Amendment): string {
+  const { edit: kind, key, index, name } = edit as Partial<{ edit: string; key: string; index: number | null; name: string }>;
+  return [path, kind, key, index, name].join(" ");
+}

@@ -1,0 +1,191 @@
+// Things in the scene that are dragged: targets and the goal. On the ground plane by default, upwards with Shift.
+// Whatever is dragged here can be typed in the panel too.
+
+import { BufferGeometry, ConeGeometry, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial, Object3D, Plane, Raycaster, RingGeometry, SphereGeometry, Vector2, Vector3 } from "three";
+import type { MotionView, Target } from "../contract.ts";
+import type { Frames } from "../project/frames.ts";
+import { lineGeometry } from "./lines.ts";
+import type { Palette } from "./palette.ts";
+import type { Stage } from "./stage.ts";
+
+export type Grip = { kind: "target"; index: number } | { kind: "goal" };
+export type Moved = { forward_m: number; left_m: number; up_m: number };
+
+type Handle = { grip: Grip; object: Group; at: Vector3; vertical: boolean };
+
+export class Handles {
+  readonly group = new Group();
+  #handles: Handle[] = [];
+  #drag: { handle: Handle; plane: Plane; offset: Vector3; shift: boolean } | null = null;
+  #ray = new Raycaster();
+
+  constructor(
+    private readonly stage: Stage,
+    private readonly told: {
+      begin(grip: Grip): void;
+      moved(grip: Grip, to: Moved, upwards: boolean): void;
+      end(grip: Grip): void;
+    },
+  ) {
+    const { canvas } = stage;
+    // Before the orbit controls see it.
+    canvas.addEventListener("pointerdown", (event) => this.#down(event), { capture: true });
+    canvas.addEventListener("pointermove", (event) => this.#move(event), { capture: true });
+    canvas.addEventListener("pointerup", (event) => this.#up(event), { capture: true });
+    canvas.addEventListener("pointercancel", (event) => this.#up(event), { capture: true });
+  }
+
+  get dragging(): boolean {
+    return this.#drag !== null;
+  }
+
+  build(motion: MotionView, frames: Frames | null, feet: string[], palette: Palette, selected: number | null) {
+    for (const one of this.#handles) one.object.traverse((object) => (object as { geometry?: BufferGeometry }).geometry?.dispose());
+    this.group.clear();
+    this.#handles = [];
+    motion.targets.forEach((target, index) => {
+      const at = placeOf(target, motion, frames, feet);
+      const colour = index === selected ? palette.danger : palette.accent;
+      this.#add({ kind: "target", index }, at, marker(at, colour, index === selected), true);
+    });
+    const start = frames ? frames.com(frames.row(0)) : [0, 0, 0];
+    const { forward_m, left_m, turn_rad } = motion.goal;
+    if (forward_m !== null || left_m !== null) {
+      const at = new Vector3(start[0] + (forward_m ?? 0), start[1] + (left_m ?? 0), 0);
+      this.#add({ kind: "goal" }, at, flag(palette, turn_rad ?? 0), false);
+    }
+    this.stage.invalidate();
+  }
+
+  /** Where a handle is on the page, for tests and for labels. */
+  screen(grip: Grip): { x: number; y: number } | null {
+    const handle = this.#handles.find(({ grip: one }) => one.kind === grip.kind && (one.kind === "goal" || one.index === (grip as { index: number }).index));
+    if (!handle) return null;
+    const box = this.stage.canvas.getBoundingClientRect();
+    this.stage.camera.updateMatrixWorld();
+    const point = handle.at.clone().project(this.stage.camera);
+    return { x: box.left + ((point.x + 1) / 2) * box.width, y: box.top + ((1 - point.y) / 2) * box.height };
+  }
+
+  #add(grip: Grip, at: Vector3, object: Group, vertical: boolean) {
+    object.position.copy(at);
+    this.group.add(object);
+    this.#handles.push({ grip, object, at, vertical });
+  }
+
+  #aim(event: PointerEvent) {
+    const box = this.stage.canvas.getBoundingClientRect();
+    const at = new Vector2(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2);
+    this.#ray.setFromCamera(at, this.stage.camera);
+  }
+
+  #hit(event: PointerEvent): Handle | null {
+    if (!this.group.visible) return null;
+    // Nearest on the screen within a finger's or a pointer's reach.
+    const reach = event.pointerType === "touch" ? 28 : 14;
+    let best: Handle | null = null;
+    let least = reach;
+    for (const handle of this.#handles) {
+      const at = this.screen(handle.grip)!;
+      const distance = Math.hypot(at.x - event.clientX, at.y - event.clientY);
+      if (distance < least) [best, least] = [handle, distance];
+    }
+    return best;
+  }
+
+  #down(event: PointerEvent) {
+    if (event.button !== 0) return;
+    const handle = this.#hit(event);
+    if (!handle) return;
+    event.stopImmediatePropagation();
+    event.preventDefault();
+    this.stage.canvas.setPointerCapture(event.pointerId);
+    this.#drag = { handle, plane: new Plane(), offset: new Vector3(), shift: event.shiftKey };
+    this.#plane(event, event.shiftKey && handle.vertical);
+    this.told.begin(handle.grip);
+  }
+
+  #plane(event: PointerEvent, upwards: boolean) {
+    const drag = this.#drag!;
+    drag.shift = upwards;
+    const normal = upwards ? this.stage.camera.getWorldDirection(new Vector3()).setZ(0).normalize() : new Vector3(0, 0, 1);
+    drag.plane.setFromNormalAndCoplanarPoint(normal, drag.handle.at);
+    this.#aim(event);
+    const hit = this.#ray.ray.intersectPlane(drag.plane, new Vector3());
+    drag.offset.copy(hit ? drag.handle.at.clone().sub(hit) : new Vector3());
+  }
+
+  #move(event: PointerEvent) {
+    const drag = this.#drag;
+    if (!drag) {
+      this.stage.canvas.style.cursor = this.#hit(event) ? "grab" : "";
+      return;
+    }
+    event.stopImmediatePropagation();
+    this.stage.canvas.style.cursor = "grabbing";
+    const upwards = event.shiftKey && drag.handle.vertical;
+    if (upwards !== drag.shift) this.#plane(event, upwards);
+    this.#aim(event);
+    const hit = this.#ray.ray.intersectPlane(drag.plane, new Vector3());
+    if (!hit || hit.length() > 20) return;
+    hit.add(drag.offset);
+    const { at, object } = drag.handle;
+    if (upwards) at.z = Math.max(0, hit.z);
+    else at.set(hit.x, hit.y, at.z);
+    object.position.copy(at);
+    this.stage.invalidate();
+    this.told.moved(drag.handle.grip, { forward_m: at.x, left_m: at.y, up_m: at.z }, upwards);
+  }
+
+  #up(event: PointerEvent) {
+    const drag = this.#drag;
+    if (!drag) return;
+    event.stopImmediatePropagation();
+    this.#drag = null;
+    this.stage.canvas.style.cursor = "";
+    this.told.end(drag.handle.grip);
+  }
+}
+
+/** Where a target is drawn: what it leaves free comes from the plan. */
+function placeOf(target: Target, motion: MotionView, frames: Frames | null, feet: string[]): Vector3 {
+  let at = new Vector3();
+  if (frames) {
+    const time = motion.duration_s > 0 ? (target.at_s / motion.duration_s) * frames.header.duration_s : 0;
+    const row = frames.at(Math.min(time, frames.header.duration_s));
+    const foot = feet.indexOf(target.of);
+    const { bodies } = frames.header.columns;
+    if (foot >= 0) at.set(...frames.position(row, foot));
+    else if (target.of === "com") at.set(...frames.com(row));
+    else at.set(row[bodies], row[bodies + 1], row[bodies + 2]);
+  }
+  return new Vector3(target.forward_m ?? at.x, target.left_m ?? at.y, target.up_m ?? at.z);
+}
+
+function marker(at: Vector3, color: number, selected: boolean): Group {
+  const group = new Group();
+  const over = { color, depthTest: false, transparent: true };
+  const ball = new Mesh(new SphereGeometry(selected ? 0.016 : 0.013, 20, 14), new MeshBasicMaterial(over));
+  const stem = new Line(lineGeometry([0, 0, 0, 0, 0, -at.z]), new LineBasicMaterial({ ...over, opacity: 0.7 }));
+  const foot = new Mesh(new RingGeometry(0.014, 0.019, 24), new MeshBasicMaterial({ ...over, opacity: 0.7 }));
+  foot.position.z = -at.z + 0.003;
+  group.add(stem, foot, ball);
+  group.traverse((object: Object3D) => (object.renderOrder = 11));
+  return group;
+}
+
+/** The goal: a ring on the ground with a nose that shows the heading at the end. */
+function flag(palette: Palette, turn_rad: number): Group {
+  const group = new Group();
+  const over = { color: palette.accent, transparent: true, depthWrite: false };
+  const ring = new Mesh(new RingGeometry(0.028, 0.036, 36), new MeshBasicMaterial(over));
+  ring.position.z = 0.004;
+  const nose = new Mesh(new ConeGeometry(0.014, 0.035, 3), new MeshBasicMaterial(over));
+  nose.rotation.z = -Math.PI / 2;
+  nose.scale.z = 0.05;
+  nose.position.set(0.058, 0, 0.004);
+  group.add(ring, nose);
+  group.rotation.z = turn_rad;
+  group.traverse((object: Object3D) => (object.renderOrder = 3));
+  return group;
+}

@@ -1,0 +1,115 @@
+// What is drawn over the robot at a time: forces, friction cones, support polygon.
+
+import {
+  ArrowHelper,
+  BufferGeometry,
+  ConeGeometry,
+  DoubleSide,
+  Float32BufferAttribute,
+  Group,
+  LineBasicMaterial,
+  LineLoop,
+  Mesh,
+  MeshBasicMaterial,
+  Vector3,
+} from "three";
+import type { Scene } from "../contract.ts";
+import type { Frames, Row } from "../project/frames.ts";
+import type { Palette } from "./palette.ts";
+
+const GRAVITY_M_S2 = 9.80665;
+/** Length of the arrow of a force that is the robot's weight. */
+const WEIGHT_LENGTH_M = 0.35;
+const CONE_HEIGHT_M = 0.1;
+/** Feet that carry less than this share of the weight do not support. */
+const LEAST_SHARE = 0.002;
+
+export class Overlays {
+  readonly group = new Group();
+  #arrows: ArrowHelper[] = [];
+  #cones: Mesh[] = [];
+  #fill: Mesh;
+  #outline: LineLoop;
+  #weight: number;
+
+  constructor(scene: Scene, palette: Palette) {
+    this.#weight = scene.mass_kg * GRAVITY_M_S2;
+    for (const foot of scene.end_effectors) {
+      const arrow = new ArrowHelper(new Vector3(0, 0, 1), new Vector3(), 0.1, palette.force);
+      // Contact points lie inside wheels: arrows are drawn over everything.
+      for (const part of [arrow.line, arrow.cone]) {
+        const material = part.material as LineBasicMaterial;
+        material.depthTest = false;
+        part.renderOrder = 10;
+      }
+      this.#arrows.push(arrow);
+      const radius_m = foot.friction_coefficient * CONE_HEIGHT_M;
+      const geometry = new ConeGeometry(radius_m, CONE_HEIGHT_M, 24, 1, true).rotateX(-Math.PI / 2).translate(0, 0, CONE_HEIGHT_M / 2);
+      const material = new MeshBasicMaterial({ color: palette.cone, transparent: true, opacity: 0.22, side: DoubleSide, depthWrite: false });
+      this.#cones.push(new Mesh(geometry, material));
+      this.group.add(arrow, this.#cones.at(-1)!);
+    }
+    const colour = { color: palette.polygon, transparent: true, depthWrite: false };
+    this.#fill = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ ...colour, opacity: 0.12, side: DoubleSide }));
+    this.#outline = new LineLoop(new BufferGeometry(), new LineBasicMaterial({ ...colour, opacity: 0.8 }));
+    this.#fill.frustumCulled = this.#outline.frustumCulled = false;
+    this.group.add(this.#fill, this.#outline);
+  }
+
+  update(frames: Frames, row: Row, layers: { forces: boolean; cones: boolean; polygon: boolean }) {
+    const standing: [number, number][] = [];
+    this.#arrows.forEach((arrow, foot) => {
+      const at = frames.position(row, foot);
+      const force = new Vector3(...frames.force(row, foot));
+      const share = force.length() / this.#weight;
+      const contact = frames.contact(row, foot);
+      arrow.visible = layers.forces && contact && share > LEAST_SHARE;
+      if (arrow.visible) {
+        const length = share * WEIGHT_LENGTH_M;
+        arrow.position.set(...at);
+        arrow.setDirection(force.normalize());
+        arrow.setLength(length, Math.min(0.03, length * 0.4), 0.016);
+      }
+      const cone = this.#cones[foot];
+      cone.visible = layers.cones && contact;
+      cone.position.set(...at);
+      if (contact) standing.push([at[0], at[1]]);
+    });
+    const shown = layers.polygon && standing.length >= 2;
+    this.#fill.visible = shown && standing.length >= 3;
+    this.#outline.visible = shown;
+    if (!shown) return;
+    const corners = hull(standing);
+    const points = corners.flatMap(([x, y]) => [x, y, 0.002]);
+    this.#fill.geometry.setAttribute("position", new Float32BufferAttribute(points, 3));
+    this.#fill.geometry.setIndex(corners.slice(2).flatMap((_, k) => [0, k + 1, k + 2]));
+    this.#outline.geometry.setAttribute("position", new Float32BufferAttribute(points, 3));
+  }
+
+  dispose() {
+    this.group.removeFromParent();
+    for (const arrow of this.#arrows) arrow.dispose();
+    for (const mesh of [...this.#cones, this.#fill]) mesh.geometry.dispose();
+    this.#outline.geometry.dispose();
+  }
+}
+
+/** Convex hull, counter-clockwise (Andrew's monotone chain). */
+export function hull(points: [number, number][]): [number, number][] {
+  const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+  if (sorted.length < 3) return sorted;
+  const half = (list: [number, number][]) => {
+    const chain: [number, number][] = [];
+    for (const p of list) {
+      while (chain.length >= 2 && cross(chain.at(-2)!, chain.at(-1)!, p) <= 0) chain.pop();
+      chain.push(p);
+    }
+    chain.pop();
+    return chain;
+  };
+  return [...half(sorted), ...half(sorted.reverse())];
+}
+
+function cross(o: [number, number], a: [number, number], b: [number, number]): number {
+  return (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
+}

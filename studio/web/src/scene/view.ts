@@ -1,0 +1,229 @@
+// The 3D view: puts robot, ground, overlays and handles together and keeps them up with plan and time.
+
+import type { Grip, Moved } from "./handles.ts";
+import type { Studio } from "../project/studio.ts";
+import type { Playback } from "../project/playback.ts";
+import { isDark, type Settings } from "../project/settings.ts";
+import type { Target } from "../contract.ts";
+import { Cameras } from "./cameras.ts";
+import { Ground } from "./ground.ts";
+import { Handles } from "./handles.ts";
+import { Overlays } from "./overlays.ts";
+import { DARK, LIGHT, type Palette } from "./palette.ts";
+import { Paths } from "./paths.ts";
+import { Robot } from "./robot.ts";
+import { Stage } from "./stage.ts";
+
+const GHOSTS = 4;
+
+export class View {
+  readonly stage: Stage;
+  readonly cameras: Cameras;
+  readonly handles: Handles;
+  #ground: Ground;
+  #palette: Palette = LIGHT;
+  #dark = false;
+  #robot: Robot | null = null;
+  #ghosts: Robot[] = [];
+  #overlays: Overlays | null = null;
+  #paths: Paths | null = null;
+  #built = "";
+  #gesture: string | null = null;
+  #from: Moved = { forward_m: 0, left_m: 0, up_m: 0 };
+
+  constructor(
+    host: HTMLElement,
+    private readonly studio: Studio,
+    private readonly playback: Playback,
+    private readonly settings: Settings,
+  ) {
+    this.stage = new Stage(host);
+    this.#ground = new Ground(!this.stage.low);
+    this.stage.scene.add(this.#ground.group);
+    this.cameras = new Cameras(this.stage);
+    this.handles = new Handles(this.stage, {
+      begin: (grip) => this.#begin(grip),
+      moved: (grip, to, upwards) => this.#moved(grip, to, upwards, true),
+      end: (grip) => this.#end(grip),
+    });
+    this.stage.scene.add(this.handles.group);
+    this.stage.beforeDraw(() => this.#pose());
+    studio.events.on("plan", () => this.#planChanged());
+    studio.events.on(["documents", "selection"], () => this.#buildHandles());
+    studio.events.on("selection", () => this.#highlight());
+    playback.onChange(() => this.stage.invalidate());
+    this.restyle();
+  }
+
+  /** Theme or layers have changed. */
+  restyle() {
+    this.#dark = isDark(this.settings.theme);
+    this.#palette = this.#dark ? DARK : LIGHT;
+    this.stage.colour(this.#palette);
+    this.#ground.colour(this.#palette);
+    this.#built = "";
+    this.cameras.follow = this.settings.follow;
+    this.#planChanged();
+  }
+
+  layersChanged() {
+    const { layers } = this.settings;
+    this.cameras.follow = this.settings.follow;
+    if (this.#paths) [this.#paths.com.visible, this.#paths.feet.visible] = [layers.com_path, layers.foot_paths];
+    this.#robot?.showClearance(layers.clearance);
+    this.handles.group.visible = layers.targets;
+    this.#ground.marks(layers.marks);
+    this.#buildGhosts();
+    this.stage.invalidate();
+  }
+
+  #planChanged() {
+    const { shown } = this.studio;
+    if (!shown) return this.stage.invalidate();
+    const { planned, frames } = shown;
+    const built = JSON.stringify(planned.scene.bodies);
+    if (built !== this.#built) this.#buildRobot(built);
+    this.#paths?.dispose();
+    this.#paths = new Paths(planned.scene, frames, this.#palette, this.#dark);
+    this.stage.scene.add(this.#paths.group);
+    this.playback.setFrames(frames.header);
+    this.layersChanged();
+    this.#buildHandles();
+    this.#highlight();
+  }
+
+  #buildRobot(built: string) {
+    const first = this.#built === "";
+    const { scene } = this.studio.shown!.planned;
+    const another = this.#robot?.group.name !== scene.name;
+    this.#built = built;
+    this.#robot?.dispose();
+    this.#overlays?.dispose();
+    for (const ghost of this.#ghosts) ghost.dispose();
+    this.#ghosts = [];
+    this.#robot = new Robot(scene, this.#palette, "solid", !this.stage.low);
+    this.#robot.group.name = scene.name;
+    this.#overlays = new Overlays(scene, this.#palette);
+    this.stage.scene.add(this.#robot.group, this.#overlays.group);
+    if (first && another) this.frame();
+    else if (another) this.frame();
+  }
+
+  frame() {
+    const { shown } = this.studio;
+    if (!shown) return;
+    const { frames } = shown;
+    const [x, y, z] = frames.com(frames.at(this.playback.time_s));
+    let size = 0.2;
+    for (let foot = 0; foot < shown.planned.scene.end_effectors.length; foot++) {
+      const at = frames.position(frames.row(0), foot);
+      const com = frames.com(frames.row(0));
+      size = Math.max(size, 2 * Math.hypot(at[0] - com[0], at[1] - com[1]), 1.3 * com[2]);
+    }
+    this.cameras.frame([x, y, z * 0.7], size);
+  }
+
+  #buildGhosts() {
+    const { shown } = this.studio;
+    const wanted = this.settings.layers.ghosts && shown ? GHOSTS : 0;
+    while (this.#ghosts.length > wanted) this.#ghosts.pop()!.dispose();
+    if (!shown) return;
+    const { frames, planned } = shown;
+    while (this.#ghosts.length < wanted) {
+      const ghost = new Robot(planned.scene, this.#palette, "ghost", false);
+      this.stage.scene.add(ghost.group);
+      this.#ghosts.push(ghost);
+    }
+    this.#ghosts.forEach((ghost, k) => {
+      const share = frames.header.period ? (k + 1) / wanted : k / (wanted - 1);
+      ghost.pose(frames.at(share * frames.header.duration_s), frames.header.columns.bodies);
+    });
+  }
+
+  #buildHandles() {
+    const { motion, shown, selection } = this.studio;
+    if (!motion || this.handles.dragging) return;
+    const feet = (this.studio.scene?.end_effectors ?? []).map((foot) => foot.name);
+    this.handles.build(motion, shown?.frames ?? null, feet, this.#palette, selection.target);
+  }
+
+  #highlight() {
+    const { selection, shown } = this.studio;
+    if (!shown || !this.#robot) return;
+    const bodies = new Set<number>();
+    const foot = selection.endEffector === null ? null : shown.planned.scene.end_effectors[selection.endEffector];
+    if (foot) {
+      bodies.add(foot.body);
+      if (foot.wheel_body !== null) bodies.add(foot.wheel_body);
+    }
+    // A joint moves the link of the same number plus one: links are in the order of their joints, the root first.
+    if (selection.joint !== null) bodies.add(selection.joint + 1);
+    this.#robot.highlight(bodies, this.#palette);
+    this.stage.invalidate();
+  }
+
+  #pose() {
+    const { shown } = this.studio;
+    if (!shown || !this.#robot || !this.#overlays) return;
+    const { frames } = shown;
+    const row = frames.at(this.playback.time_s);
+    this.#robot.pose(row, frames.header.columns.bodies);
+    this.#overlays.update(frames, row, this.settings.layers);
+    const [x, y, z] = frames.com(row);
+    this.cameras.at(x, y, z);
+    this.stage.lightAt(x, y);
+    this.#ground.centre(this.cameras.controls.target.x, this.cameras.controls.target.y);
+  }
+
+  #begin(grip: Grip) {
+    this.#gesture = this.studio.newGesture();
+    this.playback.pause();
+    if (grip.kind === "target") {
+      this.studio.selection.selectTarget(grip.index);
+    }
+    const com = this.studio.shown ? this.studio.shown.frames.com(this.studio.shown.frames.row(0)) : [0, 0, 0];
+    this.#from = { forward_m: com[0], left_m: com[1], up_m: 0 };
+  }
+
+  #last: { grip: Grip; to: Moved; upwards: boolean } | null = null;
+
+  #moved(grip: Grip, to: Moved, upwards: boolean, drag: boolean) {
+    this.#last = { grip, to, upwards };
+    const gesture = this.#gesture;
+    const { motion } = this.studio;
+    if (!motion) return;
+    if (grip.kind === "target") {
+      const target = motion.targets[grip.index];
+      if (target) this.studio.edit({ edit: "target", index: grip.index, target: placed(target, to, upwards) }, { gesture, drag });
+      return;
+    }
+    for (const [key, value] of [
+      ["forward_m", to.forward_m - this.#from.forward_m],
+      ["left_m", to.left_m - this.#from.left_m],
+    ] as const) {
+      if (motion.goal[key] !== null) this.studio.edit({ edit: "number", table: ["goal"], key, value: round(value) }, { gesture, drag });
+    }
+  }
+
+  #end(_grip: Grip) {
+    // The last step once more, now in full; a click without a move changes nothing.
+    if (this.#last) this.#moved(this.#last.grip, this.#last.to, this.#last.upwards, false);
+    this.#last = null;
+    this.#gesture = null;
+    this.#buildHandles();
+  }
+}
+
+function round(value: number): number {
+  return Math.round(value * 1000) / 1000;
+}
+
+/** A drag changes what the target prescribes; on the ground plane a free component becomes prescribed, height only upwards. */
+function placed(target: Target, to: Moved, upwards: boolean): Target {
+  if (upwards) return { ...target, up_m: round(to.up_m) };
+  const next = { ...target };
+  const both = (target.forward_m ?? null) === null && (target.left_m ?? null) === null;
+  if (both || (target.forward_m ?? null) !== null) next.forward_m = round(to.forward_m);
+  if (both || (target.left_m ?? null) !== null) next.left_m = round(to.left_m);
+  return next;
+}

@@ -1,0 +1,113 @@
+// Puts the page together around an engine.
+
+import { buildCommands } from "./commands.ts";
+import type { Fault } from "./contract.ts";
+import type { Engine } from "./engine/engine.ts";
+import { libraryPanel } from "./panel/library.ts";
+import { motionPanel } from "./panel/motion.ts";
+import { reportPanel } from "./panel/report.ts";
+import { robotPanel } from "./panel/robot.ts";
+import { buildStatus } from "./panel/status.ts";
+import { textPane } from "./panel/text.ts";
+import { keepSaved, kept, snapshotOf } from "./project/autosave.ts";
+import { example, FIRST } from "./project/examples.ts";
+import { acceptDrops } from "./project/files.ts";
+import { Playback } from "./project/playback.ts";
+import { isDark, load } from "./project/settings.ts";
+import { fromLink } from "./project/share.ts";
+import { Studio } from "./project/studio.ts";
+import { View } from "./scene/view.ts";
+import { buildTimeline } from "./timeline/timeline.ts";
+import { buildTransport } from "./timeline/transport.ts";
+import { buildHeader } from "./ui/header.ts";
+import { bindKeys } from "./ui/keyboard.ts";
+import { buildShell } from "./ui/shell.ts";
+import { buildViewTools, staleNote } from "./ui/viewtools.ts";
+
+export async function start(root: HTMLElement, engine: Engine) {
+  const settings = load();
+  const studio = new Studio(engine);
+  const playback = new Playback();
+  const paint = () => (document.documentElement.dataset.theme = isDark(settings.theme) ? "dark" : "light");
+  paint();
+  const shell = buildShell(root);
+  const view = new View(shell.view, studio, playback, settings);
+  const timeline = buildTimeline(shell.tracks, studio, playback, settings);
+  const restyle = () => {
+    paint();
+    view.restyle();
+    timeline.restyle();
+  };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", restyle);
+
+  const commands = buildCommands(studio, settings, restyle);
+  buildHeader(shell.header, studio, commands);
+  buildTransport(shell.transport, studio, playback);
+  const tools = buildViewTools(shell.viewTools, view, settings);
+  staleNote(shell.stale, studio);
+  const text = textPane(studio);
+  const report = reportPanel(studio, playback);
+  shell.tab("Motion", motionPanel(studio, playback));
+  shell.tab("Robot", robotPanel(studio));
+  shell.tab("Report", report.element, report.shown);
+  shell.tab("Library", libraryPanel(studio, commands.examples));
+  shell.tab("Text", text.element, text.update);
+  buildStatus(shell.status, studio, {
+    jump(fault: Fault) {
+      shell.openTab("Text");
+      text.jump(fault);
+    },
+    seek: (time_s) => playback.seek(time_s),
+  });
+  bindKeys(commands, playback, view, tools);
+  acceptDrops(studio, root);
+
+  // For tests and for the console; the page itself does not read it.
+  Object.assign(globalThis, { studio: { state: studio, playback, view } });
+
+  await openFirst(studio);
+  keepSaved(studio);
+  addEventListener("hashchange", () => void openLink(studio));
+  if (!matchMedia("(prefers-reduced-motion: reduce)").matches && !navigator.webdriver) playWhenPlanned(studio, playback);
+}
+
+async function openFirst(studio: Studio) {
+  if (await openLink(studio)) return;
+  const before = kept();
+  if (before) {
+    studio.documents.restore(snapshotOf(before), before.saved);
+    await studio.newProject();
+    studio.say("Restored what was open before.");
+    return;
+  }
+  try {
+    await studio.openProject(await example(studio, FIRST));
+  } catch (error) {
+    studio.complain(error);
+  }
+}
+
+async function openLink(studio: Studio): Promise<boolean> {
+  try {
+    const snapshot = await fromLink(location.hash);
+    if (!snapshot) return false;
+    history.replaceState(null, "", location.href.split("#")[0]);
+    await studio.openProject(snapshot);
+    return true;
+  } catch (error) {
+    studio.complain(new Error(`This link could not be opened: ${(error as Error).message}`));
+    return false;
+  }
+}
+
+/** The first motion is played once it is there: a picture that moves is read before any number. */
+function playWhenPlanned(studio: Studio, playback: Playback) {
+  let played = false;
+  const play = () => {
+    if (played || !studio.shown) return;
+    played = true;
+    playback.play();
+  };
+  studio.events.on("plan", play);
+  play();
+}

@@ -1,0 +1,60 @@
+// The shipped motions and libraries by robot; one click opens.
+
+import { type Example, example, listExamples } from "../project/examples.ts";
+import type { Studio } from "../project/studio.ts";
+import { dialog } from "./dialog.ts";
+import { h, replace } from "./dom.ts";
+
+export async function openGallery(studio: Studio) {
+  const list = h("div", { class: "gallery" }, h("p", { class: "muted", text: "Loading…" }));
+  const search = h("input", { type: "search", placeholder: "Search", "aria-label": "Search examples" });
+  const box = dialog("Examples", h("div", {}, search, list), true);
+  let examples: Example[];
+  try {
+    examples = await listExamples(studio);
+  } catch (error) {
+    box.close();
+    studio.complain(error);
+    return;
+  }
+  const open = async (one: Example) => {
+    box.close();
+    try {
+      await studio.openProject(await example(studio, one.path));
+    } catch (error) {
+      studio.complain(error);
+    }
+  };
+  const draw = () => {
+    const word = search.value.trim().toLowerCase();
+    const found = examples.filter((one) => ["motion", "library"].includes(one.kind) && `${one.path} ${one.name} ${one.title} ${one.robot ?? ""}`.toLowerCase().includes(word));
+    const groups = group(found);
+    replace(
+      list,
+      ...[...groups].sort(([a], [b]) => (a === "agilebot" ? -1 : b === "agilebot" ? 1 : a.localeCompare(b))).map(([robot, motions]) =>
+        h(
+          "section",
+          {},
+          h("h3", { text: robot || "Other" }),
+          h(
+            "div",
+            { class: "gallery-grid" },
+            ...motions.map((one) =>
+              h("button", { type: "button", class: "example", "data-path": one.path, onclick: () => void open(one) }, h("strong", { text: one.name }), h("span", { text: one.title }), one.kind === "library" ? h("span", { class: "tag", text: "library" }) : null),
+            ),
+          ),
+        ),
+      ),
+      found.length === 0 ? h("p", { class: "muted", text: "No example has these words." }) : null,
+    );
+  };
+  search.addEventListener("input", draw);
+  draw();
+  search.focus();
+}
+
+function group(list: Example[]): Map<string, Example[]> {
+  const groups = new Map<string, Example[]>();
+  for (const one of list) groups.set(one.robot ?? "", [...(groups.get(one.robot ?? "") ?? []), one]);
+  return groups;
+}

@@ -1,0 +1,52 @@
+// The keyboard and the mouse, on one page.
+
+import { dialog } from "./dialog.ts";
+import { h } from "./dom.ts";
+
+const SECTIONS: [string, [string, string][]][] = [
+  [
+    "Playback",
+    [
+      ["Space", "play, pause"],
+      ["← →", "one frame back, on (Shift: ten)"],
+      ["Home, End", "to the start, to the end"],
+    ],
+  ],
+  [
+    "View",
+    [
+      ["1 2 3 4", "free, front, side, top"],
+      ["F", "camera follows the robot"],
+      ["Drag, wheel", "turn, zoom; right button or two fingers: move"],
+      ["← → ↑ ↓, + −", "turn, zoom, when the view has the focus"],
+    ],
+  ],
+  [
+    "Edit",
+    [
+      ["Ctrl+Z, Ctrl+Y", "undo, redo"],
+      ["Ctrl+S, Ctrl+O", "save the motion, open files"],
+      ["Drag a target", "along the ground; with Shift, up and down"],
+      ["Drag a number's name", "changes it; Shift: ten times as fast"],
+      ["↑ ↓ in a number", "one step; Shift: ten"],
+    ],
+  ],
+  [
+    "Footfalls",
+    [
+      ["Drag over a bar", "paint a swing"],
+      ["Drag a gap, its edges", "move, lift off or land at another time"],
+      ["Tab, ← →", "choose a swing, move it"],
+      ["Shift+← →, Alt+← →", "land, lift off at another time"],
+      ["Delete", "remove the swing"],
+    ],
+  ],
+];
+
+export function openHelp() {
+  const sections = SECTIONS.map(([title, rows]) =>
+    h("section", {}, h("h3", { text: title }), h("dl", {}, ...rows.flatMap(([keys, what]) => [h("dt", { text: keys }), h("dd", { text: what })]))),
+  );
+  const where = h("p", { class: "muted", text: "Planning happens on this computer. Your files stay on it." });
+  dialog("Keyboard and mouse", h("div", {}, h("div", { class: "help" }, ...sections), where), true);
+}

@@ -1,0 +1,73 @@
+// Over the scene: cameras and what is drawn.
+
+import type { Layer, Settings } from "../project/settings.ts";
+import { save } from "../project/settings.ts";
+import type { Studio } from "../project/studio.ts";
+import type { Direction } from "../scene/cameras.ts";
+import type { View } from "../scene/view.ts";
+import { h, replace } from "./dom.ts";
+import { textButton } from "./header.ts";
+import { menu } from "./menu.ts";
+
+const DIRECTIONS: [Direction, string, string][] = [
+  ["free", "Free", "1"],
+  ["front", "Front", "2"],
+  ["side", "Side", "3"],
+  ["top", "Top", "4"],
+];
+
+const LAYERS: [Layer, string][] = [
+  ["forces", "Ground forces"],
+  ["cones", "Friction cones"],
+  ["polygon", "Support polygon"],
+  ["com_path", "Path of the centre of mass"],
+  ["foot_paths", "Paths of the feet"],
+  ["ghosts", "Ghosts"],
+  ["targets", "Targets and goal"],
+  ["clearance", "Clearance shapes"],
+  ["marks", "Ground marks"],
+];
+
+export function buildViewTools(host: HTMLElement, view: View, settings: Settings) {
+  const directions = DIRECTIONS.map(([direction, name, key]) =>
+    h("button", { type: "button", class: "button", text: name, title: `${name} (${key})`, "data-direction": direction, onclick: () => view.cameras.look(direction) }),
+  );
+  const follow = h("button", {
+    type: "button",
+    class: "button",
+    text: "Follow",
+    title: "The camera goes with the robot (F)",
+    "aria-pressed": String(settings.follow),
+    onclick: () => {
+      settings.follow = !settings.follow;
+      follow.setAttribute("aria-pressed", String(settings.follow));
+      save(settings);
+      view.layersChanged();
+    },
+  });
+  const layers = textButton("Show", "layers");
+  const shown = menu(layers, () =>
+    LAYERS.map(([layer, text]) => ({
+      text,
+      checked: settings.layers[layer],
+      act() {
+        settings.layers[layer] = !settings.layers[layer];
+        save(settings);
+        view.layersChanged();
+      },
+    })),
+  );
+  replace(host, h("div", { class: "segmented", role: "group", "aria-label": "Camera" }, ...directions), follow, shown);
+  return { follow: () => follow.click(), look: (index: number) => directions[index]?.click() };
+}
+
+/** Says when the picture is of another plan than the documents ask for. */
+export function staleNote(host: HTMLElement, studio: Studio) {
+  const update = () => {
+    const failed = studio.shown !== null && !studio.shown.planned.converged && !studio.stale;
+    host.hidden = !(studio.stale || failed);
+    host.classList.toggle("bad", failed);
+    host.textContent = failed ? "This motion does not meet its constraints" : studio.planning ? "Planning: the picture is of the plan before" : "The picture is of an earlier plan";
+  };
+  studio.events.on(["activity", "plan", "documents"], update);
+}
