@@ -51,7 +51,7 @@ export class MockEngine implements Engine {
   async request(_lane: Lane, body: RequestBody): Promise<Done> {
     const value = (v: any, binary: Uint8Array | null = null) => ({ value: { kind: "done", ...v }, binary });
     switch (body.kind) {
-      case "examples": return value({ examples: [{ path: "motions/walk.toml", name: "walk", title: "AgileBot walks: one foot after the other, never less than three on the ground.", kind: "motion", robot: "agilebot" }] });
+      case "examples": return value({ examples: [{ path: "motions/walk.toml", name: "walk", title: "AgileBot walks: one foot after the other, never less than three on the ground.", of: "motion", robot: "../robots/agilebot.toml" }] });
       case "example": return value({ text: body.path.includes("robots") ? "[[link]]" : 'robot = "../robots/agilebot.toml"\nduration_s = 1.6\n' });
       case "open": return value({ scene: this.scene, motion: this.motion });
       case "amend": {

@@ -8,7 +8,7 @@ export type RequestBody =
   | { kind: "examples" }
   | { kind: "example"; path: string }
   | { kind: "open"; files: File[]; motion: string }
-  | { kind: "amend"; path: string; edit: Edit; files?: File[]; motion?: string; text?: string }
+  | { kind: "amend"; files: File[]; motion: string; path: string; edit: Edit }
   | { kind: "plan"; files: File[]; motion: string; from: "scratch" | "good"; iterations: number | null; frames_hz: number }
   | { kind: "report" }
   | { kind: "plan_json" }
@@ -157,7 +157,7 @@ export type FramesHeader = {
   columns: { bodies: number; com: number; end_effectors: number; joints: number; wheels: number };
 };
 
-export type Opened = { scene: Scene; motion: MotionView };
+export type Opened = { scene: Scene; motion: MotionView; /** Paths of motion and robot as they were found. */ read?: [string, string] };
 export type Planned = Opened & { solve: Solve; frames: FramesHeader; converged: boolean; good: boolean };
 
 export type Progress = {

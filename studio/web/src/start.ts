@@ -13,12 +13,13 @@ import { keepSaved, kept, snapshotOf } from "./project/autosave.ts";
 import { example, FIRST } from "./project/examples.ts";
 import { acceptDrops } from "./project/files.ts";
 import { Playback } from "./project/playback.ts";
-import { isDark, load } from "./project/settings.ts";
+import { isDark, load, type Settings } from "./project/settings.ts";
 import { fromLink } from "./project/share.ts";
 import { Studio } from "./project/studio.ts";
 import { View } from "./scene/view.ts";
 import { buildTimeline } from "./timeline/timeline.ts";
 import { buildTransport } from "./timeline/transport.ts";
+import { h } from "./ui/dom.ts";
 import { buildHeader } from "./ui/header.ts";
 import { bindKeys } from "./ui/keyboard.ts";
 import { buildShell } from "./ui/shell.ts";
@@ -31,11 +32,11 @@ export async function start(root: HTMLElement, engine: Engine) {
   const paint = () => (document.documentElement.dataset.theme = isDark(settings.theme) ? "dark" : "light");
   paint();
   const shell = buildShell(root);
-  const view = new View(shell.view, studio, playback, settings);
+  const view = buildView(shell.view, studio, playback, settings);
   const timeline = buildTimeline(shell.tracks, studio, playback, settings);
   const restyle = () => {
     paint();
-    view.restyle();
+    view?.restyle();
     timeline.restyle();
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", restyle);
@@ -43,7 +44,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   const commands = buildCommands(studio, settings, restyle);
   buildHeader(shell.header, studio, commands);
   buildTransport(shell.transport, studio, playback);
-  const tools = buildViewTools(shell.viewTools, view, settings);
+  const tools = view ? buildViewTools(shell.viewTools, view, settings) : null;
   staleNote(shell.stale, studio);
   const text = textPane(studio);
   const report = reportPanel(studio, playback);
@@ -97,6 +98,17 @@ async function openLink(studio: Studio): Promise<boolean> {
   } catch (error) {
     studio.complain(new Error(`This link could not be opened: ${(error as Error).message}`));
     return false;
+  }
+}
+
+/** Without WebGL 2 everything but the picture works. */
+function buildView(host: HTMLElement, studio: Studio, playback: Playback, settings: Settings): View | null {
+  try {
+    return new View(host, studio, playback, settings);
+  } catch {
+    host.append(h("p", { class: "no-view", text: "This browser has no WebGL 2, so that the robot cannot be drawn. Planning and editing work." }));
+    studio.events.on("plan", () => playback.setFrames(studio.shown?.frames.header ?? null));
+    return null;
   }
 }
 

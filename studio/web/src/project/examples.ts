@@ -5,7 +5,7 @@ import { Refused } from "../engine/engine.ts";
 import { kindOf, type Snapshot } from "./documents.ts";
 import type { Studio } from "./studio.ts";
 
-export type Example = { path: string; name: string; title: string; kind: string; robot?: string };
+export type Example = { path: string; of: "robot" | "motion" | "library" | "design"; name: string; title: string; robot: string | null };
 
 export const FIRST = "motions/walk.toml";
 

@@ -7,7 +7,7 @@ import type { Stage } from "./stage.ts";
 export type Direction = "free" | "front" | "side" | "top";
 
 const FROM: Record<Direction, [number, number, number]> = {
-  free: [0.62, -1, 0.5],
+  free: [0.75, -1, 0.5],
   front: [1, 0, 0.12],
   side: [0, -1, 0.12],
   top: [0, -0.001, 1],
@@ -30,7 +30,7 @@ export class Cameras {
 
   /** The whole robot in the picture. */
   frame(centre: [number, number, number], size_m: number) {
-    this.#distance_m = Math.max(0.4, size_m * 2.4);
+    this.#distance_m = Math.max(0.4, size_m * 2.9);
     this.#last.set(...centre);
     this.look(this.direction);
   }

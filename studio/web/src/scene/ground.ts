@@ -29,13 +29,13 @@ export class Ground {
           return max(line.x * room.x, line.y * room.y);
         }
         float axis(float at) {
-          return 1.0 - smoothstep(fwidth(at) * 0.8, fwidth(at) * 1.8, abs(at));
+          return 1.0 - smoothstep(fwidth(at) * 0.5, fwidth(at) * 1.5, abs(at));
         }
         void main() {
-          float far = 1.0 - smoothstep(1.5, 9.0, distance(p, centre));
-          float tenth = lines(0.1, 0.6) * 0.55;
-          float half_metre = lines(0.5, 1.0);
-          float metre = lines(1.0, 1.0);
+          float far = 1.0 - smoothstep(1.0, 6.0, distance(p, centre));
+          float tenth = lines(0.1, 0.3) * 0.6;
+          float half_metre = lines(0.5, 0.5);
+          float metre = lines(1.0, 0.7);
           float a = max(max(tenth, half_metre * 0.9), metre);
           vec3 colour = mix(fine, strong, max(metre, max(axis(p.x), axis(p.y))));
           gl_FragColor = vec4(colour, max(a, max(axis(p.x), axis(p.y))) * far);

@@ -18,7 +18,10 @@ export class Paths {
 
     const path = rows.flatMap((row) => frames.com(row));
     const shadow = rows.flatMap((row) => [...frames.com(row).slice(0, 2), 0.003]);
-    this.com.add(new Line(lineGeometry(path), new LineBasicMaterial({ color: palette.com })));
+    // It runs inside the robot: drawn over everything.
+    const line = new Line(lineGeometry(path), new LineBasicMaterial({ color: palette.com, depthTest: false, transparent: true }));
+    line.renderOrder = 9;
+    this.com.add(line);
     const dashes = new LineDashedMaterial({ color: palette.com, dashSize: 0.012, gapSize: 0.01, transparent: true, opacity: 0.6 });
     const projected = new Line(lineGeometry(shadow), dashes);
     projected.computeLineDistances();

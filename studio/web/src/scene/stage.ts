@@ -18,7 +18,9 @@ export class Stage {
   #ambient = new AmbientLight(0xffffff, 1.3);
 
   constructor(readonly host: HTMLElement) {
-    this.low = lowQuality();
+    const quality = qualityOf();
+    if (quality === null) throw new Error("no WebGL 2");
+    this.low = quality === "low";
     this.renderer = new WebGLRenderer({ antialias: !this.low, preserveDrawingBuffer: navigator.webdriver, powerPreference: "high-performance" });
     this.renderer.setPixelRatio(this.low ? 1 : Math.min(devicePixelRatio, 2));
     if (!this.low) {
@@ -78,14 +80,14 @@ export class Stage {
   }
 }
 
-/** Rendering in software takes the processor from the planner: draw less of what costs most. */
-function lowQuality(): boolean {
-  const asked = new URLSearchParams(location.search).get("quality");
-  if (asked) return asked === "low";
+/** Rendering in software takes the processor from the planner: draw less of what costs most. Null without WebGL 2. */
+function qualityOf(): "low" | "high" | null {
   const context = document.createElement("canvas").getContext("webgl2");
-  if (!context) return true;
+  if (!context) return null;
   const info = context.getExtension("WEBGL_debug_renderer_info");
   const name = String(context.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : context.RENDERER));
   context.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+  const asked = new URLSearchParams(location.search).get("quality");
+  if (asked === "low" || asked === "high") return asked;
+  return /swiftshader|llvmpipe|software|basic render/i.test(name) ? "low" : "high";
 }

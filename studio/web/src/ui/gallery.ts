@@ -1,6 +1,7 @@
 // The shipped motions and libraries by robot; one click opens.
 
 import { type Example, example, listExamples } from "../project/examples.ts";
+import { baseName } from "../project/documents.ts";
 import type { Studio } from "../project/studio.ts";
 import { dialog } from "./dialog.ts";
 import { h, replace } from "./dom.ts";
@@ -27,7 +28,7 @@ export async function openGallery(studio: Studio) {
   };
   const draw = () => {
     const word = search.value.trim().toLowerCase();
-    const found = examples.filter((one) => ["motion", "library"].includes(one.kind) && `${one.path} ${one.name} ${one.title} ${one.robot ?? ""}`.toLowerCase().includes(word));
+    const found = examples.filter((one) => ["motion", "library"].includes(one.of) && `${one.path} ${one.name} ${one.title} ${one.robot ?? ""}`.toLowerCase().includes(word));
     const groups = group(found);
     replace(
       list,
@@ -40,7 +41,7 @@ export async function openGallery(studio: Studio) {
             "div",
             { class: "gallery-grid" },
             ...motions.map((one) =>
-              h("button", { type: "button", class: "example", "data-path": one.path, onclick: () => void open(one) }, h("strong", { text: one.name }), h("span", { text: one.title }), one.kind === "library" ? h("span", { class: "tag", text: "library" }) : null),
+              h("button", { type: "button", class: "example", "data-path": one.path, onclick: () => void open(one) }, h("strong", { text: one.name }), h("span", { text: one.title }), one.of === "library" ? h("span", { class: "tag", text: "library" }) : null),
             ),
           ),
         ),
@@ -53,8 +54,12 @@ export async function openGallery(studio: Studio) {
   search.focus();
 }
 
+/** By the robot that they name. */
 function group(list: Example[]): Map<string, Example[]> {
   const groups = new Map<string, Example[]>();
-  for (const one of list) groups.set(one.robot ?? "", [...(groups.get(one.robot ?? "") ?? []), one]);
+  for (const one of list) {
+    const robot = baseName(one.robot ?? "").replace(/\.toml$/, "");
+    groups.set(robot, [...(groups.get(robot) ?? []), one]);
+  }
   return groups;
 }

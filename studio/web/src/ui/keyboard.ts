@@ -4,7 +4,7 @@ import type { Commands } from "../commands.ts";
 import type { Playback } from "../project/playback.ts";
 import type { View } from "../scene/view.ts";
 
-export function bindKeys(commands: Commands, playback: Playback, view: View, tools: { follow(): void; look(index: number): void }) {
+export function bindKeys(commands: Commands, playback: Playback, view: View | null, tools: { follow(): void; look(index: number): void } | null) {
   document.addEventListener("keydown", (event) => {
     if (document.querySelector("dialog[open]")) return;
     const target = event.target as HTMLElement;
@@ -20,9 +20,8 @@ export function bindKeys(commands: Commands, playback: Playback, view: View, too
     }
     if (typing || event.altKey) return;
     const step = event.shiftKey ? 10 : 1;
-    const onCanvas = target === view.stage.canvas;
-    const onButton = target.matches("button, summary, [role=slider], [role=tab], [role=separator], input");
-    if (onCanvas && move(view, event.key)) return event.preventDefault();
+        const onButton = target.matches("button, summary, [role=slider], [role=tab], [role=separator], input");
+    if (view && target === view.stage.canvas && move(view, event.key)) return event.preventDefault();
     switch (event.key) {
       case " ":
         if (onButton && target.matches("button, summary")) return;
@@ -43,10 +42,10 @@ export function bindKeys(commands: Commands, playback: Playback, view: View, too
       case "2":
       case "3":
       case "4":
-        tools.look(Number(event.key) - 1);
+        tools?.look(Number(event.key) - 1);
         break;
       case "f":
-        tools.follow();
+        tools?.follow();
         break;
       case "?":
         commands.help();

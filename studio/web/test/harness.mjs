@@ -1,0 +1,164 @@
+// Serves the page with its engine and drives it in a real browser, as a person does: mouse, keyboard, reload.
+// Waits are for a version of the documents whose plan has been answered, never for time.
+import { spawn, spawnSync } from "node:child_process";
+import { readFile } from "node:fs/promises";
+import { createServer } from "node:http";
+import { dirname, extname, join } from "node:path";
+import { fileURLToPath } from "node:url";
+import puppeteer from "puppeteer-core";
+
+const here = dirname(fileURLToPath(import.meta.url));
+export const DIST = process.env.STUDIO_DIST ?? join(here, "../../dist");
+export const WASM = process.env.STUDIO_WASM ?? join(DIST, "studio.wasm");
+export const WAIT_MS = 60_000;
+const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm" };
+const PROGRAMS = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" };
+
+export async function serve() {
+  const server = createServer(async (request, response) => {
+    const path = new URL(request.url, "http://page").pathname;
+    const name = path === "/" ? "index.html" : path.slice(1);
+    try {
+      const body = await readFile(name === "studio.wasm" ? WASM : join(DIST, name));
+      response.writeHead(200, { "content-type": TYPES[extname(name)] ?? "application/octet-stream" });
+      response.end(body);
+    } catch {
+      response.writeHead(404).end();
+    }
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  return { origin: `http://127.0.0.1:${server.address().port}`, close: () => server.close() };
+}
+
+/** A display for Firefox, whose headless mode has no WebGL without a GPU. */
+async function display() {
+  if (spawnSync("which", ["Xvfb"]).status !== 0) return null;
+  const program = spawn("Xvfb", ["-displayfd", "3", "-screen", "0", "1600x1200x24", "-nolisten", "tcp"], { stdio: ["ignore", "ignore", "ignore", "pipe"] });
+  const number = await new Promise((resolve) => program.stdio[3].once("data", (data) => resolve(String(data).trim())));
+  return { name: `:${number}`, close: () => program.kill() };
+}
+
+export async function launch(name) {
+  const executablePath = process.env[`STUDIO_${name.toUpperCase()}`] ?? PROGRAMS[name];
+  if (name === "chromium") {
+    // Root has no user namespaces to put a sandbox in.
+    return puppeteer.launch({ executablePath, headless: true, args: process.getuid() === 0 ? ["--no-sandbox"] : [] });
+  }
+  const screen = await display();
+  const browser = await puppeteer.launch({
+    browser: "firefox",
+    executablePath,
+    headless: screen === null,
+    env: { ...process.env, DISPLAY: screen?.name ?? "", LIBGL_ALWAYS_SOFTWARE: "1" },
+    extraPrefsFirefox: { "webgl.force-enabled": true },
+  });
+  const close = browser.close.bind(browser);
+  browser.close = async () => {
+    await close();
+    screen?.close();
+  };
+  return browser;
+}
+
+/** What browsers say about rendering in software is not the page's. */
+const NOISE = /software WebGL|GPU stall|GL Driver Message|WebGL context was lost|WEBGL_debug_renderer_info/i;
+
+export class Studio {
+  errors = [];
+  requests = [];
+
+  static async open(browser, url, options = {}) {
+    const studio = new Studio();
+    studio.page = await browser.newPage();
+    const { page } = studio;
+    await page.setViewport({ width: 1280, height: 860, ...options.viewport });
+    if (options.theme) await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: options.theme }]);
+    page.on("console", (message) => {
+      if (["error", "warn"].includes(message.type()) && !NOISE.test(message.text())) studio.errors.push(message.text());
+    });
+    page.on("pageerror", (error) => studio.errors.push(String(error)));
+    page.on("request", (request) => studio.requests.push(request.url()));
+    await page.goto(url);
+    await studio.settled();
+    return studio;
+  }
+
+  /** Waits until the documents as they are now have been planned in full, or found at fault. */
+  async settled() {
+    await this.page.waitForFunction(
+      () => {
+        const state = globalThis.studio?.state;
+        return state && state.version > 0 && state.settled === state.version && !state.planning;
+      },
+      { timeout: WAIT_MS },
+    );
+  }
+
+  /** Does something that changes the documents, and waits for its plan. */
+  async edit(act) {
+    const before = await this.state("state.version");
+    await act();
+    await this.page.waitForFunction((version) => globalThis.studio.state.version > version, { timeout: WAIT_MS }, before);
+    await this.settled();
+  }
+
+  state(path) {
+    return this.page.evaluate((path) => path.split(".").reduce((value, key) => value?.[key], globalThis.studio), path);
+  }
+
+  text(kind = "motionPath") {
+    return this.page.evaluate((kind) => {
+      const { documents } = globalThis.studio.state;
+      return documents.text(documents[kind]);
+    }, kind);
+  }
+
+  converged() {
+    return this.state("state.shown.planned.converged");
+  }
+
+  words() {
+    return this.page.$eval(".status", (status) => status.innerText);
+  }
+
+  click(selector) {
+    return this.page.locator(selector).setTimeout(WAIT_MS).click();
+  }
+
+  button(text) {
+    return this.click(`::-p-xpath(//button[normalize-space(.)="${text}"])`);
+  }
+
+  async field(label) {
+    return this.page.waitForSelector(`.panels input[aria-label^="${label}"]`);
+  }
+
+  async type(label, value) {
+    const field = await this.field(label);
+    await field.focus();
+    await this.page.keyboard.type(value);
+    await this.page.keyboard.press("Enter");
+  }
+
+  async press(...keys) {
+    for (const key of keys.slice(0, -1)) await this.page.keyboard.down(key);
+    await this.page.keyboard.press(keys.at(-1));
+    for (const key of keys.slice(0, -1).reverse()) await this.page.keyboard.up(key);
+  }
+
+  /** Drags from one point to another in steps, as a hand does. */
+  async drag(from, to, steps = 8) {
+    const { mouse } = this.page;
+    await mouse.move(from.x, from.y);
+    await mouse.down();
+    for (let k = 1; k <= steps; k++) await mouse.move(from.x + ((to.x - from.x) * k) / steps, from.y + ((to.y - from.y) * k) / steps);
+    await mouse.up();
+  }
+
+  box(selector) {
+    return this.page.$eval(selector, (element) => {
+      const { x, y, width, height } = element.getBoundingClientRect();
+      return { x, y, width, height };
+    });
+  }
+}
