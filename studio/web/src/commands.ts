@@ -3,16 +3,19 @@
 import { Cancelled } from "./engine/engine.ts";
 import { baseName } from "./project/documents.ts";
 import { download, pickFiles, saveDocument } from "./project/files.ts";
+import type { Playback } from "./project/playback.ts";
 import { save, type Settings, type Theme } from "./project/settings.ts";
 import { linkTo } from "./project/share.ts";
 import type { Studio } from "./project/studio.ts";
+import { canRecord, savePicture, saveVideo } from "./scene/record.ts";
+import type { View } from "./scene/view.ts";
 import { openGallery } from "./ui/gallery.ts";
 import { openHelp } from "./ui/help.ts";
 import type { Item } from "./ui/menu.ts";
 
 export type Commands = ReturnType<typeof buildCommands>;
 
-export function buildCommands(studio: Studio, settings: Settings, restyle: () => void) {
+export function buildCommands(studio: Studio, playback: Playback, view: View | null, settings: Settings, restyle: () => void) {
   const name = () => studio.motion?.name ?? "motion";
   const exported = async (file: string, body: Parameters<Studio["engine"]["request"]>[1]) => {
     try {
@@ -56,6 +59,21 @@ export function buildCommands(studio: Studio, settings: Settings, restyle: () =>
     ],
     shareItems: (): Item[] => [
       { text: "Copy link", hint: "the project is in the link itself; nothing is sent", act: () => void share() },
+      "line",
+      { text: "Picture", hint: "PNG of the view", disabled: planned() || !view, act: () => view && savePicture(view.stage, `${name()}.png`) },
+      {
+        text: "Video",
+        hint: "WebM of one run at the chosen speed",
+        disabled: planned() || !view || !canRecord,
+        act: () => {
+          if (!view) return;
+          studio.say("Recording…");
+          saveVideo(view.stage, playback, `${name()}.webm`).then(
+            () => studio.say(`Saved ${name()}.webm.`),
+            (error) => studio.complain(error),
+          );
+        },
+      },
     ],
     themeItems: (): Item[] =>
       (["system", "light", "dark"] as Theme[]).map((theme) => ({

@@ -41,7 +41,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", restyle);
 
-  const commands = buildCommands(studio, settings, restyle);
+  const commands = buildCommands(studio, playback, view, settings, restyle);
   buildHeader(shell.header, studio, commands);
   buildTransport(shell.transport, studio, playback);
   const tools = view ? buildViewTools(shell.viewTools, view, settings) : null;

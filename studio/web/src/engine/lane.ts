@@ -63,6 +63,8 @@ export class LaneOfRequests {
 
   #answer(json: string, binary: Uint8Array | null) {
     const value = JSON.parse(json);
+    // What the engine could not even read has no number.
+    if (value.kind === "error" && value.seq === 0) return this.#fail(() => new Refused(value.message, value.help ?? ""));
     const one = this.#waiting.get(value.seq);
     if (!one) return; // of a request that was cancelled
     if (value.kind === "progress") return one.options.progress?.(value);

@@ -14,6 +14,7 @@ export function robotPanel(studio: Studio): HTMLElement {
     const { scene } = studio;
     if (!scene) return;
     summary.textContent = `${scene.name}: ${scene.joints.length} joints, ${scene.end_effectors.length} end effectors, ${format(scene.mass_kg, 2)} kg`;
+    scene.parameters ??= []; // TEMP
     const key = JSON.stringify([scene.parameters.map((one) => [one.name, one.min, one.max]), scene.joints]);
     if (key !== built) {
       built = key;

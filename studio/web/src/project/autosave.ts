@@ -10,19 +10,23 @@ export type Kept = { files: { path: string; text: string }[]; motion: string; sa
 
 export function keepSaved(studio: Studio) {
   let timer = 0;
+  let failed = false;
   const write = () => {
     timer = 0;
     const { files, motion } = studio.documents.now;
     const kept: Kept = { files: files.map((file) => ({ ...file })), motion, saved: studio.documents.saved };
     try {
       localStorage.setItem(KEY, JSON.stringify(kept));
+      failed = false;
     } catch {
+      failed = true;
       // Storage may be full or forbidden: then there is no autosave, and leaving asks first.
     }
   };
   studio.events.on("documents", () => {
     if (studio.documents.now.files.length > 0) timer ||= setTimeout(write, WAIT_MS) as unknown as number;
   });
+  addEventListener("beforeunload", (event) => failed && studio.documents.anyChanged && event.preventDefault());
   addEventListener("pagehide", () => timer && (clearTimeout(timer), write()));
 }
 

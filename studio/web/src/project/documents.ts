@@ -10,6 +10,8 @@ export class Documents {
   #future: Snapshot[] = [];
   #gesture: string | null = null;
   #saved = new Map<string, string>();
+  /** Where the engine found the robot that the motion file names. */
+  readRobot = "";
 
   get now(): Snapshot {
     return this.#now;
@@ -27,9 +29,10 @@ export class Documents {
     return this.#now.files.find((file) => file.path === path)?.text;
   }
 
-  /** The robot file: what the motion file names, else the only other file that is one. */
+  /** The robot file that the motion was read with, else the first one. */
   get robotPath(): string | undefined {
-    return this.#now.files.find((file) => kindOf(file) === "robot")?.path;
+    const robots = this.#now.files.filter((file) => kindOf(file) === "robot");
+    return (robots.find((file) => file.path === this.readRobot) ?? robots[0])?.path;
   }
 
   get libraryPath(): string | undefined {
@@ -51,6 +54,13 @@ export class Documents {
     this.#gesture = gesture;
     const files = this.#now.files.map((file) => (file.path === path ? { path, text } : file));
     this.#now = { ...this.#now, files };
+  }
+
+  /** A file that the documents name and the engine had, which belongs to the project from now on. No step of undo. */
+  adopt(file: File) {
+    if (this.text(file.path) !== undefined) return;
+    this.#now = { ...this.#now, files: [...this.#now.files, file] };
+    this.#saved.set(file.path, file.text);
   }
 
   endGesture() {

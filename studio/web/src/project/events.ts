@@ -14,6 +14,13 @@ export class Events<Name extends string> {
   emit(...names: Name[]) {
     const called = new Set<() => void>();
     for (const name of names) for (const listener of this.#listeners.get(name) ?? []) called.add(listener);
-    for (const listener of called) listener();
+    for (const listener of called) {
+      try {
+        listener();
+      } catch (error) {
+        // A view that cannot draw must not stop planning, nor the other views.
+        console.error(error);
+      }
+    }
   }
 }

@@ -96,7 +96,14 @@ export class Planner {
     if (!binary) throw new Refused("The engine answered without frames.", "");
     const frames = new Float32Array(binary.buffer, binary.byteOffset, binary.byteLength / 4);
     this.outcome.planned(wish, value, frames);
-    if (value.good && !wish.drag) this.#good = (await this.engine.request("solver", { kind: "solution" })).binary;
+    if (value.good && !wish.drag) this.#keep();
+  }
+
+  /** Keeps the good solution here as well, in case its worker has to be ended. */
+  #keep() {
+    const keep = ({ binary }: { binary: Uint8Array | null }) => (this.#good = binary);
+    // Without it the next worker starts from nothing, which takes longer and is no error.
+    this.engine.request("solver", { kind: "solution" }).then(keep, () => {});
   }
 
   #recover(wish: Wish, error: Error) {

@@ -13,8 +13,10 @@ export class Playback {
   #listeners: (() => void)[] = [];
   #last_ms = 0;
 
-  onChange(listener: () => void) {
+  /** Returns what ends the listening. */
+  onChange(listener: () => void): () => void {
     this.#listeners.push(listener);
+    return () => (this.#listeners = this.#listeners.filter((one) => one !== listener));
   }
 
   get duration_s(): number {

@@ -183,11 +183,20 @@ export class Studio {
       this.faults = [];
       this.scene = value.scene;
       this.motion = value.motion;
+      await this.#adopt(value.read?.[1] ?? "");
     } catch (error) {
       if (version !== this.version) return;
       if (error instanceof Faults) this.faults = error.faults;
       else this.complain(error);
     }
+  }
+
+  /** The robot is one that ships and was not opened: its text becomes part of the project, so that it can be changed. */
+  async #adopt(robot: string) {
+    this.documents.readRobot = robot;
+    if (!robot || this.documents.text(robot) !== undefined) return;
+    const { value } = await this.engine.request("documents", { kind: "example", path: robot });
+    this.documents.adopt({ path: robot, text: value.text });
   }
 
   #planned(wish: Wish, planned: Planned, frames: Float32Array) {

@@ -15,7 +15,7 @@ export class Stage {
   draws = 0;
   #asked = false;
   #before: (() => void)[] = [];
-  #ambient = new AmbientLight(0xffffff, 1.3);
+  #ambient = new AmbientLight(0xffffff, 1.5);
 
   constructor(readonly host: HTMLElement) {
     const quality = qualityOf();
@@ -55,7 +55,7 @@ export class Stage {
 
   /** The sun stands beside the robot, so that its shadow is always in the map. */
   lightAt(x: number, y: number) {
-    this.sun.position.set(x + 1.2, y + 1.6, 3);
+    this.sun.position.set(x - 0.7, y - 1.3, 3);
     this.sun.target.position.set(x, y, 0);
   }
 
@@ -64,10 +64,14 @@ export class Stage {
     this.#asked = true;
     requestAnimationFrame(() => {
       this.#asked = false;
-      for (const step of this.#before) step();
-      this.renderer.render(this.scene, this.camera);
-      this.draws++;
+      this.draw();
     });
+  }
+
+  draw() {
+    for (const step of this.#before) step();
+    this.renderer.render(this.scene, this.camera);
+    this.draws++;
   }
 
   #resize() {

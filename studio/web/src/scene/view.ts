@@ -156,8 +156,8 @@ export class View {
       bodies.add(foot.body);
       if (foot.wheel_body !== null) bodies.add(foot.wheel_body);
     }
-    // A joint moves the link of the same number plus one: links are in the order of their joints, the root first.
-    if (selection.joint !== null) bodies.add(selection.joint + 1);
+    const joint = selection.joint === null ? null : shown.planned.scene.joints[selection.joint];
+    if (joint?.body !== undefined) bodies.add(joint.body);
     this.#robot.highlight(bodies, this.#palette);
     this.stage.invalidate();
   }
