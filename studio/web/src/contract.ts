@@ -84,6 +84,8 @@ export type Parameter = {
 export type Scene = {
   name: string;
   bodies: { name: string; shapes: Shape[] }[];
+  /** Poses of all bodies as the robot stands, `x y z qw qx qy qz`; empty if it cannot. */
+  standing: number[][];
   joints: Joint[];
   end_effectors: EndEffector[];
   mass_kg: number;
@@ -159,7 +161,7 @@ export type FramesHeader = {
   columns: { bodies: number; com: number; end_effectors: number; joints: number; wheels: number };
 };
 
-export type Opened = { scene: Scene; motion: MotionView; /** Paths of motion and robot as they were found. */ read?: [string, string] };
+export type Opened = { scene: Scene; motion: MotionView; /** Paths of motion and robot as they were found. */ read: [string, string] };
 export type Planned = Opened & { solve: Solve; frames: FramesHeader; converged: boolean; good: boolean };
 
 export type Progress = {

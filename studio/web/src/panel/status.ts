@@ -2,7 +2,7 @@
 
 import type { Culprit, Fault } from "../contract.ts";
 import { baseName } from "../project/documents.ts";
-import type { Studio } from "../project/studio.ts";
+import type { Shown, Studio } from "../project/studio.ts";
 import { format, h, replace } from "../ui/dom.ts";
 
 export type StatusActions = { jump(fault: Fault): void; seek(time_s: number): void };
@@ -64,9 +64,17 @@ function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
   }
   if (!shown) return { kind: "empty", title: "No motion is open", words: "" };
   const { solve, converged } = shown.planned;
-  const title = shown.drag ? (converged ? "Follows" : "Not met yet") : converged ? "Planned" : TITLES[solve.status] ?? "Not planned";
   const words = [solve.words, studio.notice].filter(Boolean).join(" ");
-  return { kind: converged ? "good" : "bad", title, words };
+  // A step of a drag is capped, so that it cannot converge; what counts is whether its constraints hold.
+  if (shown.drag) return { kind: met(shown) ? "good" : "planning", title: met(shown) ? "Follows" : "Following", words };
+  return { kind: converged ? "good" : "bad", title: converged ? "Planned" : TITLES[solve.status] ?? "Not planned", words };
+}
+
+/** Share of the tolerances up to which the optimiser accepts a plan. */
+const ACCEPTED_LEVEL = 0.2;
+
+function met(shown: Shown): boolean {
+  return shown.planned.solve.worst_level <= ACCEPTED_LEVEL;
 }
 
 const TITLES: Record<string, string> = {

@@ -183,7 +183,7 @@ export class Studio {
       this.faults = [];
       this.scene = value.scene;
       this.motion = value.motion;
-      await this.#adopt(value.read?.[1] ?? "");
+      await this.#adopt(value.read[1]);
     } catch (error) {
       if (version !== this.version) return;
       if (error instanceof Faults) this.faults = error.faults;

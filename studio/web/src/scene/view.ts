@@ -4,7 +4,7 @@ import type { Grip, Moved } from "./handles.ts";
 import type { Studio } from "../project/studio.ts";
 import type { Playback } from "../project/playback.ts";
 import { isDark, type Settings } from "../project/settings.ts";
-import type { Target } from "../contract.ts";
+import type { Scene, Target } from "../contract.ts";
 import { Cameras } from "./cameras.ts";
 import { Ground } from "./ground.ts";
 import { Handles } from "./handles.ts";
@@ -50,6 +50,7 @@ export class View {
     this.stage.beforeDraw(() => this.#pose());
     studio.events.on("plan", () => this.#planChanged());
     studio.events.on(["documents", "selection"], () => this.#buildHandles());
+    studio.events.on("documents", () => this.#showStanding());
     studio.events.on("selection", () => this.#highlight());
     playback.onChange(() => this.stage.invalidate());
     this.restyle();
@@ -79,10 +80,9 @@ export class View {
 
   #planChanged() {
     const { shown } = this.studio;
-    if (!shown) return this.stage.invalidate();
+    if (!shown) return this.#showStanding();
     const { planned, frames } = shown;
-    const built = JSON.stringify(planned.scene.bodies);
-    if (built !== this.#built) this.#buildRobot(built);
+    this.#buildRobot(planned.scene);
     this.#paths?.dispose();
     this.#paths = new Paths(planned.scene, frames, this.#palette, this.#dark);
     this.stage.scene.add(this.#paths.group);
@@ -92,9 +92,22 @@ export class View {
     this.#highlight();
   }
 
-  #buildRobot(built: string) {
-    const first = this.#built === "";
-    const { scene } = this.studio.shown!.planned;
+  /** Before there is a plan the robot stands. */
+  #showStanding() {
+    const { scene, shown } = this.studio;
+    if (shown || !scene || scene.standing.length === 0) return this.stage.invalidate();
+    this.#buildRobot(scene);
+    this.#overlays!.group.visible = false;
+    this.#robot!.pose(Float32Array.from(scene.standing.flat()), 0);
+    this.stage.invalidate();
+  }
+
+  #buildRobot(scene: Scene) {
+    const built = JSON.stringify([scene.bodies, scene.end_effectors, scene.mass_kg]);
+    if (built === this.#built) {
+      this.#overlays!.group.visible = true;
+      return;
+    }
     const another = this.#robot?.group.name !== scene.name;
     this.#built = built;
     this.#robot?.dispose();
@@ -103,24 +116,20 @@ export class View {
     this.#ghosts = [];
     this.#robot = new Robot(scene, this.#palette, "solid", !this.stage.low);
     this.#robot.group.name = scene.name;
+    this.#robot.showClearance(this.settings.layers.clearance);
     this.#overlays = new Overlays(scene, this.#palette);
     this.stage.scene.add(this.#robot.group, this.#overlays.group);
-    if (first && another) this.frame();
-    else if (another) this.frame();
+    if (another) this.#frame(scene);
   }
 
-  frame() {
+  /** The whole robot in the picture, by its pose as it stands. */
+  #frame(scene: Scene) {
     const { shown } = this.studio;
-    if (!shown) return;
-    const { frames } = shown;
-    const [x, y, z] = frames.com(frames.at(this.playback.time_s));
-    let size = 0.2;
-    for (let foot = 0; foot < shown.planned.scene.end_effectors.length; foot++) {
-      const at = frames.position(frames.row(0), foot);
-      const com = frames.com(frames.row(0));
-      size = Math.max(size, 2 * Math.hypot(at[0] - com[0], at[1] - com[1]), 1.3 * com[2]);
-    }
-    this.cameras.frame([x, y, z * 0.7], size);
+    const [x, y] = shown ? shown.frames.com(shown.frames.at(this.playback.time_s)) : [0, 0];
+    const reach = (pose: number[]) => Math.max(Math.abs(pose[0]), Math.abs(pose[1]), pose[2]);
+    const size = scene.standing.length > 0 ? 2 * Math.max(...scene.standing.map(reach)) : 0.5;
+    const height = scene.standing[0]?.[2] ?? 0.25;
+    this.cameras.frame([x, y, height * 0.6], Math.max(0.2, size));
   }
 
   #buildGhosts() {

@@ -41,7 +41,7 @@ export async function openGallery(studio: Studio) {
             "div",
             { class: "gallery-grid" },
             ...motions.map((one) =>
-              h("button", { type: "button", class: "example", "data-path": one.path, onclick: () => void open(one) }, h("strong", { text: one.name }), h("span", { text: one.title }), one.of === "library" ? h("span", { class: "tag", text: "library" }) : null),
+              h("button", { type: "button", class: "example", "data-path": one.path, title: one.title, onclick: () => void open(one) }, h("strong", { text: one.name }), h("span", { text: one.title.replaceAll("`", "") }), one.of === "library" ? h("span", { class: "tag", text: "library" }) : null),
             ),
           ),
         ),

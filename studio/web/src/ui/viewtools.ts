@@ -64,8 +64,10 @@ export function buildViewTools(host: HTMLElement, view: View, settings: Settings
 /** Says when the picture is of another plan than the documents ask for. */
 export function staleNote(host: HTMLElement, studio: Studio) {
   const update = () => {
-    const failed = studio.shown !== null && !studio.shown.planned.converged && !studio.stale;
-    host.hidden = !(studio.stale || failed);
+    const { shown } = studio;
+    const failed = shown !== null && !shown.drag && !shown.planned.converged && !studio.stale;
+    const behind = studio.stale && !shown?.drag;
+    host.hidden = !(behind || failed);
     host.classList.toggle("bad", failed);
     host.textContent = failed ? "This motion does not meet its constraints" : studio.planning ? "Planning: the picture is of the plan before" : "The picture is of an earlier plan";
   };
