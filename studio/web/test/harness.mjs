@@ -10,7 +10,7 @@ import puppeteer from "puppeteer-core";
 const here = dirname(fileURLToPath(import.meta.url));
 export const DIST = process.env.STUDIO_DIST ?? join(here, "../../dist");
 export const WASM = process.env.STUDIO_WASM ?? join(DIST, "studio.wasm");
-export const WAIT_MS = 60_000;
+export const WAIT_MS = Number(process.env.STUDIO_WAIT_MS ?? 60_000);
 const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm" };
 const PROGRAMS = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" };
 
@@ -85,13 +85,19 @@ export class Studio {
 
   /** Waits until the documents as they are now have been planned in full, or found at fault. */
   async settled() {
-    await this.page.waitForFunction(
-      () => {
-        const state = globalThis.studio?.state;
-        return state && state.version > 0 && state.settled === state.version && !state.planning;
-      },
-      { timeout: WAIT_MS },
-    );
+    const settled = () => {
+      const state = globalThis.studio?.state;
+      return state && state.version > 0 && state.settled === state.version && !state.planning;
+    };
+    try {
+      await this.page.waitForFunction(settled, { timeout: WAIT_MS });
+    } catch (error) {
+      const state = await this.page.evaluate(() => {
+        const { version, settled, planning, problem, faults } = globalThis.studio?.state ?? {};
+        return JSON.stringify({ version, settled, planning, problem, faults, says: document.body.innerText.slice(0, 300) });
+      });
+      throw new Error(`${error.message}\n${state}\n${this.errors.join("\n")}`);
+    }
   }
 
   /** Does something that changes the documents, and waits for its plan. */

@@ -30,7 +30,7 @@ export class Cameras {
 
   /** The whole robot in the picture. */
   frame(centre: [number, number, number], size_m: number) {
-    this.#distance_m = Math.max(0.4, size_m * 2.2);
+    this.#distance_m = Math.max(0.2, size_m * 2.2);
     this.#last.set(...centre);
     this.look(this.direction);
   }

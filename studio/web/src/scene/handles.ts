@@ -39,20 +39,20 @@ export class Handles {
     return this.#drag !== null;
   }
 
-  build(motion: MotionView, frames: Frames | null, feet: string[], palette: Palette, selected: number | null) {
+  build(motion: MotionView, frames: Frames | null, feet: string[], palette: Palette, selected: number | null, scale: number) {
     for (const one of this.#handles) one.object.traverse((object) => (object as { geometry?: BufferGeometry }).geometry?.dispose());
     this.group.clear();
     this.#handles = [];
     motion.targets.forEach((target, index) => {
       const at = placeOf(target, motion, frames, feet);
       const colour = index === selected ? palette.danger : palette.accent;
-      this.#add({ kind: "target", index }, at, marker(at, colour, index === selected), true);
+      this.#add({ kind: "target", index }, at, marker(at, colour, index === selected, scale), true);
     });
     const start = frames ? frames.com(frames.row(0)) : [0, 0, 0];
     const { forward_m, left_m, turn_rad } = motion.goal;
     if (forward_m !== null || left_m !== null) {
       const at = new Vector3(start[0] + (forward_m ?? 0), start[1] + (left_m ?? 0), 0);
-      this.#add({ kind: "goal" }, at, flag(palette, turn_rad ?? 0), false);
+      this.#add({ kind: "goal" }, at, flag(palette, turn_rad ?? 0, scale), false);
     }
     this.stage.invalidate();
   }
@@ -162,20 +162,23 @@ function placeOf(target: Target, motion: MotionView, frames: Frames | null, feet
   return new Vector3(target.forward_m ?? at.x, target.left_m ?? at.y, target.up_m ?? at.z);
 }
 
-function marker(at: Vector3, color: number, selected: boolean): Group {
+/** Sizes of markers are those that fit a robot of AgileBot's height; `scale` fits them to others. */
+function marker(at: Vector3, color: number, selected: boolean, scale: number): Group {
   const group = new Group();
   const over = { color, depthTest: false, transparent: true };
   const ball = new Mesh(new SphereGeometry(selected ? 0.016 : 0.013, 20, 14), new MeshBasicMaterial(over));
   const stem = new Line(lineGeometry([0, 0, 0, 0, 0, -at.z]), new LineBasicMaterial({ ...over, opacity: 0.7 }));
   const foot = new Mesh(new RingGeometry(0.014, 0.019, 24), new MeshBasicMaterial({ ...over, opacity: 0.7 }));
   foot.position.z = -at.z + 0.003;
+  ball.scale.setScalar(scale);
+  foot.scale.setScalar(scale);
   group.add(stem, foot, ball);
   group.traverse((object: Object3D) => (object.renderOrder = 11));
   return group;
 }
 
 /** The goal: a ring on the ground with a nose that shows the heading at the end. */
-function flag(palette: Palette, turn_rad: number): Group {
+function flag(palette: Palette, turn_rad: number, scale: number): Group {
   const group = new Group();
   const over = { color: palette.accent, transparent: true, depthWrite: false };
   const ring = new Mesh(new RingGeometry(0.028, 0.036, 36), new MeshBasicMaterial(over));
@@ -186,6 +189,7 @@ function flag(palette: Palette, turn_rad: number): Group {
   nose.position.set(0.058, 0, 0.004);
   group.add(ring, nose);
   group.rotation.z = turn_rad;
+  group.scale.setScalar(scale);
   group.traverse((object: Object3D) => (object.renderOrder = 3));
   return group;
 }

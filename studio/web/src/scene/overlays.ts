@@ -18,7 +18,7 @@ import type { Frames, Row } from "../project/frames.ts";
 import type { Palette } from "./palette.ts";
 
 const GRAVITY_M_S2 = 9.80665;
-/** Length of the arrow of a force that is the robot's weight. */
+/** Length of the arrow of a force that is the robot's weight, and height of a cone, for a robot of AgileBot's height. */
 const WEIGHT_LENGTH_M = 0.35;
 const CONE_HEIGHT_M = 0.1;
 /** Feet that carry less than this share of the weight do not support. */
@@ -32,7 +32,11 @@ export class Overlays {
   #outline: LineLoop;
   #weight: number;
 
-  constructor(scene: Scene, palette: Palette) {
+  constructor(
+    scene: Scene,
+    palette: Palette,
+    private readonly scale: number,
+  ) {
     this.#weight = scene.mass_kg * GRAVITY_M_S2;
     for (const foot of scene.end_effectors) {
       const arrow = new ArrowHelper(new Vector3(0, 0, 1), new Vector3(), 0.1, palette.force);
@@ -43,8 +47,9 @@ export class Overlays {
         part.renderOrder = 10;
       }
       this.#arrows.push(arrow);
-      const radius_m = foot.friction_coefficient * CONE_HEIGHT_M;
-      const geometry = new ConeGeometry(radius_m, CONE_HEIGHT_M, 24, 1, true).rotateX(-Math.PI / 2).translate(0, 0, CONE_HEIGHT_M / 2);
+      const height_m = CONE_HEIGHT_M * scale;
+      const radius_m = foot.friction_coefficient * height_m;
+      const geometry = new ConeGeometry(radius_m, height_m, 24, 1, true).rotateX(-Math.PI / 2).translate(0, 0, height_m / 2);
       const material = new MeshBasicMaterial({ color: palette.cone, transparent: true, opacity: 0.22, side: DoubleSide, depthWrite: false });
       this.#cones.push(new Mesh(geometry, material));
       this.group.add(arrow, this.#cones.at(-1)!);
@@ -65,10 +70,10 @@ export class Overlays {
       const contact = frames.contact(row, foot);
       arrow.visible = layers.forces && contact && share > LEAST_SHARE;
       if (arrow.visible) {
-        const length = share * WEIGHT_LENGTH_M;
+        const length = share * WEIGHT_LENGTH_M * this.scale;
         arrow.position.set(...at);
         arrow.setDirection(force.normalize());
-        arrow.setLength(length, Math.min(0.03, length * 0.4), 0.016);
+        arrow.setLength(length, Math.min(0.03 * this.scale, length * 0.4), 0.016 * this.scale);
       }
       const cone = this.#cones[foot];
       cone.visible = layers.cones && contact;

@@ -15,6 +15,7 @@ import { Robot } from "./robot.ts";
 import { Stage } from "./stage.ts";
 
 const GHOSTS = 4;
+const AGILEBOT_HEIGHT_M = 0.29;
 
 export class View {
   readonly stage: Stage;
@@ -117,7 +118,7 @@ export class View {
     this.#robot = new Robot(scene, this.#palette, "solid", !this.stage.low);
     this.#robot.group.name = scene.name;
     this.#robot.showClearance(this.settings.layers.clearance);
-    this.#overlays = new Overlays(scene, this.#palette);
+    this.#overlays = new Overlays(scene, this.#palette, scaleOf(scene));
     this.stage.scene.add(this.#robot.group, this.#overlays.group);
     if (another) this.#frame(scene);
   }
@@ -129,7 +130,7 @@ export class View {
     const reach = (pose: number[]) => Math.max(Math.abs(pose[0]), Math.abs(pose[1]), pose[2]);
     const size = scene.standing.length > 0 ? 2 * Math.max(...scene.standing.map(reach)) : 0.5;
     const height = scene.standing[0]?.[2] ?? 0.25;
-    this.cameras.frame([x, y, height * 0.6], Math.max(0.2, size));
+    this.cameras.frame([x, y, height * 0.6], size);
   }
 
   #buildGhosts() {
@@ -153,7 +154,7 @@ export class View {
     const { motion, shown, selection } = this.studio;
     if (!motion || this.handles.dragging) return;
     const feet = (this.studio.scene?.end_effectors ?? []).map((foot) => foot.name);
-    this.handles.build(motion, shown?.frames ?? null, feet, this.#palette, selection.target);
+    this.handles.build(motion, shown?.frames ?? null, feet, this.#palette, selection.target, this.studio.scene ? scaleOf(this.studio.scene) : 1);
   }
 
   #highlight() {
@@ -221,6 +222,12 @@ export class View {
     this.#gesture = null;
     this.#buildHandles();
   }
+}
+
+/** Height of the robot's body as it stands, against that of AgileBot: arrows and handles are made to fit. */
+function scaleOf(scene: Scene): number {
+  const height_m = scene.standing[0]?.[2] ?? AGILEBOT_HEIGHT_M;
+  return Math.max(0.2, Math.min(5, height_m / AGILEBOT_HEIGHT_M));
 }
 
 function round(value: number): number {

@@ -33,6 +33,8 @@ export class FootfallChart {
     const short = shortNames(names);
     const dark = isDark(this.settings.theme);
     const focused = this.#focused();
+    // Many feet share the room that four have.
+    this.element.classList.toggle("dense", names.length > 6);
     replace(
       this.element,
       ...motion.stance.map((row, foot) => {
