@@ -14,12 +14,14 @@ export const WAIT_MS = Number(process.env.STUDIO_WAIT_MS ?? 60_000);
 const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm" };
 const PROGRAMS = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" };
 
-export async function serve() {
+/** Serves the page. `changed` may change index.html, as a program that serves it does. */
+export async function serve(changed = (html) => html) {
   const server = createServer(async (request, response) => {
     const path = new URL(request.url, "http://page").pathname;
     const name = path === "/" ? "index.html" : path.slice(1);
     try {
-      const body = await readFile(name === "studio.wasm" ? WASM : join(DIST, name));
+      const file = await readFile(name === "studio.wasm" ? WASM : join(DIST, name));
+      const body = name === "index.html" ? changed(String(file)) : file;
       response.writeHead(200, { "content-type": TYPES[extname(name)] ?? "application/octet-stream" });
       response.end(body);
     } catch {
@@ -27,7 +29,7 @@ export async function serve() {
     }
   });
   await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
-  return { origin: `http://127.0.0.1:${server.address().port}`, close: () => server.close() };
+  return { server, origin: `http://127.0.0.1:${server.address().port}`, close: () => server.close() };
 }
 
 /** A display for Firefox, whose headless mode has no WebGL without a GPU. */

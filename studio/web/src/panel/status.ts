@@ -56,7 +56,7 @@ function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
     return { kind: "faults", title, words: "The picture is of the last documents without faults." };
   }
   if (problem) return { kind: "problem", title: problem.message, words: problem.help };
-  if (studio.planning) {
+  if (studio.planning && !(studio.dragging && shown)) {
     const detail = progress
       ? `Iteration ${progress.iteration}: ${progress.worst_constraint} is at ${format(progress.worst_level, 2)} times its tolerance.`
       : "";
@@ -66,7 +66,7 @@ function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
   const { solve, converged } = shown.planned;
   const words = [solve.words, studio.notice].filter(Boolean).join(" ");
   // A step of a drag is capped, so that it cannot converge; what counts is whether its constraints hold.
-  if (shown.drag) return { kind: met(shown) ? "good" : "planning", title: met(shown) ? "Follows" : "Following", words };
+  if (shown.drag || studio.dragging) return { kind: met(shown) ? "good" : "planning", title: met(shown) ? "Follows" : "Following", words };
   return { kind: converged ? "good" : "bad", title: converged ? "Planned" : TITLES[solve.status] ?? "Not planned", words };
 }
 

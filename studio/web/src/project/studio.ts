@@ -30,6 +30,8 @@ export class Studio {
   /** Something that went well, said once: "saved walk.toml". */
   notice = "";
   progress: Progress | null = null;
+  /** Something is being dragged: plans are steps that follow it. */
+  dragging = false;
 
   #planner: Planner;
   #amendments: Amendment[] = [];
@@ -81,6 +83,7 @@ export class Studio {
       this.scene = next.scene;
     }
     this.version++;
+    this.dragging = drag;
     const amendment = { edit, path, gesture, drag };
     // A newer step of a drag takes the place of one that still waits.
     const waiting = gesture ? this.#amendments.findIndex((one) => one.gesture === gesture && slot(one) === slot(amendment)) : -1;
@@ -119,9 +122,9 @@ export class Studio {
 
   complain(error: unknown) {
     if (error instanceof Cancelled) return;
-    const help = error instanceof Refused ? error.help : "";
     if (error instanceof Faults) this.faults = error.faults;
-    this.problem = { message: error instanceof Error ? error.message : String(error), help };
+    else if (error instanceof Broken) this.problem = { message: `The engine stopped: ${error.message}`, help: "It was started again with your documents. Nothing is lost." };
+    else this.problem = { message: error instanceof Error ? error.message : String(error), help: error instanceof Refused ? error.help : "" };
     this.events.emit("activity");
   }
 
@@ -150,6 +153,7 @@ export class Studio {
 
   async #documentsChanged(from: "scratch" | "good") {
     this.version++;
+    this.dragging = false;
     this.#amendments = [];
     this.problem = null;
     await this.#changed(from);
@@ -160,10 +164,10 @@ export class Studio {
     const snapshot = this.documents.now;
     const drag = how === "drag";
     this.notice = "";
-    if (!drag) await this.#read(snapshot, version);
+    const sound = drag || (await this.#read(snapshot, version));
     this.events.emit("documents", "activity");
     if (version !== this.version) return;
-    if (this.faults.length > 0 && !drag) {
+    if (!sound) {
       this.settled = version;
       this.events.emit("activity");
       return;
@@ -172,22 +176,22 @@ export class Studio {
   }
 
   /** What the documents say, checked by the engine, without waiting for a plan. */
-  async #read(snapshot: Snapshot, version: number) {
+  async #read(snapshot: Snapshot, version: number): Promise<boolean> {
     try {
       const { value } = await this.engine.request("documents", {
         kind: "open",
         files: snapshot.files.map((file) => ({ ...file })),
         motion: snapshot.motion,
       });
-      if (version !== this.version) return;
+      if (version !== this.version) return true;
       this.faults = [];
       this.scene = value.scene;
       this.motion = value.motion;
       await this.#adopt(value.read[1]);
+      return true;
     } catch (error) {
-      if (version !== this.version) return;
-      if (error instanceof Faults) this.faults = error.faults;
-      else this.complain(error);
+      if (version === this.version) this.complain(error);
+      return false;
     }
   }
 
@@ -210,7 +214,6 @@ export class Studio {
     if (wish.version === this.version) {
       this.scene = planned.scene;
       this.motion = planned.motion;
-      this.problem = null;
       if (!wish.drag) this.settled = wish.version;
       this.events.emit("documents");
     }
@@ -218,9 +221,7 @@ export class Studio {
   }
 
   #failed(wish: Wish, error: Error) {
-    if (error instanceof Faults) this.faults = error.faults;
-    else if (error instanceof Broken) this.problem = { message: `The engine stopped: ${error.message}`, help: "It was started again with your documents. Nothing is lost." };
-    else if (error instanceof Cancelled) this.notice = "Planning was stopped. The picture is of the plan before.";
+    if (error instanceof Cancelled) this.notice = "Planning was stopped. The picture is of the plan before.";
     else this.complain(error);
     if (!wish.drag && wish.version === this.version && !(error instanceof Broken)) this.settled = wish.version;
     this.events.emit("plan", "activity");

@@ -30,8 +30,15 @@ const LAYERS: [Layer, string][] = [
 
 export function buildViewTools(host: HTMLElement, view: View, settings: Settings) {
   const directions = DIRECTIONS.map(([direction, name, key]) =>
-    h("button", { type: "button", class: "button", text: name, title: `${name} (${key})`, "data-direction": direction, onclick: () => view.cameras.look(direction) }),
+    h("button", { type: "button", class: "button", text: name, title: `${name} (${key})`, "data-direction": direction, onclick: () => press(direction) }),
   );
+  const press = (chosen: Direction | null) => {
+    if (chosen) view.cameras.look(chosen);
+    for (const button of directions) button.setAttribute("aria-pressed", String(button.dataset.direction === chosen));
+  };
+  // A view that was turned by hand is none of these.
+  view.cameras.controls.addEventListener("start", () => press(null));
+  press("free");
   const follow = h("button", {
     type: "button",
     class: "button",
@@ -65,8 +72,8 @@ export function buildViewTools(host: HTMLElement, view: View, settings: Settings
 export function staleNote(host: HTMLElement, studio: Studio) {
   const update = () => {
     const { shown } = studio;
-    const failed = shown !== null && !shown.drag && !shown.planned.converged && !studio.stale;
-    const behind = studio.stale && !shown?.drag;
+    const failed = shown !== null && !shown.drag && !studio.dragging && !shown.planned.converged && !studio.stale;
+    const behind = studio.stale && !studio.dragging;
     host.hidden = !(behind || failed);
     host.classList.toggle("bad", failed);
     host.textContent = failed ? "This motion does not meet its constraints" : studio.planning ? "Planning: the picture is of the plan before" : "The picture is of an earlier plan";
