@@ -9,18 +9,25 @@ export function robotPanel(studio: Studio): HTMLElement {
   const sliders = h("div", { class: "sliders" });
   const tables = h("div", {});
   let built = "";
+  let shown = "";
   let updates: (() => void)[] = [];
   studio.events.on("documents", () => {
     const { scene } = studio;
     if (!scene) return;
     summary.textContent = `${scene.name}: ${scene.joints.length} joints, ${scene.end_effectors.length} end effectors, ${format(scene.mass_kg, 2)} kg`;
-    scene.parameters ??= []; // TEMP
-    const key = JSON.stringify([scene.parameters.map((one) => [one.name, one.min, one.max]), scene.joints]);
+    // Ranges are those of the robot as it was opened: they must not slide away under the hand.
+    const key = JSON.stringify([scene.name, scene.parameters.map((one) => one.name), scene.joints.length]);
     if (key !== built) {
       built = key;
       updates = [];
       replace(sliders, ...scene.parameters.map((one) => slider(studio, one.name, updates)));
+    }
+    const facts = JSON.stringify([scene.joints, scene.end_effectors]);
+    if (facts !== shown) {
+      shown = facts;
+      const open = [...tables.querySelectorAll("details")].map((one) => one.open);
       replace(tables, jointTable(studio), feetTable(studio));
+      tables.querySelectorAll("details").forEach((one, index) => (one.open = open[index] ?? false));
     }
     for (const one of updates) one();
   });
@@ -60,6 +67,8 @@ function slider(studio: Studio, name: string, updates: (() => void)[]): HTMLElem
     const now = parameter();
     if (!now) return;
     number.update(now.value);
+    range.min = String(Math.min(min, now.value));
+    range.max = String(Math.max(max, now.value));
     if (!gesture) range.value = String(now.value);
     range.setAttribute("aria-valuetext", `${format(now.value, digits)} ${unit}`);
   });

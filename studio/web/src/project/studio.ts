@@ -142,13 +142,21 @@ export class Studio {
         if (!drag) this.documents.endGesture();
         if (this.#amendments.length === 0) await this.#changed(drag ? "drag" : "good");
       } catch (error) {
-        // The document is as it was: show it as it is.
-        this.complain(error);
-        await this.#changed("good");
+        this.#refuse(error);
+        // The document is as it was; once nothing is dragged, it is shown so.
+        if (!drag) await this.#changed("good");
       }
     }
     this.#amending = false;
     this.events.emit("documents", "activity");
+  }
+
+  /** An edit that the engine does not make is a problem of the edit, not a fault of the documents. */
+  #refuse(error: unknown) {
+    if (!(error instanceof Faults)) return this.complain(error);
+    const [{ message, label, help }] = error.faults;
+    this.problem = { message: label ? `${message}: ${label}` : message, help };
+    this.events.emit("activity");
   }
 
   async #documentsChanged(from: "scratch" | "good") {
