@@ -35,6 +35,17 @@ export class Documents {
     return (robots.find((file) => file.path === this.readRobot) ?? robots[0])?.path;
   }
 
+  get motionPaths(): string[] {
+    return this.#now.files.filter((file) => kindOf(file) === "motion").map((file) => file.path);
+  }
+
+  /** Works on another motion of the project. */
+  choose(motion: string) {
+    this.#remember();
+    this.#gesture = null;
+    this.#now = { ...this.#now, motion };
+  }
+
   get libraryPath(): string | undefined {
     return this.#now.files.find((file) => kindOf(file) === "library")?.path;
   }

@@ -71,6 +71,11 @@ export class Studio {
     await this.#documentsChanged("scratch");
   }
 
+  chooseMotion(path: string) {
+    this.documents.choose(path);
+    void this.newProject();
+  }
+
   newGesture(): string {
     return `gesture ${++this.#gestures}`;
   }

@@ -34,6 +34,7 @@ export class Stage {
     const canvas = this.renderer.domElement;
     canvas.className = "canvas";
     canvas.tabIndex = 0;
+    canvas.addEventListener("webglcontextrestored", () => this.invalidate());
     host.append(canvas);
     new ResizeObserver(() => this.#resize()).observe(host);
     this.#resize();

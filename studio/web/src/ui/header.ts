@@ -1,7 +1,7 @@
 // The header: what is open and whether it is saved, open, save, share, undo, theme, help.
 
 import type { Commands } from "../commands.ts";
-import { baseName } from "../project/documents.ts";
+import { baseName, type Documents } from "../project/documents.ts";
 import type { Studio } from "../project/studio.ts";
 import { h, replace } from "./dom.ts";
 import { type IconName, picture } from "./icons.ts";
@@ -34,8 +34,14 @@ export function buildHeader(host: HTMLElement, studio: Studio, commands: Command
     h("div", { class: "group" }, themeMenu, iconButton("help", "Keyboard and mouse (?)", commands.help)),
   );
 
+  let drawn = "";
   const update = () => {
     const { documents } = studio;
+    undo.disabled = !documents.canUndo;
+    redo.disabled = !documents.canRedo;
+    const now = key(documents);
+    if (now === drawn) return;
+    drawn = now;
     const mark = (path: string | undefined) =>
       path
         ? h(
@@ -45,12 +51,23 @@ export function buildHeader(host: HTMLElement, studio: Studio, commands: Command
             documents.changed(path) ? h("span", { class: "dot", "aria-label": "changed", role: "img" }) : null,
           )
         : null;
-    replace(files, mark(documents.motionPath), documents.robotPath ? h("span", { class: "muted", text: "on" }) : null, mark(documents.robotPath));
-    undo.disabled = !documents.canUndo;
-    redo.disabled = !documents.canRedo;
+    const { motionPaths, motionPath } = documents;
+    const choice = h(
+      "select",
+      { "aria-label": "Motion", onchange: () => studio.chooseMotion(choice.value) },
+      ...motionPaths.map((path) => h("option", { value: path, text: `${baseName(path)}${documents.changed(path) ? " •" : ""}`, selected: path === motionPath })),
+    );
+    const focused = files.contains(document.activeElement);
+    replace(files, motionPaths.length > 1 ? choice : mark(motionPath), documents.robotPath ? h("span", { class: "muted", text: "on" }) : null, mark(documents.robotPath));
+    if (focused) choice.focus();
   };
   studio.events.on("documents", update);
   update();
+}
+
+/** All that the names of the files depend on. */
+function key(documents: Documents): string {
+  return JSON.stringify([documents.motionPath, documents.now.files.map(({ path }) => [path, documents.changed(path)])]);
 }
 
 export function iconButton(name: IconName, label: string, act: () => void): HTMLButtonElement {
