@@ -47,6 +47,7 @@ export class MockEngine implements Engine {
   static async load() {
     return new MockEngine(await (await fetch("plan.json")).json());
   }
+  prepare() {}
   cancel() {}
   async request(_lane: Lane, body: RequestBody): Promise<Done> {
     const value = (v: any, binary: Uint8Array | null = null) => ({ value: { kind: "done", ...v }, binary });

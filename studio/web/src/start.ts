@@ -26,6 +26,8 @@ import { buildShell } from "./ui/shell.ts";
 import { buildViewTools, staleNote } from "./ui/viewtools.ts";
 
 export async function start(root: HTMLElement, engine: Engine) {
+  engine.prepare("documents");
+  engine.prepare("solver");
   const settings = load();
   const studio = new Studio(engine);
   const playback = new Playback();

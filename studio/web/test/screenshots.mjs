@@ -1,15 +1,17 @@
-// Writes pictures of the page into a folder: node test/screenshots.mjs FOLDER. Light, dark, tablet, trouble, library.
+// Writes pictures of the page into a folder: node test/screenshots.mjs FOLDER [NAME]... Light, dark, tablet, trouble, library.
 import { mkdir } from "node:fs/promises";
 import { join } from "node:path";
 import { launch, serve, Studio } from "./harness.mjs";
 
 const folder = process.argv[2] ?? "build/screenshots";
+const names = process.argv.slice(3);
 await mkdir(folder, { recursive: true });
 const server = await serve();
 const browser = await launch("chromium");
 const desktop = { width: 1440, height: 900 };
 
 async function picture(name, options, act = async () => {}) {
+  if (names.length > 0 && !names.includes(name)) return;
   const context = await browser.createBrowserContext();
   const studio = await Studio.open(context, `${server.origin}/?quality=${options.quality ?? "high"}`, options);
   await act(studio);

@@ -39,6 +39,8 @@ export interface Engine {
   /** How the engine is reached, in words. */
   readonly place: string;
   request(lane: Lane, body: RequestBody, options?: Options): Promise<Done>;
+  /** Starts what the lane needs, before its first request. */
+  prepare(lane: Lane): void;
   /** Ends what the lane is doing; its requests fail with `Cancelled`. */
   cancel(lane: Lane): void;
 }

@@ -34,6 +34,10 @@ export class LaneOfRequests {
     });
   }
 
+  prepare() {
+    this.#connected();
+  }
+
   cancel() {
     if (!this.#channel || this.#waiting.size === 0) return;
     if (this.interrupt(this.#channel) === "closed") this.#channel = null;

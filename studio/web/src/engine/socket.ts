@@ -22,6 +22,10 @@ export class SocketEngine implements Engine {
     return this.#lanes[lane].request(body, options);
   }
 
+  prepare(lane: Lane) {
+    this.#lanes[lane].prepare();
+  }
+
   cancel(lane: Lane) {
     this.#lanes[lane].cancel();
   }

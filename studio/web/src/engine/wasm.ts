@@ -25,6 +25,10 @@ export class WasmEngine implements Engine {
     return this.#lanes[lane].request(body, options);
   }
 
+  prepare(lane: Lane) {
+    this.#lanes[lane].prepare();
+  }
+
   cancel(lane: Lane) {
     this.#lanes[lane].cancel();
   }

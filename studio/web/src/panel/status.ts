@@ -3,7 +3,7 @@
 import type { Culprit, Fault } from "../contract.ts";
 import { baseName } from "../project/documents.ts";
 import type { Shown, Studio } from "../project/studio.ts";
-import { format, h, replace } from "../ui/dom.ts";
+import { format, h, prose, replace } from "../ui/dom.ts";
 
 export type StatusActions = { jump(fault: Fault): void; seek(time_s: number): void };
 
@@ -32,11 +32,11 @@ export function buildStatus(host: HTMLElement, studio: Studio, actions: StatusAc
       }
     } else since = 0;
     host.dataset.state = state.kind;
-    replace(head, h("span", { class: "status-mark", "aria-hidden": "true", text: MARKS[state.kind] }), h("strong", { text: state.title }), ...(state.kind === "planning" ? [stopButton(studio)] : []));
+    replace(head, h("span", { class: "status-mark", "aria-hidden": "true", text: MARKS[state.kind] }), h("strong", {}, prose(state.title)), ...(state.kind === "planning" ? [stopButton(studio)] : []));
     const key = JSON.stringify([state.kind, state.words, studio.faults, studio.shown?.planned.solve.culprits, studio.selection.culprit]);
     if (key !== drawn) {
       drawn = key;
-      replace(body, state.words ? h("p", { text: state.words }) : null, ...detailsOf(studio, state.kind, actions));
+      replace(body, state.words ? h("p", {}, prose(state.words)) : null, ...detailsOf(studio, state.kind, actions));
     }
     const said = state.kind === "planning" ? "Planning" : `${state.title}. ${state.words}`;
     if (live.textContent !== said) live.textContent = said;
@@ -105,8 +105,8 @@ function faultOf(fault: Fault, actions: StatusActions): HTMLElement {
     "li",
     {},
     h("button", { type: "button", class: "link", onclick: () => actions.jump(fault), text: `${baseName(fault.path)}, line ${fault.line}` }),
-    h("span", { text: fault.label ? `${fault.message}: ${fault.label}` : fault.message }),
-    fault.help ? h("span", { class: "advice", text: fault.help }) : null,
+    h("span", {}, prose(fault.label ? `${fault.message}: ${fault.label}` : fault.message)),
+    fault.help ? h("span", { class: "advice" }, prose(fault.help)) : null,
   );
 }
 
@@ -122,8 +122,8 @@ function culpritOf(studio: Studio, culprit: Culprit, index: number, actions: Sta
   return h(
     "li",
     { class: pressed ? "shown" : "" },
-    h("button", { type: "button", class: "culprit", "aria-pressed": String(pressed), title: "Show it in scene and timeline", onclick: show, text: culprit.what }),
-    culprit.advice ? h("span", { class: "advice", text: culprit.advice }) : null,
+    h("button", { type: "button", class: "culprit", "aria-pressed": String(pressed), title: "Show it in scene and timeline", onclick: show }, prose(culprit.what)),
+    culprit.advice ? h("span", { class: "advice" }, prose(culprit.advice)) : null,
     fix
       ? h("button", { type: "button", class: "button small", text: fix.label, onclick: () => studio.edit(fix.edit, { path: fix.path }) })
       : null,

@@ -3,7 +3,7 @@
 import type { Fault } from "../contract.ts";
 import { baseName } from "../project/documents.ts";
 import type { Studio } from "../project/studio.ts";
-import { h, replace } from "../ui/dom.ts";
+import { h, prose, replace } from "../ui/dom.ts";
 
 const WAIT_MS = 400;
 
@@ -83,8 +83,8 @@ export function textPane(studio: Studio): TextPane {
           "li",
           {},
           h("button", { type: "button", class: "link", text: `line ${fault.line}`, onclick: () => jump(fault) }),
-          h("span", { text: fault.label ? `${fault.message}: ${fault.label}` : fault.message }),
-          fault.help ? h("span", { class: "advice", text: fault.help }) : null,
+          h("span", {}, prose(fault.label ? `${fault.message}: ${fault.label}` : fault.message)),
+          fault.help ? h("span", { class: "advice" }, prose(fault.help)) : null,
         ),
       ),
     );

@@ -46,7 +46,7 @@ export function buildTimeline(host: HTMLElement, studio: Studio, playback: Playb
     replace(
       ruler,
       ...marks.map((mark) => {
-        const label = h("span", { class: "tick", text: format(mark, digits) });
+        const label = h("span", { class: mark > 0.97 * end ? "tick end" : "tick", text: format(mark, digits) });
         label.style.left = `${(mark / end) * 100}%`;
         return label;
       }),

@@ -46,3 +46,10 @@ export function format(value: number, digits = 3): string {
   const bare = Number(text) === 0 ? (0).toFixed(digits) : text;
   return bare.replace("-", "−");
 }
+
+/** Text in which `names of fields` are set as code, as messages of the engine write them. */
+export function prose(text: string): DocumentFragment {
+  const fragment = document.createDocumentFragment();
+  text.split("`").forEach((part, index) => fragment.append(index % 2 === 1 ? h("code", { text: part }) : part));
+  return fragment;
+}
