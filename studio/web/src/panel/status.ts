@@ -3,6 +3,7 @@
 import type { Culprit, Fault } from "../contract.ts";
 import { baseName } from "../project/documents.ts";
 import type { Shown, Studio } from "../project/studio.ts";
+import { factsOf } from "./facts.ts";
 import { format, h, prose, replace } from "../ui/dom.ts";
 
 export type StatusActions = { jump(fault: Fault): void; seek(time_s: number): void };
@@ -33,7 +34,7 @@ export function buildStatus(host: HTMLElement, studio: Studio, actions: StatusAc
     } else since = 0;
     host.dataset.state = state.kind;
     replace(head, h("span", { class: "status-mark", "aria-hidden": "true", text: MARKS[state.kind] }), h("strong", {}, prose(state.title)), ...(state.kind === "planning" ? [stopButton(studio)] : []));
-    const key = JSON.stringify([state.kind, state.words, studio.faults, studio.shown?.planned.solve.culprits, studio.selection.culprit]);
+    const key = JSON.stringify([state.kind, state.words, studio.shown?.version, studio.faults, studio.shown?.planned.solve.culprits, studio.selection.culprit]);
     if (key !== drawn) {
       drawn = key;
       replace(body, state.words ? h("p", {}, prose(state.words)) : null, ...detailsOf(studio, state.kind, actions));
@@ -91,6 +92,7 @@ function stopButton(studio: Studio): HTMLElement {
 
 function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLElement | null)[] {
   if (kind === "faults") return [h("ul", { class: "faults" }, ...studio.faults.map((fault) => faultOf(fault, actions)))];
+  if (kind === "good") return [h("p", { class: "facts", text: factsOf(studio.shown!) })];
   if (kind !== "bad") return [];
   const { culprits } = studio.shown!.planned.solve;
   if (culprits.length === 0) return [];

@@ -1,10 +1,10 @@
 // Things in the scene that are dragged: targets and the goal. On the ground plane by default, upwards with Shift.
 // Whatever is dragged here can be typed in the panel too.
 
-import { BufferGeometry, ConeGeometry, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial, Object3D, Plane, Raycaster, RingGeometry, SphereGeometry, Vector2, Vector3 } from "three";
+import { ConeGeometry, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial, Object3D, Plane, Raycaster, RingGeometry, SphereGeometry, Vector2, Vector3 } from "three";
 import type { MotionView, Target } from "../contract.ts";
 import type { Frames } from "../project/frames.ts";
-import { lineGeometry } from "./lines.ts";
+import { dispose, lineGeometry } from "./lines.ts";
 import type { Palette } from "./palette.ts";
 import type { Stage } from "./stage.ts";
 
@@ -40,8 +40,7 @@ export class Handles {
   }
 
   build(motion: MotionView, frames: Frames | null, feet: string[], palette: Palette, selected: number | null, scale: number) {
-    for (const one of this.#handles) one.object.traverse((object) => (object as { geometry?: BufferGeometry }).geometry?.dispose());
-    this.group.clear();
+    for (const one of this.#handles) dispose(one.object);
     this.#handles = [];
     motion.targets.forEach((target, index) => {
       const at = placeOf(target, motion, frames, feet);

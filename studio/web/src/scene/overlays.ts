@@ -15,6 +15,7 @@ import {
 } from "three";
 import type { Scene } from "../contract.ts";
 import type { Frames, Row } from "../project/frames.ts";
+import { dispose } from "./lines.ts";
 import type { Palette } from "./palette.ts";
 
 const GRAVITY_M_S2 = 9.80665;
@@ -92,10 +93,7 @@ export class Overlays {
   }
 
   dispose() {
-    this.group.removeFromParent();
-    for (const arrow of this.#arrows) arrow.dispose();
-    for (const mesh of [...this.#cones, this.#fill]) mesh.geometry.dispose();
-    this.#outline.geometry.dispose();
+    dispose(this.group);
   }
 }
 

@@ -1,9 +1,9 @@
 // Paths of the centre of mass and of the feet over the whole motion, and where feet stand.
 
-import { BufferGeometry, CircleGeometry, Group, Line, LineBasicMaterial, LineDashedMaterial, Mesh, MeshBasicMaterial } from "three";
+import { CircleGeometry, Group, Line, LineBasicMaterial, LineDashedMaterial, Mesh, MeshBasicMaterial } from "three";
 import type { Scene } from "../contract.ts";
 import type { Frames } from "../project/frames.ts";
-import { lineGeometry } from "./lines.ts";
+import { dispose, lineGeometry } from "./lines.ts";
 import { footColour, type Palette } from "./palette.ts";
 
 export class Paths {
@@ -36,11 +36,7 @@ export class Paths {
   }
 
   dispose() {
-    this.group.removeFromParent();
-    this.group.traverse((object) => {
-      const { geometry } = object as { geometry?: BufferGeometry };
-      geometry?.dispose();
-    });
+    dispose(this.group);
   }
 
   /** A ring where a foot lands. */

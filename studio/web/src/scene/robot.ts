@@ -16,7 +16,7 @@ import {
 } from "three";
 import type { Scene, Shape } from "../contract.ts";
 import type { Row } from "../project/frames.ts";
-import { lineGeometry } from "./lines.ts";
+import { dispose, lineGeometry } from "./lines.ts";
 import type { Palette } from "./palette.ts";
 
 export type Look = "solid" | "ghost";
@@ -78,12 +78,7 @@ export class Robot {
   }
 
   dispose() {
-    this.group.removeFromParent();
-    this.group.traverse((object) => {
-      if (object instanceof Mesh || object instanceof LineSegments) object.geometry.dispose();
-    });
-    for (const material of this.#materials.values()) material.dispose();
-    this.#edges.dispose();
+    dispose(this.group);
   }
 
   #object(shape: Shape, clearance: boolean, palette: Palette, look: Look, shadows: boolean): Object3D {
