@@ -95,11 +95,9 @@ function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLEle
   if (kind === "good") return [h("p", { class: "facts", text: factsOf(studio.shown!) })];
   if (kind !== "bad") return [];
   const { culprits } = studio.shown!.planned.solve;
-  if (culprits.length === 0) return [];
-  return [
-    h("h3", { text: "To blame" }),
-    h("ul", { class: "culprits" }, ...culprits.map((culprit, index) => culpritOf(studio, culprit, index, actions))),
-  ];
+  const again = h("button", { type: "button", class: "button small", text: "Plan from scratch", title: "Without the plan before as a start", onclick: () => studio.planAgain() });
+  const blamed = culprits.map((culprit, index) => culpritOf(studio, culprit, index, actions));
+  return [...(blamed.length > 0 ? [h("h3", { text: "To blame" }), h("ul", { class: "culprits" }, ...blamed)] : []), again];
 }
 
 function faultOf(fault: Fault, actions: StatusActions): HTMLElement {

@@ -37,6 +37,8 @@ export class Studio {
   #amendments: Amendment[] = [];
   #amending = false;
   #gestures = 0;
+  /** Grows when the documents change by other means than amendments: what was under way then is void. */
+  #epoch = 0;
 
   constructor(readonly engine: Engine) {
     this.#planner = new Planner(engine, {
@@ -141,7 +143,9 @@ export class Studio {
       try {
         const { files, motion } = this.documents.now;
         const body = { kind: "amend", files: files.map((file) => ({ ...file })), motion, path, edit } as const;
+        const epoch = this.#epoch;
         const { value } = await this.engine.request("documents", body);
+        if (epoch !== this.#epoch) continue;
         this.documents.write(path, value.text, gesture);
         this.problem = null;
         if (!drag) this.documents.endGesture();
@@ -167,6 +171,7 @@ export class Studio {
   async #documentsChanged(from: "scratch" | "good") {
     this.version++;
     this.dragging = false;
+    this.#epoch++;
     this.#amendments = [];
     this.problem = null;
     await this.#changed(from);

@@ -79,11 +79,12 @@ export function numberField(options: NumberOptions): NumberField {
     const step = options.step * (event.shiftKey ? 10 : 1) * (event.key === "ArrowUp" ? 1 : -1);
     set(bounded((value ?? 0) + step), keys, true);
   });
-  input.addEventListener("keyup", (event) => {
-    if (!keys || (event.key !== "ArrowUp" && event.key !== "ArrowDown")) return;
-    set(value, keys, false);
+  const keysUp = () => {
+    if (keys) set(value, keys, false);
     keys = null;
-  });
+  };
+  input.addEventListener("keyup", (event) => ["ArrowUp", "ArrowDown"].includes(event.key) && keysUp());
+  input.addEventListener("blur", keysUp);
 
   let drag: { x: number; from: number; gesture: string; moved: boolean } | null = null;
   label.addEventListener("pointerdown", (event) => {
