@@ -25,7 +25,9 @@ export type Edit =
   | { edit: "swing"; end_effector: number; from: number; to: number; stance: boolean }
   | { edit: "target"; index: number | null; target: Target | null }
   | { edit: "height"; index: number | null; height: Height | null }
-  | { edit: "parameter"; name: string; value: number };
+  | { edit: "parameter"; name: string; value: number }
+  /** A limit of the robot file, wherever the file has it. */
+  | { edit: "everywhere"; key: string; from: number; value: number };
 
 export type Fault = {
   path: string;

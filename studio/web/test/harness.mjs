@@ -137,6 +137,11 @@ export class Studio {
     return this.click(`::-p-xpath(//button[normalize-space(.)="${text}"])`);
   }
 
+  async example(path) {
+    await this.button("Examples");
+    await this.edit(() => this.click(`.example[data-path="${path}"]`));
+  }
+
   async field(label) {
     return this.page.waitForSelector(`.panels input[aria-label^="${label}"]`);
   }

@@ -215,8 +215,7 @@ describe("the page", () => {
   });
 
   test("an example is opened from the gallery", async () => {
-    await studio.button("Examples");
-    await studio.edit(() => studio.click('.example[data-path="motions/drive_1m.toml"]'));
+    await studio.example("motions/drive_1m.toml");
     assert.equal(await studio.state("state.motion.name"), "drive_1m");
     assert.equal(await studio.converged(), true);
   });
@@ -260,8 +259,7 @@ describe("the page", () => {
   });
 
   test("the library is built, with its graph", async () => {
-    await studio.button("Examples");
-    await studio.edit(() => studio.click('.example[data-path="motions/agilebot_library.toml"]'));
+    await studio.example("motions/agilebot_library.toml");
     await studio.click("#tab-library");
     await studio.button("Build library");
     await studio.page.waitForSelector("[data-built]", { timeout: 180_000 });

@@ -22,16 +22,12 @@ async function picture(name, options, act = async () => {}) {
 }
 
 const seek = (time_s) => (studio) => studio.page.evaluate((time_s) => globalThis.studio.playback.seek(time_s), time_s);
-const example = async (studio, path) => {
-  await studio.button("Examples");
-  await studio.edit(() => studio.click(`.example[data-path="${path}"]`));
-};
-
 await picture("light", { theme: "light", viewport: desktop }, seek(0.6));
 await picture("dark", { theme: "dark", viewport: desktop }, seek(0.6));
 await picture("tablet", { theme: "light", viewport: { width: 820, height: 1180 } }, seek(0.6));
 await picture("trouble", { theme: "light", viewport: desktop }, async (studio) => {
-  await studio.edit(() => studio.type("Duration", "0.5"));
+  await studio.example("motions/test_leg_roll.toml");
+  await studio.edit(() => studio.type("Forward", "3"));
   await studio.click(".culprit");
 });
 await picture("target", { theme: "dark", viewport: desktop }, async (studio) => {
@@ -55,10 +51,10 @@ await picture("text", { theme: "dark", viewport: desktop }, async (studio) => {
   );
 });
 await picture("examples", { theme: "light", viewport: desktop }, (studio) => studio.button("Examples").then(() => studio.page.waitForSelector(".example")));
-await picture("skate", { theme: "light", viewport: desktop }, (studio) => example(studio, "motions/skate.toml"));
-await picture("drive", { theme: "dark", viewport: desktop }, (studio) => example(studio, "motions/drive_1m.toml"));
+await picture("skate", { theme: "light", viewport: desktop }, (studio) => studio.example("motions/skate.toml"));
+await picture("drive", { theme: "dark", viewport: desktop }, (studio) => studio.example("motions/drive_1m.toml"));
 await picture("library", { theme: "light", viewport: desktop }, async (studio) => {
-  await example(studio, "motions/agilebot_library.toml");
+  await studio.example("motions/agilebot_library.toml");
   await studio.click("#tab-library");
   await studio.button("Build library");
   await studio.page.waitForSelector("[data-built]", { timeout: 240_000 });

@@ -42,15 +42,19 @@ for (const name of browsers) {
       await studio.edit(() => studio.press("Control", "z"));
     });
 
-    test("says who is to blame for what cannot be met", async () => {
-      await studio.edit(() => studio.type("Duration", "0.5"));
+    test("says who is to blame for what cannot be met, and what would do", async () => {
+      await studio.example("motions/test_leg_roll.toml");
+      assert.equal(await studio.converged(), true);
+      await studio.edit(() => studio.type("Forward", "3"));
       assert.equal(await studio.converged(), false);
-      const culprits = await studio.state("state.shown.planned.solve.culprits");
-      assert.ok(culprits.length > 0, "nobody is to blame");
-      assert.ok((await studio.words()).includes(culprits[0].what.replaceAll("`", "")));
+      const [culprit] = await studio.state("state.shown.planned.solve.culprits");
+      assert.equal(culprit.constraint, "displacement goal");
+      assert.ok((await studio.words()).includes(culprit.what.replaceAll("`", "")));
       await studio.click(".culprit");
       assert.equal(await studio.state("state.selection.culprit"), 0);
-      await studio.edit(() => studio.press("Control", "z"));
+      assert.deepEqual(await studio.state("state.selection.span"), { from_s: culprit.from_s, to_s: culprit.to_s });
+      await studio.edit(() => studio.button(culprit.fix.label));
+      assert.equal(await studio.state("state.motion.goal.forward_m"), culprit.fix.edit.value);
       assert.equal(await studio.converged(), true);
     });
 
