@@ -1,7 +1,8 @@
 // Serves the page with its engine and drives it in a real browser, as a person does: mouse, keyboard, reload.
 // Waits are for a version of the documents whose plan has been answered, never for time.
+import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
-import { readFile } from "node:fs/promises";
+import { access, readFile } from "node:fs/promises";
 import { createServer } from "node:http";
 import { dirname, extname, join } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -9,13 +10,14 @@ import puppeteer from "puppeteer-core";
 
 const here = dirname(fileURLToPath(import.meta.url));
 export const DIST = process.env.STUDIO_DIST ?? join(here, "../../dist");
-export const WASM = process.env.STUDIO_WASM ?? join(DIST, "studio.wasm");
+export const WASM = process.env.STUDIO_WASM ?? join(here, "../../../target/studio/studio.wasm");
 export const WAIT_MS = Number(process.env.STUDIO_WAIT_MS ?? 60_000);
 const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm" };
 const PROGRAMS = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" };
 
 /** Serves the page. `changed` may change index.html, as a program that serves it does. */
 export async function serve(changed = (html) => html) {
+  await access(WASM).catch(() => assert.fail(`no engine at ${WASM}: build it with \`cargo xtask studio\`, or name it in STUDIO_WASM`));
   const server = createServer(async (request, response) => {
     const path = new URL(request.url, "http://page").pathname;
     const name = path === "/" ? "index.html" : path.slice(1);
@@ -89,6 +91,7 @@ export class Studio {
   async settled() {
     const settled = () => {
       const state = globalThis.studio?.state;
+      if (document.querySelector(".stopped")) throw new Error("the page did not start");
       return state && state.version > 0 && state.settled === state.version && !state.planning;
     };
     try {

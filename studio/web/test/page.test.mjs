@@ -187,10 +187,11 @@ describe("the page", () => {
   test("a link holds the project", async () => {
     await studio.edit(() => studio.type("Forward", "0.08"));
     const text = await studio.text();
+    await studio.page.evaluate(() => (navigator.clipboard.writeText = async (text) => void (globalThis.copied = text)));
     await studio.button("Share");
     await studio.button("Copy linkthe project is in the link itself; nothing is sent");
     await studio.page.waitForFunction(() => /link/i.test(globalThis.studio.state.notice), { timeout: WAIT_MS });
-    const link = await studio.page.evaluate(async () => (location.hash ? location.href : navigator.clipboard.readText()));
+    const link = await studio.page.evaluate(() => globalThis.copied);
     const other = await browser.createBrowserContext();
     const opened = await Studio.open(other, link);
     assert.equal(await opened.text(), text);
@@ -228,14 +229,13 @@ describe("the page", () => {
         globalThis.door.request = () => globalThis.door.exports.reserve(-1, -1);
       });
     }
-    const before = await studio.text();
-    await studio.edit(() => studio.type("Left", "0.01")).catch(() => {});
-    await studio.page.waitForFunction(() => /engine stopped/i.test(document.querySelector(".status").innerText), { timeout: WAIT_MS });
-    assert.equal(await studio.text(), before, "the document is as it was");
     await studio.edit(() => studio.type("Left", "0.01"));
+    assert.match(await studio.words(), /started again/);
     assert.match(await studio.text(), /^left_m = 0\.01$/m);
     assert.equal(await studio.converged(), true);
-    studio.errors = studio.errors.filter((error) => !/RuntimeError|unreachable|capacity/.test(error));
+    const traps = studio.errors.filter((error) => /panicked at/.test(error));
+    assert.ok(traps.length >= 2, `both workers break: ${studio.errors}`);
+    studio.errors = studio.errors.filter((error) => !traps.includes(error));
   });
 
   test("a long solve is stopped, and the picture stays", async () => {

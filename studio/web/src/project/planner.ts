@@ -15,6 +15,8 @@ export type Wish = { snapshot: Snapshot; version: number; drag: boolean; from: "
 export type Outcome = {
   planned(wish: Wish, planned: Planned, frames: Float32Array): void;
   failed(wish: Wish, error: Error): void;
+  /** The engine broke, was started again, and is asked once more. */
+  restarted(error: Broken): void;
   progress(progress: Progress | null): void;
   activity(): void;
 };
@@ -116,7 +118,11 @@ export class Planner {
       this.#fresh = true;
       // A solution that breaks a new engine as well must not do so for ever.
       if (++this.#restarts === 2) this.#good = null;
-      if (this.#restarts <= 2) this.#wish ??= { ...wish, from: this.#good ? wish.from : "scratch" };
+      if (this.#restarts <= 2) {
+        this.#wish ??= { ...wish, from: this.#good ? wish.from : "scratch" };
+        this.outcome.restarted(error);
+        return;
+      }
     }
     if (!(error instanceof Faults || error instanceof Refused || error instanceof Broken)) console.error(error);
     this.outcome.failed(wish, error);

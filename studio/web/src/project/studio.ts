@@ -12,7 +12,7 @@ import { Selection } from "./selection.ts";
 export type Name = "documents" | "plan" | "activity" | "selection";
 export type Shown = { planned: Planned; frames: Frames; version: number; drag: boolean };
 export type Problem = { message: string; help: string };
-type Amendment = { edit: Edit; path: string; gesture: string | null; drag: boolean };
+type Amendment = { edit: Edit; path: string; gesture: string | null; drag: boolean; again?: boolean };
 
 export class Studio {
   readonly events = new Events<Name>();
@@ -44,6 +44,7 @@ export class Studio {
     this.#planner = new Planner(engine, {
       planned: (wish, planned, frames) => this.#planned(wish, planned, frames),
       failed: (wish, error) => this.#failed(wish, error),
+      restarted: (error) => this.#restarted(error),
       progress: (progress) => {
         this.progress = progress;
         this.events.emit("activity");
@@ -90,6 +91,7 @@ export class Studio {
       this.scene = next.scene;
     }
     this.version++;
+    this.notice = "";
     this.dragging = drag;
     const amendment = { edit, path, gesture, drag };
     // A newer step of a drag takes the place of one that still waits.
@@ -130,7 +132,7 @@ export class Studio {
   complain(error: unknown) {
     if (error instanceof Cancelled) return;
     if (error instanceof Faults) this.faults = error.faults;
-    else if (error instanceof Broken) this.problem = { message: `The engine stopped: ${error.message}`, help: "It was started again with your documents. Nothing is lost." };
+    else if (error instanceof Broken) this.problem = { message: `The engine stops again and again: ${error.message}`, help: "Your documents are kept. Undo the last change, or save them and report this." };
     else this.problem = { message: error instanceof Error ? error.message : String(error), help: error instanceof Refused ? error.help : "" };
     this.events.emit("activity");
   }
@@ -139,7 +141,8 @@ export class Studio {
     if (this.#amending) return;
     this.#amending = true;
     while (this.#amendments.length > 0) {
-      const { edit, path, gesture, drag } = this.#amendments.shift()!;
+      const amendment = this.#amendments.shift()!;
+      const { edit, path, gesture, drag } = amendment;
       try {
         const { files, motion } = this.documents.now;
         const body = { kind: "amend", files: files.map((file) => ({ ...file })), motion, path, edit } as const;
@@ -151,6 +154,11 @@ export class Studio {
         if (!drag) this.documents.endGesture();
         if (this.#amendments.length === 0) await this.#changed(drag ? "drag" : "good");
       } catch (error) {
+        if (error instanceof Broken && !amendment.again) {
+          this.#amendments.unshift({ ...amendment, again: true });
+          this.#restarted(error);
+          continue;
+        }
         this.#refuse(error);
         // The document is as it was; once nothing is dragged, it is shown so.
         if (!drag) await this.#changed("good");
@@ -158,6 +166,11 @@ export class Studio {
     }
     this.#amending = false;
     this.events.emit("documents", "activity");
+  }
+
+  #restarted(error: Broken) {
+    console.warn(error.message);
+    this.say("The engine stopped and was started again. Nothing is lost.");
   }
 
   /** An edit that the engine does not make is a problem of the edit, not a fault of the documents. */
@@ -170,6 +183,7 @@ export class Studio {
 
   async #documentsChanged(from: "scratch" | "good") {
     this.version++;
+    this.notice = "";
     this.dragging = false;
     this.#epoch++;
     this.#amendments = [];
@@ -181,7 +195,6 @@ export class Studio {
     const version = this.version;
     const snapshot = this.documents.now;
     const drag = how === "drag";
-    this.notice = "";
     const sound = drag || (await this.#read(snapshot, version));
     this.events.emit("documents", "activity");
     if (version !== this.version) return;
