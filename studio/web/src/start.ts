@@ -12,6 +12,7 @@ import { textPane } from "./panel/text.ts";
 import { keepSaved, kept, snapshotOf } from "./project/autosave.ts";
 import { example, FIRST } from "./project/examples.ts";
 import { acceptDrops } from "./project/files.ts";
+import { LibraryBuild } from "./project/library.ts";
 import { Playback } from "./project/playback.ts";
 import { isDark, load, type Settings } from "./project/settings.ts";
 import { fromLink } from "./project/share.ts";
@@ -53,7 +54,8 @@ export async function start(root: HTMLElement, engine: Engine) {
   shell.tab("Motion", motionPanel(studio, playback));
   shell.tab("Robot", robotPanel(studio));
   shell.tab("Report", report.element, report.shown);
-  shell.tab("Library", libraryPanel(studio, commands.examples));
+  const library = new LibraryBuild(studio);
+  shell.tab("Library", libraryPanel(studio, library, commands.examples));
   shell.tab("Text", text.element, text.update);
   buildStatus(shell.status, studio, {
     jump(fault: Fault) {

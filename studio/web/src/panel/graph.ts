@@ -2,7 +2,7 @@
 
 import { h, s } from "../ui/dom.ts";
 
-export type Node = { name: string; code: number; duration_s: number; frames: number; periodic: boolean };
+export type Node = { name: string; code: number; duration_s: number; frames: number | null; periodic: boolean };
 export type Edge = { from: string; to: string; duration_s: number; status?: string };
 
 const [WIDTH, HEIGHT, RADIUS] = [320, 260, 15];

@@ -1,0 +1,67 @@
+// The library build: one at a time, in a lane of its own. Panels of library and robot both show it.
+
+import type { Progress } from "../contract.ts";
+import { Cancelled } from "../engine/engine.ts";
+import type { Edge, Node } from "../panel/graph.ts";
+import { baseName } from "./documents.ts";
+import type { Studio } from "./studio.ts";
+
+export type Built = { name: string; nodes: Node[]; edges: Edge[]; failures: string[]; bytes: Uint8Array | null };
+
+export class LibraryBuild {
+  built: Built | null = null;
+  building: { progress: Progress | null; parts: string[] } | null = null;
+  #listeners: (() => void)[] = [];
+  #of = "";
+
+  constructor(private readonly studio: Studio) {
+    studio.events.on("documents", () => {
+      if (!this.built || this.#of === this.#documents()) return;
+      // What was built is of other documents.
+      this.built = null;
+      this.#tell();
+    });
+  }
+
+  onChange(listener: () => void) {
+    this.#listeners.push(listener);
+  }
+
+  async build() {
+    const { studio } = this;
+    const library = studio.documents.libraryPath;
+    if (!library || this.building) return;
+    const building = { progress: null as Progress | null, parts: [] as string[] };
+    this.building = building;
+    this.built = null;
+    this.#of = this.#documents();
+    this.#tell();
+    const progress = (one: Progress) => {
+      building.progress = one;
+      if (building.parts.at(-1) !== one.what) building.parts.push(one.what);
+      this.#tell();
+    };
+    try {
+      const { value, binary } = await studio.engine.request("library", { kind: "library", files: studio.documents.files(), library }, { progress });
+      this.built = { name: baseName(library).replace(/\.toml$/, ".rwl"), nodes: value.nodes, edges: value.edges, failures: value.failures, bytes: binary };
+    } catch (error) {
+      if (!(error instanceof Cancelled)) studio.complain(error);
+    }
+    this.building = null;
+    // A library is built once in a while: its worker and memory are given back.
+    studio.engine.cancel("library");
+    this.#tell();
+  }
+
+  stop() {
+    this.studio.engine.cancel("library");
+  }
+
+  #documents(): string {
+    return JSON.stringify(this.studio.documents.now.files);
+  }
+
+  #tell() {
+    for (const listener of this.#listeners) listener();
+  }
+}
