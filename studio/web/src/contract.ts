@@ -15,7 +15,51 @@ export type RequestBody =
   | { kind: "solution" }
   | { kind: "resume" }
   | { kind: "library"; files: File[]; library: string }
-  | { kind: "export"; what: "csv" | "json"; rate_hz: number };
+  | { kind: "export"; what: "csv" | "json"; rate_hz: number }
+  /** Of an engine in the program that serves the page: the files of its command line. */
+  | { kind: "given" }
+  | { kind: "save"; path: string; text: string }
+  | ({ kind: "robot"; now_us: number } & RobotRequest);
+
+export type Place = "simulated" | "serial" | "slcan" | "relay";
+export type Intent = "arm" | "pause_or_resume" | "return" | "disarm" | "estop" | "clear" | "quit";
+
+/** What is wanted of a robot at the other end of a link; bytes of the answer are to be sent to it. */
+export type RobotRequest =
+  | { robot: "connect"; place: Place; files: File[]; file: string; node: number }
+  | { robot: "tick" }
+  | { robot: "wish"; intent: Intent }
+  | { robot: "wish"; intent: "play"; code: number }
+  | { robot: "wish"; intent: "speed"; sixty_fourths: number }
+  | { robot: "flash" }
+  | { robot: "name" }
+  | { robot: "leave" };
+
+export type RobotView = {
+  time_s: number;
+  contact: boolean;
+  round_trip_ms: number | null;
+  lost: [number, number];
+  state: string | null;
+  torque: boolean;
+  advice: string;
+  mismatch: string | null;
+  complaint: string | null;
+  faults: string[];
+  motions: { name: string; code: number | null; looping: boolean }[];
+  playing: { name: string; frame: number } | null;
+  library: string | null;
+  transfer: [number, number] | null;
+  asking: string | null;
+  stopping: boolean;
+  leaving: "no" | "when_home" | "now";
+  speed_64ths: number;
+  channels: { name: string; position_rad: number; speed_rad_s: number; torque_nm: number; age_s: number }[];
+  /** Poses of the scene's bodies, world_from_body. */
+  poses: number[][];
+  simulated: { fallen: boolean; held: boolean } | null;
+  messages: { at_s: number; weight: "note" | "refused" | "warning"; text: string }[];
+};
 
 export type Edit =
   | { edit: "number"; table: string[]; key: string; value: number | null }

@@ -17,6 +17,9 @@ import { Playback } from "./project/playback.ts";
 import { isDark, load, type Settings } from "./project/settings.ts";
 import { fromLink } from "./project/share.ts";
 import { Studio } from "./project/studio.ts";
+import { RobotLink } from "./robot/link.ts";
+import { runPanel } from "./robot/panel.ts";
+import { emergencyStop, playByNumber } from "./robot/stop.ts";
 import { View } from "./scene/view.ts";
 import { buildTimeline } from "./timeline/timeline.ts";
 import { buildTransport } from "./timeline/transport.ts";
@@ -56,6 +59,11 @@ export async function start(root: HTMLElement, engine: Engine) {
   shell.tab("Report", report.element, report.shown);
   const library = new LibraryBuild(studio);
   shell.tab("Library", libraryPanel(studio, library, commands.examples));
+  const link = new RobotLink(studio);
+  shell.tab("Run", runPanel(studio, link, library));
+  emergencyStop(shell.view, link);
+  playByNumber(link);
+  if (view) link.onChange(() => view.showLive(link.view?.poses ?? null));
   shell.tab("Text", text.element, text.update);
   buildStatus(shell.status, studio, {
     jump(fault: Fault) {
@@ -68,7 +76,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   acceptDrops(studio, root);
 
   // For tests and for the console; the page itself does not read it.
-  Object.assign(globalThis, { studio: { state: studio, playback, view } });
+  Object.assign(globalThis, { studio: { state: studio, playback, view, link } });
 
   await openFirst(studio);
   keepSaved(studio);

@@ -1,10 +1,10 @@
-// The engine as the page sees it, whichever way it is reached: three lanes of requests that do not
+// The engine as the page sees it, whichever way it is reached: four lanes of requests that do not
 // wait for each other, so that an edit never waits for a solve.
 
 import type { Fault, Progress, RequestBody } from "../contract.ts";
 
-/** `documents` answers at once, `solver` holds plans, `library` builds. */
-export type Lane = "documents" | "solver" | "library";
+/** `documents` answers at once, `solver` holds plans, `library` builds, `robot` talks to a robot. */
+export type Lane = "documents" | "solver" | "library" | "robot";
 
 export type Done = { value: any; binary: Uint8Array | null };
 

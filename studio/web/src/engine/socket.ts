@@ -15,7 +15,7 @@ export class SocketEngine implements Engine {
         (events) => this.#socket(events),
         (channel) => (channel.close(), "closed"),
       );
-    this.#lanes = { documents: lane(), solver: lane(), library: lane() };
+    this.#lanes = { documents: lane(), solver: lane(), library: lane(), robot: lane() };
   }
 
   request(lane: Lane, body: RequestBody, options: Options = {}): Promise<Done> {

@@ -18,7 +18,7 @@ export class WasmEngine implements Engine {
         (events) => this.#worker(name, events),
         (channel) => (channel.close(), "closed"),
       );
-    this.#lanes = { documents: lane("documents"), solver: lane("solver"), library: lane("library") };
+    this.#lanes = { documents: lane("documents"), solver: lane("solver"), library: lane("library"), robot: lane("robot") };
   }
 
   request(lane: Lane, body: RequestBody, options: Options = {}): Promise<Done> {

@@ -103,6 +103,19 @@ export class View {
     this.stage.invalidate();
   }
 
+  /** Poses of the robot at the other end of a link, in place of the plan's; null shows the plan again. */
+  showLive(poses: number[][] | null) {
+    if (!poses && !this.#live) return;
+    this.#live = poses && poses.length > 0 ? Float32Array.from(poses.flat()) : null;
+    const planned = this.#live === null;
+    if (this.#overlays) this.#overlays.group.visible = planned && this.studio.shown !== null;
+    if (this.#paths) this.#paths.group.visible = planned;
+    this.handles.group.visible = planned && this.settings.layers.targets;
+    this.stage.invalidate();
+  }
+
+  #live: Float32Array | null = null;
+
   #buildRobot(scene: Scene) {
     const built = JSON.stringify([scene.bodies, scene.end_effectors, scene.mass_kg]);
     if (built === this.#built) {
@@ -174,12 +187,20 @@ export class View {
 
   #pose() {
     const { shown } = this.studio;
+    if (this.#live && this.#robot) {
+      this.#robot.pose(this.#live, 0);
+      this.#place(this.#live[0], this.#live[1], this.#live[2]);
+      return;
+    }
     if (!shown || !this.#robot || !this.#overlays) return;
     const { frames } = shown;
     const row = frames.at(this.playback.time_s);
     this.#robot.pose(row, frames.header.columns.bodies);
     this.#overlays.update(frames, row, this.settings.layers);
-    const [x, y, z] = frames.com(row);
+    this.#place(...frames.com(row));
+  }
+
+  #place(x: number, y: number, z: number) {
     this.cameras.at(x, y, z);
     this.stage.lightAt(x, y);
     this.#ground.centre(this.cameras.controls.target.x, this.cameras.controls.target.y);

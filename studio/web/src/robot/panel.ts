@@ -1,0 +1,151 @@
+// The robot at the other end of a link: connect, flash, arm by holding, play, stop. The state is in words.
+
+import type { Place, RobotView } from "../contract.ts";
+import type { LibraryBuild } from "../project/library.ts";
+import type { Studio } from "../project/studio.ts";
+import { format, h, prose, replace } from "../ui/dom.ts";
+import { holdButton } from "./hold.ts";
+import type { RobotLink } from "./link.ts";
+import { hasSerial, relayedBus } from "./port.ts";
+
+const BAUDS = [115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000];
+
+export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild): HTMLElement {
+  const place = h("select", { id: "place", "aria-label": "Where the robot is" }, ...places());
+  const baud = h("select", { "aria-label": "Baud rate" }, ...BAUDS.map((one) => h("option", { value: one, text: `${one.toLocaleString("en")} baud` })));
+  place.addEventListener("change", () => (baud.hidden = !["serial", "slcan"].includes(place.value)));
+  baud.hidden = true;
+  const connect = button("Connect", () => void link.connect(place.value as Place, Number(baud.value)));
+  const leave = button("Disconnect", () => link.wish({ robot: "wish", intent: "quit" }));
+  const trouble = h("p", { class: "note", role: "alert" });
+  const flash = button("", () => {
+    const bytes = library.built?.bytes;
+    if (bytes) link.wish({ robot: "flash" }, bytes);
+    else void library.build();
+  });
+  const flashNote = h("p", { class: "muted" });
+  const arm = holdButton("Hold to arm", () => link.wish({ robot: "wish", intent: "arm" }));
+  const disarm = button("Disarm", () => link.wish({ robot: "wish", intent: "disarm" }));
+  const clear = button("Clear faults", () => link.wish({ robot: "wish", intent: "clear" }));
+  const pause = button("Pause or go on", () => link.wish({ robot: "wish", intent: "pause_or_resume" }));
+  const home = button("Return to SAFE", () => link.wish({ robot: "wish", intent: "return" }));
+  const motions = h("div", { class: "row motions" });
+  const state = h("p", { class: "robot-state" });
+  const advice = h("p", { class: "muted" });
+  const live = h("p", { class: "visually-hidden", role: "status", "aria-live": "polite" });
+  const facts = h("p", { class: "muted facts" });
+  const faults = h("ul", { class: "culprits" });
+  const messages = h("ul", { class: "messages", "aria-label": "Messages" });
+  const steps = h(
+    "ol",
+    { class: "steps" },
+    step("Connect", h("div", { class: "row" }, place, baud, connect, leave), trouble),
+    step("Flash the library", flashNote, flash),
+    step("Arm", h("div", { class: "row" }, arm, disarm, clear)),
+    step("Play", motions, h("div", { class: "row" }, pause, home)),
+  );
+  let drawnMotions = "";
+  let drawnMessages = "";
+
+  const draw = () => {
+    const { view, connected } = link;
+    connect.hidden = connected;
+    connect.disabled = link.connecting || !studio.documents.robotPath;
+    place.disabled = baud.disabled = connected;
+    leave.hidden = !connected;
+    trouble.hidden = !link.trouble;
+    trouble.textContent = link.trouble;
+    const transfer = view?.transfer;
+    const ready = library.built?.bytes;
+    flash.querySelector("span")!.textContent = ready ? "Flash library" : "Build library";
+    flash.disabled = library.building !== null || !!transfer || !studio.documents.libraryPath || (!!ready && !view?.contact);
+    flashNote.textContent = transfer
+      ? `Transferring: ${Math.round((100 * transfer[0]) / Math.max(1, transfer[1]))} %`
+      : library.building
+        ? `Planning ${library.building.progress?.what ?? "…"}`
+        : studio.documents.libraryPath
+          ? view?.library
+            ? `The robot has library ${view.library} in use.`
+            : ""
+          : "This project has no library file: open one, such as agilebot under Examples.";
+    arm.disabled = !view?.contact || view.torque || !view.library;
+    disarm.disabled = !view?.torque;
+    clear.disabled = !view?.contact;
+    pause.disabled = home.disabled = !view?.torque;
+    mark(steps, [connected && !!view?.contact, !!view?.library, !!view?.torque, !!view?.playing]);
+    state.textContent = view ? stateOf(view) : "Not connected. Nothing is sent until you connect.";
+    if (live.textContent !== state.textContent) live.textContent = state.textContent;
+    advice.replaceChildren(prose(view?.mismatch ?? view?.complaint ?? view?.advice ?? ""));
+    facts.textContent = view ? factsOf(view) : "";
+    replace(faults, ...(view?.faults ?? []).map((fault) => h("li", { text: fault })));
+    drawMotions(view);
+    drawMessages(view);
+  };
+  const drawMotions = (view: RobotView | null) => {
+    const list = (view?.motions ?? []).filter((one) => one.code !== null);
+    const key = JSON.stringify([list, view?.torque, view?.playing?.name]);
+    if (key === drawnMotions) return;
+    drawnMotions = key;
+    const focused = [...motions.children].indexOf(document.activeElement!);
+    replace(
+      motions,
+      ...list.map((one) => {
+        const play = button(one.name, () => link.wish({ robot: "wish", intent: "play", code: one.code! }));
+        play.prepend(h("kbd", { text: String(one.code) }));
+        play.disabled = !view?.torque;
+        play.setAttribute("aria-pressed", String(view?.playing?.name === one.name));
+        return play;
+      }),
+    );
+    if (focused >= 0) (motions.children[focused] as HTMLElement | undefined)?.focus();
+  };
+  const drawMessages = (view: RobotView | null) => {
+    const list = view?.messages ?? [];
+    const key = JSON.stringify(list.at(-1)) + list.length;
+    if (key === drawnMessages) return;
+    drawnMessages = key;
+    const warning = list.at(-1)?.weight === "warning";
+    messages.setAttribute("aria-live", warning ? "assertive" : "polite");
+    replace(messages, ...[...list].reverse().map((one) => h("li", { class: one.weight }, h("span", { class: "muted", text: `${format(one.at_s, 1)} s` }), h("span", {}, prose(one.text)))));
+  };
+  link.onChange(draw);
+  library.onChange(draw);
+  studio.events.on("documents", draw);
+  draw();
+  return h("div", { class: "run" }, state, live, advice, faults, steps, facts, h("h3", { text: "Messages" }), messages);
+}
+
+function places(): HTMLElement[] {
+  const all: [Place, string, boolean][] = [
+    ["simulated", "Simulated, in this page", true],
+    ["serial", hasSerial ? "Serial port" : "Serial port (needs Chromium, https or localhost)", hasSerial],
+    ["slcan", hasSerial ? "CAN adapter (SLCAN)" : "CAN adapter (needs Chromium, https or localhost)", hasSerial],
+    ["relay", relayedBus ? `Bus ${relayedBus}` : "Bus of this computer (rollwalk studio --bus)", relayedBus !== undefined],
+  ];
+  return all.map(([value, text, can]) => h("option", { value, text, disabled: !can }));
+}
+
+function stateOf(view: RobotView): string {
+  if (!view.contact) return "The robot does not answer yet.";
+  const playing = view.playing ? `, playing ${view.playing.name}` : "";
+  const fallen = view.simulated?.fallen ? " It has fallen." : "";
+  return `The robot is ${view.state ?? "silent"}${playing}; torque is ${view.torque ? "on" : "off"}.${fallen}`;
+}
+
+function factsOf(view: RobotView): string {
+  const trip = view.round_trip_ms === null ? "" : `round trip ${format(view.round_trip_ms, 1)} ms · `;
+  const hottest = view.channels.reduce((most, one) => Math.max(most, Math.abs(one.torque_nm)), 0);
+  return `${trip}lost ${view.lost[0]} of ${view.lost[1]} messages · largest torque ${format(hottest, 2)} N·m`;
+}
+
+function step(title: string, ...content: HTMLElement[]): HTMLElement {
+  return h("li", {}, h("strong", { text: title }), ...content);
+}
+
+function mark(steps: HTMLElement, done: boolean[]) {
+  [...steps.children].forEach((one, index) => one.classList.toggle("done", done[index]));
+}
+
+function button(text: string, act: () => void): HTMLButtonElement {
+  return h("button", { type: "button", class: "button", onclick: act }, h("span", { text }));
+}
