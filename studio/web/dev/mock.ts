@@ -15,6 +15,7 @@ const add = (a: number[], b: number[]) => a.map((x, i) => x + b[i]);
 
 export class MockEngine implements Engine {
   readonly place = "mock";
+  readonly hasFiles = false;
   motion: any;
   scene!: Scene;
   constructor(readonly plan: any) {

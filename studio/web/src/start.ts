@@ -9,13 +9,12 @@ import { reportPanel } from "./panel/report.ts";
 import { robotPanel } from "./panel/robot.ts";
 import { buildStatus } from "./panel/status.ts";
 import { textPane } from "./panel/text.ts";
-import { keepSaved, kept, snapshotOf } from "./project/autosave.ts";
-import { example, FIRST } from "./project/examples.ts";
+import { keepSaved } from "./project/autosave.ts";
 import { acceptDrops } from "./project/files.ts";
+import { openFirst, openLink } from "./project/first.ts";
 import { LibraryBuild } from "./project/library.ts";
 import { Playback } from "./project/playback.ts";
 import { isDark, load, type Settings } from "./project/settings.ts";
-import { fromLink } from "./project/share.ts";
 import { Studio } from "./project/studio.ts";
 import { RobotLink } from "./robot/link.ts";
 import { runPanel } from "./robot/panel.ts";
@@ -82,35 +81,6 @@ export async function start(root: HTMLElement, engine: Engine) {
   keepSaved(studio);
   addEventListener("hashchange", () => void openLink(studio));
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches && !navigator.webdriver) playWhenPlanned(studio, playback);
-}
-
-async function openFirst(studio: Studio) {
-  if (await openLink(studio)) return;
-  const before = kept();
-  if (before) {
-    studio.documents.restore(snapshotOf(before), before.saved);
-    await studio.newProject();
-    studio.say("Restored what was open before.");
-    return;
-  }
-  try {
-    await studio.openProject(await example(studio, FIRST));
-  } catch (error) {
-    studio.complain(error);
-  }
-}
-
-async function openLink(studio: Studio): Promise<boolean> {
-  try {
-    const snapshot = await fromLink(location.hash);
-    if (!snapshot) return false;
-    history.replaceState(null, "", location.href.split("#")[0]);
-    await studio.openProject(snapshot);
-    return true;
-  } catch (error) {
-    studio.complain(new Error(`This link could not be opened: ${(error as Error).message}`));
-    return false;
-  }
 }
 
 /** Without WebGL 2 everything but the picture works. */

@@ -151,7 +151,7 @@ export class Studio {
 
   async type(label, value) {
     const field = await this.field(label);
-    await field.focus();
+    await field.evaluate((input) => (input.focus(), input.select()));
     await this.page.keyboard.type(value);
     await this.page.keyboard.press("Enter");
   }

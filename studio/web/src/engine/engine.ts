@@ -38,6 +38,8 @@ export class Cancelled extends Error {
 export interface Engine {
   /** How the engine is reached, in words. */
   readonly place: string;
+  /** The program behind it has files of its own, from its command line. */
+  readonly hasFiles: boolean;
   request(lane: Lane, body: RequestBody, options?: Options): Promise<Done>;
   /** Starts what the lane needs, before its first request. */
   prepare(lane: Lane): void;

@@ -7,6 +7,7 @@ import { type Channel, type Events, LaneOfRequests } from "./lane.ts";
 
 export class SocketEngine implements Engine {
   readonly place = "in the program rollwalk on this computer";
+  readonly hasFiles = true;
   #lanes: Record<Lane, LaneOfRequests>;
 
   constructor(private readonly address: string) {

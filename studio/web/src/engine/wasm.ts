@@ -8,6 +8,7 @@ import { type Channel, type Events, LaneOfRequests } from "./lane.ts";
 
 export class WasmEngine implements Engine {
   readonly place = "in this page";
+  readonly hasFiles = false;
   #lanes: Record<Lane, LaneOfRequests>;
   #source: string;
 

@@ -11,6 +11,9 @@ const MOST_BYTES = 5_000_000;
 /** Where files were opened from, by path, so that they can be saved in place. */
 const handles = new Map<string, Handle>();
 
+/** Files of the command line, which the program that serves the page saves. */
+export const given = new Set<string>();
+
 type Picker = {
   showOpenFilePicker?(options: object): Promise<Handle[]>;
   showSaveFilePicker?(options: object): Promise<Handle>;
@@ -76,6 +79,10 @@ export async function saveDocument(studio: Studio, path: string, elsewhere = fal
   const text = studio.documents.text(path) ?? "";
   const name = baseName(path);
   try {
+    if (!elsewhere && given.has(path)) {
+      await studio.engine.request("documents", { kind: "save", path, text });
+      return saved(studio, path);
+    }
     let handle = elsewhere ? undefined : handles.get(path);
     if (!handle && picker.showSaveFilePicker) {
       handle = await picker.showSaveFilePicker({ suggestedName: name, types: TYPES });
@@ -92,9 +99,13 @@ export async function saveDocument(studio: Studio, path: string, elsewhere = fal
     if ((error as Error).name !== "AbortError") studio.complain(error);
     return;
   }
+  saved(studio, path);
+}
+
+function saved(studio: Studio, path: string) {
   studio.documents.markSaved(path);
   studio.events.emit("documents");
-  studio.say(`Saved ${name}.`);
+  studio.say(`Saved ${baseName(path)}.`);
 }
 
 export function download(name: string, content: string | Uint8Array) {
