@@ -265,6 +265,37 @@ describe("the page", () => {
     await studio.page.waitForSelector("[data-built]", { timeout: 180_000 });
     const names = await studio.page.$$eval(".graph-name", (list) => list.map((one) => one.textContent));
     assert.deepEqual(names.sort(), ["drive_1m", "stand", "turn_in_place", "walk"]);
+    assert.equal(await studio.page.$$eval(".graph-edge", (list) => list.length), 8);
+  });
+
+  test("a simulated robot is flashed, armed by holding, plays, and is stopped with Escape", async () => {
+    const view = (wanted) => studio.page.waitForFunction(wanted, { timeout: WAIT_MS });
+    await studio.example("motions/test_leg_library.toml");
+    await studio.click("#tab-run");
+    assert.equal(await studio.state("link.view"), null, "nothing is connected without a click");
+    await studio.button("Connect");
+    await view(() => globalThis.studio.link.view?.contact);
+    await studio.button("Build library");
+    await studio.button("Flash library");
+    await view(() => globalThis.studio.link.view.library && globalThis.studio.link.view.motions.length > 1);
+    // A click is not enough to arm.
+    await studio.click(".hold");
+    assert.equal(await studio.state("link.view.torque"), false);
+    await studio.page.focus(".hold");
+    await studio.page.keyboard.down(" ");
+    await view(() => globalThis.studio.link.view.torque);
+    await studio.page.keyboard.up(" ");
+    await view(() => !document.querySelector(".motions button").disabled);
+    await view(() => globalThis.studio.link.view.state === "ready");
+    const { name, code } = await studio.page.evaluate(() => globalThis.studio.link.view.motions.find((one) => one.code && one.name !== "stand"));
+    await studio.page.evaluate(() => document.activeElement.blur());
+    await studio.press(String(code));
+    await studio.page.waitForFunction((name) => globalThis.studio.link.view.playing?.name.includes(name), { timeout: WAIT_MS }, name);
+    await studio.press("Escape");
+    await view(() => !globalThis.studio.link.view.torque);
+    assert.match(await studio.page.$eval(".messages", (list) => list.innerText), /emergency stop/i);
+    await studio.button("Disconnect");
+    await view(() => !globalThis.studio.link.connected);
   });
 
   test("the report is a table with tolerances", async () => {
@@ -275,7 +306,7 @@ describe("the page", () => {
   });
 
   test("everything has a name for screen readers", async () => {
-    for (const tab of ["motion", "robot", "report", "library", "text"]) {
+    for (const tab of ["motion", "robot", "report", "library", "run", "text"]) {
       await studio.click(`#tab-${tab}`);
       const nameless = await studio.page.evaluate(() =>
         [...document.querySelectorAll("button, input, select, textarea, [role=slider]")]

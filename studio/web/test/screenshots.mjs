@@ -59,5 +59,14 @@ await picture("library", { theme: "light", viewport: desktop }, async (studio) =
   await studio.button("Build library");
   await studio.page.waitForSelector("[data-built]", { timeout: 240_000 });
 });
+await picture("run", { theme: "light", viewport: desktop }, async (studio) => {
+  await studio.example("motions/agilebot_library.toml");
+  await studio.click("#tab-run");
+  await studio.button("Build library");
+  await studio.button("Connect");
+  await studio.page.waitForFunction(() => globalThis.studio.link.view?.contact);
+  await studio.button("Flash library");
+  await studio.page.waitForFunction(() => globalThis.studio.link.view.motions.length > 1, { timeout: 60_000 });
+});
 await browser.close();
 server.close();

@@ -3,40 +3,42 @@
 import { h, s } from "../ui/dom.ts";
 
 export type Node = { name: string; code: number; duration_s: number; frames: number | null; periodic: boolean };
-export type Edge = { from: string; to: string; duration_s: number; status?: string };
+/** Between nodes by their index. */
+export type Edge = { from: number; to: number; duration_s: number };
 
 const [WIDTH, HEIGHT, RADIUS] = [320, 260, 15];
 
 export function drawGraph(nodes: Node[], edges: Edge[]): HTMLElement {
-  const places = new Map<string, [number, number]>();
-  nodes.forEach((node, index) => {
+  const places = nodes.map((_, index): [number, number] => {
     const angle = (index / nodes.length) * 2 * Math.PI - Math.PI / 2;
-    places.set(node.name, [WIDTH / 2 + Math.cos(angle) * 95, HEIGHT / 2 + Math.sin(angle) * 88]);
+    return [WIDTH / 2 + Math.cos(angle) * 95, HEIGHT / 2 + Math.sin(angle) * 88];
   });
-  const words = edges.map((edge) => `${edge.from} to ${edge.to}`).join(", ");
+  const name = (index: number) => nodes[index]?.name ?? "";
+  const words = edges.map((edge) => `${name(edge.from)} to ${name(edge.to)}`).join(", ");
   const svg = s(
     "svg",
     { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "graph", role: "img", "aria-label": `Motion graph: ${words}` },
     s("defs", {}, s("marker", { id: "arrow", viewBox: "0 0 8 8", refX: 7, refY: 4, markerWidth: 7, markerHeight: 7, orient: "auto-start-reverse" }, s("path", { d: "M0 0L8 4L0 8z" }))),
   );
   for (const edge of edges) {
-    const [from, to] = [places.get(edge.from), places.get(edge.to)];
+    const [from, to] = [places[edge.from], places[edge.to]];
     if (!from || !to) continue;
-    svg.append(s("path", { class: "graph-edge", d: bow(from, to), "marker-end": "url(#arrow)" }, s("title", { text: `${edge.from} → ${edge.to}, ${edge.duration_s.toFixed(2)} s` })));
+    svg.append(s("path", { class: "graph-edge", d: bow(from, to), "marker-end": "url(#arrow)" }, s("title", { text: `${name(edge.from)} → ${name(edge.to)}, ${edge.duration_s.toFixed(2)} s` })));
   }
-  for (const node of nodes) {
-    const [x, y] = places.get(node.name)!;
+  nodes.forEach((node, index) => {
+    const [x, y] = places[index];
     const above = y < HEIGHT / 2 - 40;
     svg.append(
       s(
         "g",
         {},
-        s("circle", { class: node.periodic ? "graph-node periodic" : "graph-node", cx: x, cy: y, r: RADIUS }),
+        s("circle", { class: "graph-node", cx: x, cy: y, r: RADIUS }),
+        node.periodic ? s("circle", { class: "graph-node", cx: x, cy: y, r: RADIUS - 3 }) : null,
         s("text", { class: "graph-code", x, y: y + 4, text: String(node.code) }),
         s("text", { class: "graph-name", x, y: above ? y - RADIUS - 6 : y + RADIUS + 14, text: node.name }),
       ),
     );
-  }
+  });
   return h("figure", {}, svg as unknown as HTMLElement, h("figcaption", { class: "muted", text: "Double rings repeat; numbers are the codes that select motions." }));
 }
 

@@ -36,7 +36,7 @@ export function libraryPanel(studio: Studio, library: LibraryBuild, examples: ()
         drawGraph(nodes, edges),
         h(
           "table",
-          {},
+          { class: "names" },
           h("thead", {}, h("tr", {}, ...["code", "motion", "duration, s", "frames"].map((text) => h("th", { scope: "col", text })))),
           h("tbody", {}, ...nodes.map((node) => h("tr", {}, h("td", { text: String(node.code) }), h("th", { scope: "row", text: node.name }), h("td", { text: format(node.duration_s, 2) }), h("td", { text: node.frames === null ? "–" : String(node.frames) })))),
         ),

@@ -44,8 +44,7 @@ export class Handles {
     this.#handles = [];
     motion.targets.forEach((target, index) => {
       const at = placeOf(target, motion, frames, feet);
-      const colour = index === selected ? palette.danger : palette.accent;
-      this.#add({ kind: "target", index }, at, marker(at, colour, index === selected, scale), true);
+      this.#add({ kind: "target", index }, at, marker(at, palette.accent, index === selected, scale), true);
     });
     const start = frames ? frames.com(frames.row(0)) : [0, 0, 0];
     const { forward_m, left_m, turn_rad } = motion.goal;
@@ -165,7 +164,7 @@ function placeOf(target: Target, motion: MotionView, frames: Frames | null, feet
 function marker(at: Vector3, color: number, selected: boolean, scale: number): Group {
   const group = new Group();
   const over = { color, depthTest: false, transparent: true };
-  const ball = new Mesh(new SphereGeometry(selected ? 0.016 : 0.013, 20, 14), new MeshBasicMaterial(over));
+  const ball = new Mesh(new SphereGeometry(selected ? 0.018 : 0.012, 20, 14), new MeshBasicMaterial(over));
   const stem = new Line(lineGeometry([0, 0, 0, 0, 0, -at.z]), new LineBasicMaterial({ ...over, opacity: 0.7 }));
   const foot = new Mesh(new RingGeometry(0.014, 0.019, 24), new MeshBasicMaterial({ ...over, opacity: 0.7 }));
   foot.position.z = -at.z + 0.003;
