@@ -106,7 +106,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild)
     drawnMessages = key;
     const warning = list.at(-1)?.weight === "warning";
     messages.setAttribute("aria-live", warning ? "assertive" : "polite");
-    replace(messages, ...[...list].reverse().map((one) => h("li", { class: one.weight }, h("span", { class: "muted", text: `${format(one.at_s, 1)} s` }), h("span", {}, prose(one.text)))));
+    replace(messages, ...[...list].reverse().map((one) => h("li", { "data-weight": one.weight }, h("span", { class: "muted", text: `${format(one.at_s, 1)} s` }), h("span", {}, prose(one.text)))));
   };
   link.onChange(draw);
   library.onChange(draw);
