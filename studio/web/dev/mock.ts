@@ -36,7 +36,7 @@ export class MockEngine implements Engine {
       bodies.push({ name: `${foot.name} wheel`, shapes: [{ shape: "cylinder", radius_m: foot.radius_m, length_m: 0.02, position_m: [0, 0, 0], orientation_wxyz: [1, 0, 0, 0], role: "wheel" }] });
       return { name: foot.name, contact: foot.contact.kind, radius_m: foot.radius_m, body: foot.link, wheel_body: robot.links.length + k, driven: true, friction_coefficient: foot.friction_coefficient, motor_speed_max_rad_s: foot.contact.actuator.speed_max_rad_s, motor_torque_max_nm: foot.contact.actuator.torque_max_nm };
     });
-    const joints: Joint[] = robot.joints.map((joint: any) => ({ name: joint.name, position_min_rad: joint.position_min_rad, position_max_rad: joint.position_max_rad, speed_max_rad_s: joint.actuator.speed_max_rad_s, torque_max_nm: joint.actuator.torque_max_nm }));
+    const joints: Joint[] = robot.joints.map((joint: any) => ({ name: joint.name, body: joint.child, position_min_rad: joint.position_min_rad, position_max_rad: joint.position_max_rad, speed_max_rad_s: joint.actuator.speed_max_rad_s, torque_max_nm: joint.actuator.torque_max_nm }));
     this.scene = { name: robot.name, bodies, joints, end_effectors, standing: [], mass_kg: robot.links.reduce((sum: number, link: any) => sum + link.mass_kg, 0), parameters: [
       { name: "a", label: "Thigh length", unit: "m", value: 0.12, min: 0.06, max: 0.24, step: 0.001 },
       { name: "b", label: "Wheel radius", unit: "m", value: 0.05, min: 0.03, max: 0.09, step: 0.001 },

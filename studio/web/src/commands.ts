@@ -44,7 +44,7 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
     open: () => void pickFiles(studio),
     save: () => void saveDocument(studio, studio.documents.motionPath),
     examples: () => void openGallery(studio),
-    help: openHelp,
+    help: () => openHelp(studio.engine.place),
     saveItems: (): Item[] => [
       ...studio.documents.now.files.map(({ path }, index) => ({
         text: baseName(path),

@@ -97,8 +97,8 @@ export type Shape = {
 
 export type Joint = {
   name: string;
-  /** The link that it moves, if the engine tells. */
-  body?: number;
+  /** The link that it moves. */
+  body: number;
   position_min_rad: number;
   position_max_rad: number;
   speed_max_rad_s: number;

@@ -1,7 +1,7 @@
 // Files of this computer: opened by picker or drop, saved in place where the browser can (File System Access),
 // else as a download.
 
-import { baseName, kindOf, type Snapshot } from "./documents.ts";
+import { baseName, kindOf } from "./documents.ts";
 import type { Studio } from "./studio.ts";
 
 type Handle = FileSystemFileHandle;
@@ -56,22 +56,18 @@ export async function openFiles(studio: Studio, picked: File[]) {
     if (motion) {
       // A motion with its robot is a project; one alone keeps the robot at hand, if it is the one it names.
       const kept = replaces("robot") ? [] : others.filter((file) => motion.text.includes(baseName(file.path)));
-      await studio.openProject(snapshot([...files, ...kept], motion.path));
+      await studio.openProject({ files: [...files, ...kept], motion: motion.path });
     } else if (replaces("robot") || replaces("library")) {
       const robot = studio.documents.robotPath;
       const kept = others.filter((file) => !(replaces("robot") && file.path === robot));
       const renamed = files.map((file) => (kindOf(file) === "robot" && robot ? { ...file, path: robot } : file));
-      await studio.openProject(snapshot([...renamed, ...kept], studio.documents.motionPath));
+      await studio.openProject({ files: [...renamed, ...kept], motion: studio.documents.motionPath });
     } else {
       throw new Error(`${picked.map((file) => file.name).join(", ")}: not a robot, motion or library file of Rollwalk`);
     }
   } catch (error) {
     studio.complain(error);
   }
-}
-
-function snapshot(files: Snapshot["files"][number][], motion: string): Snapshot {
-  return { files, motion };
 }
 
 /** Saves a document: where it came from, if the browser can, else as a download. */

@@ -24,7 +24,7 @@ export class Handles {
     private readonly told: {
       begin(grip: Grip): void;
       moved(grip: Grip, to: Moved, upwards: boolean): void;
-      end(grip: Grip): void;
+      end(): void;
     },
   ) {
     const { canvas } = stage;
@@ -141,7 +141,7 @@ export class Handles {
     event.stopImmediatePropagation();
     this.#drag = null;
     this.stage.canvas.style.cursor = "";
-    this.told.end(drag.handle.grip);
+    this.told.end();
   }
 }
 

@@ -1,13 +1,12 @@
 // The 3D view: puts robot, ground, overlays and handles together and keeps them up with plan and time.
 
-import type { Grip, Moved } from "./handles.ts";
-import type { Studio } from "../project/studio.ts";
+import type { Scene, Target } from "../contract.ts";
 import type { Playback } from "../project/playback.ts";
 import { isDark, type Settings } from "../project/settings.ts";
-import type { Scene, Target } from "../contract.ts";
+import type { Studio } from "../project/studio.ts";
 import { Cameras } from "./cameras.ts";
 import { Ground } from "./ground.ts";
-import { Handles } from "./handles.ts";
+import { type Grip, Handles, type Moved } from "./handles.ts";
 import { Overlays } from "./overlays.ts";
 import { DARK, LIGHT, type Palette } from "./palette.ts";
 import { Paths } from "./paths.ts";
@@ -31,6 +30,10 @@ export class View {
   #built = "";
   #gesture: string | null = null;
   #from: Moved = { forward_m: 0, left_m: 0, up_m: 0 };
+  /** The last step of a drag. */
+  #last: { grip: Grip; to: Moved; upwards: boolean } | null = null;
+  /** Poses of a connected robot. */
+  #live: Float32Array | null = null;
 
   constructor(
     host: HTMLElement,
@@ -45,7 +48,7 @@ export class View {
     this.handles = new Handles(this.stage, {
       begin: (grip) => this.#begin(grip),
       moved: (grip, to, upwards) => this.#moved(grip, to, upwards, true),
-      end: (grip) => this.#end(grip),
+      end: () => this.#end(),
     });
     this.stage.scene.add(this.handles.group);
     this.stage.beforeDraw(() => this.#pose());
@@ -114,8 +117,6 @@ export class View {
     this.stage.invalidate();
   }
 
-  #live: Float32Array | null = null;
-
   #buildRobot(scene: Scene) {
     const built = JSON.stringify([scene.bodies, scene.end_effectors, scene.mass_kg]);
     if (built === this.#built) {
@@ -180,7 +181,7 @@ export class View {
       if (foot.wheel_body !== null) bodies.add(foot.wheel_body);
     }
     const joint = selection.joint === null ? null : shown.planned.scene.joints[selection.joint];
-    if (joint?.body !== undefined) bodies.add(joint.body);
+    if (joint) bodies.add(joint.body);
     this.#robot.highlight(bodies, this.#palette);
     this.stage.invalidate();
   }
@@ -209,14 +210,10 @@ export class View {
   #begin(grip: Grip) {
     this.#gesture = this.studio.newGesture();
     this.playback.pause();
-    if (grip.kind === "target") {
-      this.studio.selection.selectTarget(grip.index);
-    }
+    if (grip.kind === "target") this.studio.selection.selectTarget(grip.index);
     const com = this.studio.shown ? this.studio.shown.frames.com(this.studio.shown.frames.row(0)) : [0, 0, 0];
     this.#from = { forward_m: com[0], left_m: com[1], up_m: 0 };
   }
-
-  #last: { grip: Grip; to: Moved; upwards: boolean } | null = null;
 
   #moved(grip: Grip, to: Moved, upwards: boolean, drag: boolean) {
     this.#last = { grip, to, upwards };
@@ -236,7 +233,7 @@ export class View {
     }
   }
 
-  #end(_grip: Grip) {
+  #end() {
     // The last step once more, now in full; a click without a move changes nothing.
     if (this.#last) this.#moved(this.#last.grip, this.#last.to, this.#last.upwards, false);
     this.#last = null;

@@ -43,10 +43,11 @@ const SECTIONS: [string, [string, string][]][] = [
   ],
 ];
 
-export function openHelp() {
+/** `place`: where planning happens. */
+export function openHelp(place: string) {
   const sections = SECTIONS.map(([title, rows]) =>
     h("section", {}, h("h3", { text: title }), h("dl", {}, ...rows.flatMap(([keys, what]) => [h("dt", { text: keys }), h("dd", { text: what })]))),
   );
-  const where = h("p", { class: "muted", text: "Planning happens on this computer. Your files stay on it." });
+  const where = h("p", { class: "muted", text: `Planning happens ${place}. Your files stay on this computer.` });
   dialog("Keyboard and mouse", h("div", {}, h("div", { class: "help" }, ...sections), where), true);
 }
