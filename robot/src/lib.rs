@@ -12,12 +12,14 @@ mod model;
 mod pose;
 mod rules;
 pub mod shape;
+mod solid;
 pub mod urdf;
 
 pub use contact::{Blade, Contact, RollingDrag};
 pub use controller::Channel;
 pub use model::{Actuator, EndEffector, Joint, Link, Robot, SoftMaterial, TorqueSpeedLine};
 pub use rules::{InvalidRobot, Place, Violation};
+pub use solid::{Form, Solid};
 
 /// Standard gravity, m/s².
 pub const GRAVITY_M_S2: f64 = 9.806_65;

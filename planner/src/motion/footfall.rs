@@ -18,6 +18,12 @@ const GAITS: [(&str, [f64; 4]); 5] = [
     ("pronk", [0.5, 0.5, 0.5, 0.5]),
 ];
 
+/// The named gaits that a robot has the feet for, as motion files spell them.
+pub fn gaits(robot: &Robot) -> impl Iterator<Item = &'static str> {
+    let fits = gait_columns(robot).is_some();
+    GAITS.iter().filter(move |_| fits).map(|(name, _)| *name)
+}
+
 /// Stance flags `[sample][end effector]` from the table `[footfalls]`.
 pub(super) fn stance(
     document: &Document<'_>,
@@ -50,7 +56,10 @@ pub(super) fn stance(
 fn gait(table: &Table<'_>, robot: &Robot, samples: usize) -> Option<Vec<Vec<bool>>> {
     let gait = table.choice("gait", &GAITS.map(|(name, _)| name));
     let duty = duty(table);
-    let feet = gait_columns(table, robot);
+    let feet = gait_columns(robot);
+    if feet.is_none() {
+        unknown_feet(table, robot);
+    }
     table.done();
     let (_, centers) = GAITS.get(gait?)?;
     let (swing, feet) = (1.0 - duty?, feet?);
@@ -89,7 +98,7 @@ pub(super) fn cycle(swings: &[Swing], samples: usize) -> Vec<Vec<bool>> {
 
 /// Row in [`GAIT_FEET`] of every end effector of the robot. End effectors of one limb swing together: `front_left`,
 /// `front_left_toe` and `front_left_heel` all follow foot `front_left`.
-fn gait_columns(table: &Table<'_>, robot: &Robot) -> Option<Vec<usize>> {
+fn gait_columns(robot: &Robot) -> Option<Vec<usize>> {
     let row_of = |foot: &EndEffector| {
         GAIT_FEET.iter().position(|name| {
             let rest = foot.name.strip_prefix(name);
@@ -97,18 +106,18 @@ fn gait_columns(table: &Table<'_>, robot: &Robot) -> Option<Vec<usize>> {
         })
     };
     let columns: Option<Vec<_>> = robot.end_effectors.iter().map(row_of).collect();
-    let columns = columns.filter(|found| (0..GAIT_FEET.len()).all(|row| found.contains(&row)));
-    if columns.is_none() {
-        let problem = format!("does not know the feet of robot `{}`", robot.name);
-        let help = format!(
-            "named gaits are for robots with the end effectors {}, or several on a limb, such as \
-             front_left_toe and front_left_heel; write one row of # and . for each of {}",
-            GAIT_FEET.join(", "),
-            listed(robot)
-        );
-        table.fault("gait", problem, "needs four named feet", help);
-    }
-    columns
+    columns.filter(|found| (0..GAIT_FEET.len()).all(|row| found.contains(&row)))
+}
+
+fn unknown_feet(table: &Table<'_>, robot: &Robot) {
+    let problem = format!("does not know the feet of robot `{}`", robot.name);
+    let help = format!(
+        "named gaits are for robots with the end effectors {}, or several on a limb, such as \
+         front_left_toe and front_left_heel; write one row of # and . for each of {}",
+        GAIT_FEET.join(", "),
+        listed(robot)
+    );
+    table.fault("gait", problem, "needs four named feet", help);
 }
 
 /// Reads one row of `#` (stance) and `.` (swing) per end effector, all equally long, and stretches them to the number

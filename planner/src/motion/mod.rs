@@ -12,6 +12,7 @@ pub(crate) mod swing;
 mod wheels;
 
 pub use choreography::{HeightLimit, Moment, Subject, Target};
+pub use footfall::gaits;
 
 use serde::{Deserialize, Serialize};
 use std::fmt;

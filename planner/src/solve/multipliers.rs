@@ -3,9 +3,11 @@
 use super::normal::{NormalEquations, row_energy};
 use crate::families::Family;
 use crate::formulation::rows::{Role, Row, Rows};
+use serde::{Deserialize, Serialize};
 
 /// The multipliers of a solution, as shifts of its rows (see [`crate::formulation`]).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Multipliers {
     /// The shift of every row.
     shifts: Vec<f64>,

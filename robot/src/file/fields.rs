@@ -5,6 +5,7 @@ use crate::contact::RollingDrag;
 use crate::document::Table;
 use crate::model::{Actuator, SoftMaterial, TorqueSpeedLine};
 use crate::rules::ITEMS_MAX;
+use crate::solid::Solid;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
@@ -32,29 +33,30 @@ pub(super) fn byte(table: &Table<'_>, key: &'static str) -> u8 {
     byte.and_then(Result::ok).unwrap_or_default()
 }
 
-/// Mass properties of a link: those of its parts, or as they are written.
-pub(super) fn mass(table: &Table<'_>) -> MassProperties {
+/// Mass properties of a link: those of its parts, which come, too, or as they are written.
+pub(super) fn mass(table: &Table<'_>) -> (MassProperties, Vec<Solid>) {
     if table.has("parts") {
         let tables = table.tables("parts");
         if tables.is_empty() {
             table.fault("parts", "is empty", "no parts", "give at least one part");
         }
         if !table.count("parts", tables.len(), ITEMS_MAX) {
-            return MassProperties::default();
+            return Default::default();
         }
-        return parts::sum(&tables.into_iter().map(parts::read).collect::<Vec<_>>());
+        let (masses, solids): (Vec<_>, Vec<_>) = tables.into_iter().map(parts::read).unzip();
+        return (parts::sum(&masses), solids.into_iter().flatten().collect());
     }
     if !["mass_kg", "com_in_link_m", INERTIA].into_iter().any(|key| table.has(key)) {
         let help =
             "give `parts = [...]`, or `mass_kg`, `com_in_link_m` and `inertia_in_link_kg_m2`";
         table.fault("parts", "is missing", "needs mass properties", help);
-        return MassProperties::default();
+        return Default::default();
     }
     let mass_kg = number(table, "mass_kg");
     let com_m = vector(table, "com_in_link_m");
     let [xx, yy, zz, xy, xz, yz] = table.numbers::<6>(INERTIA).unwrap_or_default();
     let inertia_kg_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-    MassProperties { mass_kg, com_m, inertia_kg_m2 }
+    (MassProperties { mass_kg, com_m, inertia_kg_m2 }, Vec::new())
 }
 
 /// Roll, pitch and yaw of a joint frame; 0 where the key is absent.

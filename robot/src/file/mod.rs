@@ -15,6 +15,7 @@ mod shapes;
 use crate::document::{Document, DocumentError};
 use crate::model::Robot;
 use crate::rules;
+use crate::solid::Solid;
 
 impl Robot {
     /// Reads and validates a robot file. `file_name` is for messages only.
@@ -23,13 +24,25 @@ impl Robot {
     /// All faults of the file, each with its place and a help line. Rules of the robot are checked once
     /// the file has no other faults.
     pub fn from_toml(file_name: &str, text: &str) -> Result<Self, DocumentError> {
+        Ok(Self::with_parts_from_toml(file_name, text)?.0)
+    }
+
+    /// As [`from_toml`](Self::from_toml), with the parts that the file gives for every link, in the robot's order: what the
+    /// robot looks like, which nothing computes with.
+    ///
+    /// # Errors
+    /// As [`from_toml`](Self::from_toml).
+    pub fn with_parts_from_toml(
+        file_name: &str,
+        text: &str,
+    ) -> Result<(Self, Vec<Vec<Solid>>), DocumentError> {
         let document = Document::parse(file_name, text)?;
-        let robot = read::robot(&document).map(|(robot, places)| {
+        let robot = read::robot(&document).map(|(robot, parts, places)| {
             for violation in rules::violations(&robot) {
                 let span = places.span(violation.place, violation.field);
                 document.fault(span, violation.message, "here", violation.help);
             }
-            robot
+            (robot, parts)
         });
         document.finish(robot)
     }

@@ -2,6 +2,7 @@
 
 use crate::document::Table;
 use crate::rules::LENGTH_MAX_M;
+use crate::solid::{Form, Solid};
 use nalgebra::{Matrix3, Vector3};
 
 /// Mass, centre of mass and inertia about it.
@@ -32,21 +33,19 @@ pub(crate) fn sum(parts: &[MassProperties]) -> MassProperties {
     MassProperties { mass_kg, com_m, inertia_kg_m2 }
 }
 
-/// Reads one entry of `parts`: a mass, a place and a homogeneous box or cylinder along a link axis.
-pub(super) fn read(part: Table<'_>) -> MassProperties {
+/// Reads one entry of `parts`: a mass, a place and a homogeneous box or cylinder along a link axis. There is no solid if its
+/// size is at fault.
+pub(super) fn read(part: Table<'_>) -> (MassProperties, Option<Solid>) {
     let mass_kg = part.number_in("mass_kg", 1e-6..=1000.0, "kg").unwrap_or_default();
-    let com_m = part.numbers::<3>("at_m").unwrap_or_default().into();
+    let com_m: Vector3<f64> = part.numbers::<3>("at_m").unwrap_or_default().into();
     let shapes = ["cylinder_x_m", "cylinder_y_m", "cylinder_z_m", "box_m"];
     let given: Vec<_> = (0..shapes.len()).filter(|&shape| part.has(shapes[shape])).collect();
-    let diagonal_per_kg = match given[..] {
-        [3] => sizes(&part, "box_m").map(|[x, y, z]: [f64; 3]| {
-            Vector3::new(y * y + z * z, x * x + z * z, x * x + y * y) / 12.0
-        }),
-        [axis] => sizes(&part, shapes[axis]).map(|[radius, length]: [f64; 2]| {
-            let across = radius * radius / 4.0 + length * length / 12.0;
-            let mut diagonal = Vector3::repeat(across);
-            diagonal[axis] = radius * radius / 2.0;
-            diagonal
+    let form = match given[..] {
+        [3] => sizes(&part, "box_m").map(|size| Form::Box { size_m: size.into() }),
+        [axis] => sizes(&part, shapes[axis]).map(|[radius_m, length_m]| Form::Cylinder {
+            axis,
+            radius_m,
+            length_m,
         }),
         _ => {
             let help = "give one of `box_m = [x, y, z]` or `cylinder_x_m`, `cylinder_y_m`, \
@@ -59,8 +58,21 @@ pub(super) fn read(part: Table<'_>) -> MassProperties {
     part.given("stretches", Table::boolean);
     part.given(ACTUATOR, Table::string);
     part.done();
+    let diagonal_per_kg = form.map(|form| match form {
+        Form::Box { size_m } => {
+            let [x, y, z]: [f64; 3] = size_m.into();
+            Vector3::new(y * y + z * z, x * x + z * z, x * x + y * y) / 12.0
+        }
+        Form::Cylinder { axis, radius_m, length_m } => {
+            let across = radius_m * radius_m / 4.0 + length_m * length_m / 12.0;
+            let mut diagonal = Vector3::repeat(across);
+            diagonal[axis] = radius_m * radius_m / 2.0;
+            diagonal
+        }
+    });
     let inertia_kg_m2 = Matrix3::from_diagonal(&(diagonal_per_kg.unwrap_or_default() * mass_kg));
-    MassProperties { mass_kg, com_m, inertia_kg_m2 }
+    let solid = form.map(|form| Solid { center_in_link_m: com_m, form });
+    (MassProperties { mass_kg, com_m, inertia_kg_m2 }, solid)
 }
 
 /// Reads lengths of a solid; notes each that no solid has.

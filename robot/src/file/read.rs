@@ -16,6 +16,7 @@ use crate::document::{Document, Span, Table, alternatives};
 use crate::model::{Actuator, EndEffector, Joint, Link, Robot};
 use crate::rules::ITEMS_MAX;
 use crate::shape::DEFAULT_CLEARANCE_MARGIN_M;
+use crate::solid::Solid;
 use nalgebra::{Isometry3, Translation3, Vector3};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -30,8 +31,10 @@ type Sheets<'d> = BTreeMap<&'d str, (Actuator, Table<'d>)>;
 /// Addresses of a limb's motors, in order.
 type Ids = RangeInclusive<u8>;
 
-/// Reads all tables; `None` if any of them has a fault.
-pub(super) fn robot<'d>(document: &'d Document<'_>) -> Option<(Robot, Places<'d>)> {
+/// Reads all tables, the parts of every link apart; `None` if any of them has a fault.
+pub(super) fn robot<'d>(
+    document: &'d Document<'_>,
+) -> Option<(Robot, Vec<Vec<Solid>>, Places<'d>)> {
     let root = document.root();
     let name = root.string("name").unwrap_or_default();
     let sheet = |(name, table)| (name, (data_sheet(&table), table));
@@ -86,7 +89,7 @@ pub(super) fn robot<'d>(document: &'d Document<'_>) -> Option<(Robot, Places<'d>
             document.fault(span, message, label, help);
         }
     }
-    document.is_clean().then_some((reader.robot, reader.places))
+    document.is_clean().then_some((reader.robot, reader.parts, reader.places))
 }
 
 /// Whether a robot has no more items than the rules allow, limbs counted: they take time with the square of their number.
@@ -101,6 +104,8 @@ fn few_enough(root: &Table<'_>, groups: &[Group<'_, '_>]) -> bool {
 struct Reader<'r, 'd> {
     sheets: &'r Sheets<'d>,
     robot: Robot,
+    /// Parts of every link.
+    parts: Vec<Vec<Solid>>,
     places: Places<'d>,
     /// Faults of names that nothing carries: place, message, label and help.
     unresolved: RefCell<Vec<(Span, String, String, String)>>,
@@ -119,6 +124,7 @@ impl<'r, 'd> Reader<'r, 'd> {
                 buses,
                 clearance_margin_m: DEFAULT_CLEARANCE_MARGIN_M,
             },
+            parts: Vec::new(),
             places: Places::new(root),
             unresolved: RefCell::default(),
         }
@@ -142,7 +148,7 @@ impl<'r, 'd> Reader<'r, 'd> {
 
     fn link(&mut self, group: &Group<'_, 'd>, mut table: Table<'d>) {
         let name = named(&mut table, "link");
-        let MassProperties { mass_kg, com_m, inertia_kg_m2 } = mass(&table);
+        let (MassProperties { mass_kg, com_m, inertia_kg_m2 }, solids) = mass(&table);
         for part in table.tables("parts") {
             if let Some(name) = part.given(parts::ACTUATOR, Table::string)
                 && !self.sheets.contains_key(name.as_str())
@@ -160,6 +166,9 @@ impl<'r, 'd> Reader<'r, 'd> {
             inertia_in_link_kg_m2: group.inertia(inertia_kg_m2),
             shapes,
         });
+        let placed =
+            |part: Solid| Solid { center_in_link_m: group.point(part.center_in_link_m), ..part };
+        self.parts.push(solids.into_iter().map(placed).collect());
         self.places.links.push(Source::of(table));
     }
 

@@ -1,0 +1,63 @@
+//! Outcome of a solve in words, and which constraints are to blame.
+
+use crate::messages::{Culprit, Solve};
+use rollwalk_planner::plan::{self, Plan, SolveSummary, Status, Verdict};
+use rollwalk_robot::Robot;
+
+/// The outcome of a plan's solve, which was made in full, or as a step of a drag, of which nobody has judged how it is played.
+pub fn solve(plan: &Plan, in_full: bool) -> Solve {
+    let SolveSummary { status, iterations, energy, worst_level, worst_constraint, .. } = plan.solve;
+    let culprits = plan.solve.diagnosis.iter().flat_map(|diagnosis| &diagnosis.culprits);
+    Solve {
+        status,
+        words: words(&plan.solve, in_full),
+        iterations,
+        energy,
+        worst_level,
+        worst_constraint: worst_constraint.name(),
+        culprits: culprits.map(|of| culprit(of, &plan.robot)).collect(),
+    }
+}
+
+fn words(solve: &SolveSummary, in_full: bool) -> String {
+    let SolveSummary { status, worst_level, worst_constraint, .. } = solve;
+    let beyond = format!("{worst_constraint} is at {worst_level:.2} of its tolerance");
+    match (status, &solve.diagnosis) {
+        (Status::Converged, _) if !in_full => "All constraints hold at the samples.".to_owned(),
+        (Status::Converged, _) => {
+            "All constraints hold, at the samples and as the motion is played.".to_owned()
+        }
+        (Status::FailsAsPlayed, _) => {
+            let last = solve.refinements.last().map(|refinement| format!(": {refinement}"));
+            format!(
+                "All constraints hold at the samples, but not in between, as the motion is played{}.",
+                last.unwrap_or_default()
+            )
+        }
+        (Status::Infeasible, Some(diagnosis)) => match diagnosis.verdict {
+            Verdict::Contradiction => "These constraints contradict each other.".to_owned(),
+            Verdict::FarOff => {
+                "There is no solution near: even without costs these constraints stay far beyond their \
+                 tolerances."
+                    .to_owned()
+            }
+            Verdict::Stuck => format!("The solve got stuck between these constraints: {beyond}."),
+        },
+        (Status::Infeasible | Status::Stalled, _) => format!("The solve got stuck: {beyond}."),
+        (Status::IterationLimit, _) => format!("The iterations were too few: {beyond}."),
+        (Status::Interrupted, _) => format!("Stopped: {beyond}."),
+    }
+}
+
+fn culprit(culprit: &plan::Culprit, robot: &Robot) -> Culprit {
+    let named = |name: &String| culprit.subject.as_ref() == Some(name);
+    Culprit {
+        constraint: culprit.constraint.name(),
+        what: culprit.to_string(),
+        from_s: culprit.time_s[0],
+        to_s: culprit.time_s[1],
+        end_effector: robot.end_effectors.iter().position(|foot| named(&foot.name)),
+        joint: robot.joints.iter().position(|joint| named(&joint.name)),
+        advice: culprit.advice.clone(),
+    }
+}

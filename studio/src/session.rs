@@ -1,0 +1,158 @@
+//! A session: answers requests, and remembers the last good plan, from which the next ones start.
+//!
+//! A plan is good if it was made in full and its constraints hold. What was interrupted, capped or found infeasible is shown, and
+//! starts nothing, with one exception: while something is dragged, a step starts from the step before, as long as its
+//! constraints hold; else the drag would leave the neighbourhood of the last good plan.
+
+use crate::documents::{Documents, Project};
+use crate::messages::{Answer, Done, File, From, Opened, Request, Told, Wanted};
+use crate::{examples, frames, motion_view, outcome, scene};
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::{ACCEPTED_LEVEL, Options, Progress, Settings, Solution, optimise_solution};
+use rollwalk_robot::Robot;
+use std::ops::ControlFlow;
+
+/// Where answers go: JSON and bytes, of which most answers have none. Breaks off a solve.
+pub type Tell<'t> = dyn FnMut(&str, &[u8]) -> ControlFlow<()> + 't;
+
+/// The engine's memory between requests.
+#[derive(Debug, Default)]
+pub struct Session {
+    /// The last good plan.
+    good: Option<Solution>,
+    /// The last step of a drag whose constraints hold.
+    near: Option<Solution>,
+    /// What the page shows.
+    shown: Option<Plan>,
+}
+
+impl Session {
+    /// Answers a request. `binary` are the bytes that came with it.
+    pub fn request(&mut self, json: &str, tell: &mut Tell<'_>) {
+        let request: Request = match serde_json::from_str(json) {
+            Ok(request) => request,
+            Err(error) => {
+                let help = "requests are those of studio/src/messages.rs";
+                let message = format!("not a request: {error}");
+                let error = Answer::Error { message, help: help.to_owned() };
+                let _ = say(tell, 0, &error, &[]);
+                return;
+            }
+        };
+        let seq = request.seq;
+        let (answer, bytes) = self
+            .answer(request, &mut |answer| say(tell, seq, answer, &[]))
+            .unwrap_or_else(|answer| (answer, Vec::new()));
+        // Nothing is left to be broken off.
+        let _ = say(tell, seq, &answer, &bytes);
+    }
+
+    fn answer(
+        &mut self,
+        request: Request,
+        progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
+    ) -> Result<(Answer, Vec<u8>), Answer> {
+        let done = |done| Ok((Answer::Done(Box::new(done)), Vec::new()));
+        match request.wanted {
+            Wanted::Examples => done(Done::Examples { examples: examples::listed() }),
+            Wanted::Example { path } => match rollwalk_shipped::text(&path) {
+                Some(text) => done(Done::Example { text }),
+                None => Err(Answer::Error {
+                    message: format!("nothing called `{path}` ships with rollwalk"),
+                    help: "`examples` lists what does".to_owned(),
+                }),
+            },
+            Wanted::Open { files, motion } => {
+                let project = Documents::new(&files).project(&motion)?;
+                done(Done::Opened(opened(&project)))
+            }
+            Wanted::Plan { files, motion, from, iterations, frames_hz } => {
+                self.plan(&files, &motion, from, iterations, frames_hz, progress)
+            }
+        }
+    }
+
+    fn plan(
+        &mut self,
+        files: &[File],
+        motion: &str,
+        from: From,
+        iterations: Option<usize>,
+        frames_hz: f64,
+        progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
+    ) -> Result<(Answer, Vec<u8>), Answer> {
+        if !frames::RATES_HZ.contains(&frames_hz) {
+            let (least, most) = (frames::RATES_HZ.start(), frames::RATES_HZ.end());
+            return Err(Answer::Error {
+                message: format!("frames at {frames_hz} Hz"),
+                help: format!("`frames_hz` is {least} to {most}"),
+            });
+        }
+        let project = Documents::new(files).project(motion)?;
+        if from == From::Scratch {
+            (self.good, self.near) = (None, None);
+        }
+        let mut watch = |state: &Progress| {
+            progress(&Answer::Progress {
+                iteration: state.iteration,
+                worst_level: state.worst_level,
+                worst_constraint: state.worst_constraint.name(),
+                what: project.motion.name.clone(),
+            })
+        };
+        let Project { robot, motion, .. } = &project;
+        let solution = self.solve(robot, motion, iterations, &mut watch);
+        let (status, in_full) = (solution.plan.solve.status, iterations.is_none());
+        let good = in_full && status.is_solved();
+        let plan = solution.plan.clone();
+        if good {
+            (self.good, self.near) = (Some(solution), None);
+        } else if !in_full && plan.solve.worst_level <= ACCEPTED_LEVEL {
+            self.near = Some(solution);
+        }
+        let (frames, bytes) = frames::frames(&plan, frames_hz);
+        let planned = Done::Planned {
+            opened: opened(&project),
+            solve: outcome::solve(&plan, in_full),
+            frames,
+            converged: in_full && status == Status::Converged,
+            good,
+        };
+        self.shown = Some(plan);
+        Ok((Answer::Done(Box::new(planned)), bytes))
+    }
+
+    /// Plans from the plan at hand, or from scratch if that is none or one of another robot. Steps of a drag are not refined.
+    fn solve(
+        &self,
+        robot: &Robot,
+        motion: &Motion,
+        iterations: Option<usize>,
+        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Solution {
+        if let Some(near) = self.near.as_ref().or(self.good.as_ref()) {
+            let mut settings = Settings::default();
+            settings.iterations = iterations.unwrap_or(settings.iterations);
+            let options = Options { settings, refine: iterations.is_none(), ..Options::default() };
+            if let Ok(solution) = near.replan(robot, motion, &options, progress) {
+                return solution;
+            }
+        }
+        optimise_solution(robot, motion, &Options::default(), progress)
+    }
+}
+
+fn opened(project: &Project<'_>) -> Opened {
+    Opened {
+        scene: scene::scene(&project.robot, &project.parts),
+        motion: motion_view::view(&project.motion, &project.robot),
+        read: [project.motion_file, project.robot_file].map(|file| file.path.to_owned()),
+    }
+}
+
+fn say(tell: &mut Tell<'_>, seq: u64, answer: &Answer, bytes: &[u8]) -> ControlFlow<()> {
+    let told = Told { seq, binary: !bytes.is_empty(), answer };
+    // Only maps with keys that are no strings can fail to become JSON; answers have none.
+    tell(&serde_json::to_string(&told).unwrap_or_default(), bytes)
+}
