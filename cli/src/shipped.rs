@@ -10,7 +10,7 @@ pub const DEMO_LIBRARY: &str = "motions/agilebot_library.toml";
 
 /// The text of a shipped file.
 pub fn text(path: &Path) -> Option<&'static str> {
-    FILES.iter().find(|(shipped, _)| Path::new(shipped) == path).map(|(_, text)| *text)
+    rollwalk_shipped::text(path.to_str()?)
 }
 
 /// The shipped robot files.

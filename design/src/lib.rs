@@ -29,5 +29,6 @@ pub mod parameter;
 pub mod plans;
 mod quadratic;
 pub mod repair;
+#[cfg(feature = "sweep")]
 pub mod sweep;
 pub mod text;

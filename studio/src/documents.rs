@@ -5,11 +5,13 @@
 //! file of that base name, and the same among the files that ship.
 
 use crate::messages::{Answer, Fault, File};
+use crate::sliders::{self, Slider};
 use rollwalk_planner::motion::Motion;
 use rollwalk_robot::document::DocumentError;
 use rollwalk_robot::{Robot, Solid};
 
 /// The documents of a request.
+#[derive(Clone, Copy)]
 pub struct Documents<'f> {
     files: &'f [File],
 }
@@ -35,12 +37,19 @@ pub struct Project<'f> {
     pub motion_file: Found<'f>,
     /// The robot file.
     pub robot_file: Found<'f>,
+    /// Numbers of the robot that are worth a slider.
+    pub sliders: Vec<Slider>,
 }
 
 impl<'f> Documents<'f> {
     /// Documents of a request.
     pub fn new(files: &'f [File]) -> Self {
         Self { files }
+    }
+
+    /// The documents of the request itself.
+    pub fn files(&self) -> &'f [File] {
+        self.files
     }
 
     /// Reads and validates a motion file and the robot that it names.
@@ -58,7 +67,8 @@ impl<'f> Documents<'f> {
             Robot::with_parts_from_toml(path, text).map_err(|error| faults(text, &error))?;
         let Found { path, text } = motion_file;
         let motion = Motion::from_toml(path, text, &robot).map_err(|error| faults(text, &error))?;
-        Ok(Project { robot, parts, motion, motion_file, robot_file })
+        let sliders = sliders::sliders(self, robot_file.path, robot_file.text);
+        Ok(Project { robot, parts, motion, motion_file, robot_file, sliders })
     }
 
     /// The text that `named` means in the document at `from`.

@@ -7,6 +7,7 @@
 mod documents;
 #[cfg(target_arch = "wasm32")]
 mod door;
+mod edit;
 mod examples;
 mod frames;
 pub mod messages;
@@ -14,5 +15,6 @@ mod motion_view;
 mod outcome;
 mod scene;
 mod session;
+mod sliders;
 
 pub use session::Session;

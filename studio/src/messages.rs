@@ -32,6 +32,17 @@ pub enum Wanted {
         /// Path of the motion file among them.
         motion: String,
     },
+    /// Changes one thing in the text of a document.
+    Amend {
+        /// The documents.
+        files: Vec<File>,
+        /// Path of the motion file among them.
+        motion: String,
+        /// Path of the document to change.
+        path: String,
+        /// The change.
+        edit: Edit,
+    },
     /// Plans the motion of documents.
     Plan {
         /// The documents.
@@ -44,6 +55,83 @@ pub enum Wanted {
         iterations: Option<usize>,
         /// Rate of the frames, Hz.
         frames_hz: f64,
+    },
+}
+
+/// A change of one thing in a document.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "edit", rename_all = "snake_case")]
+pub enum Edit {
+    /// A number of a table, or none.
+    Number {
+        /// Keys of the table, in arrays of tables indices; empty for the top of the document.
+        table: Vec<String>,
+        /// Key of the number.
+        key: String,
+        /// The number; none removes the key.
+        value: Option<f64>,
+    },
+    /// A text of a table, or none.
+    Text {
+        /// As of numbers.
+        table: Vec<String>,
+        /// Key of the text.
+        key: String,
+        /// The text; none removes the key.
+        value: Option<String>,
+    },
+    /// A number wherever the document has it.
+    Everywhere {
+        /// Its key.
+        key: String,
+        /// What it is.
+        from: f64,
+        /// What it becomes.
+        value: f64,
+    },
+    /// A named gait.
+    Gait {
+        /// Its name, or `stance`.
+        gait: String,
+        /// Share of the cycle that a foot stands; without, the former one stays.
+        duty: Option<f64>,
+    },
+    /// All footfalls.
+    Footfalls {
+        /// Whether an end effector is on the ground, `[end effector][sample]`.
+        stance: Vec<Vec<bool>>,
+    },
+    /// Footfalls of one end effector over a span of samples.
+    Swing {
+        /// Index of the end effector.
+        end_effector: usize,
+        /// First sample.
+        from: usize,
+        /// Last sample; in periodic motions it may be before the first.
+        to: usize,
+        /// On the ground, or in the air.
+        stance: bool,
+    },
+    /// A target of the motion.
+    Target {
+        /// Which one; none for a new one.
+        index: Option<usize>,
+        /// The target; none removes it.
+        target: Option<Target>,
+    },
+    /// A height limit of the motion.
+    Height {
+        /// Which one; none for a new one.
+        index: Option<usize>,
+        /// The limit; none removes it.
+        height: Option<Height>,
+    },
+    /// A parameter of the robot.
+    Parameter {
+        /// As in [`Parameter::name`].
+        name: String,
+        /// Its value, in its unit.
+        value: f64,
     },
 }
 
@@ -125,6 +213,13 @@ pub enum Done {
     },
     /// Of `open`.
     Opened(Opened),
+    /// Of `amend`.
+    Amended {
+        /// The text after the edit.
+        text: String,
+        /// Faults that the documents have with it.
+        faults: Vec<Fault>,
+    },
     /// Of `plan`; its bytes are the frames.
     Planned {
         /// What was planned.
@@ -215,6 +310,27 @@ pub struct Scene {
     pub end_effectors: Vec<EndEffector>,
     /// Mass of the robot, kg.
     pub mass_kg: f64,
+    /// Numbers of the robot file that are worth a slider.
+    pub parameters: Vec<Parameter>,
+}
+
+/// A number of a robot file.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// By which edits name it.
+    pub name: String,
+    /// As people call it.
+    pub label: String,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Present value.
+    pub value: f64,
+    /// Least value of a slider.
+    pub min: f64,
+    /// Largest value of a slider.
+    pub max: f64,
+    /// Step of a slider.
+    pub step: f64,
 }
 
 /// A rigid body.
@@ -291,6 +407,8 @@ pub enum Role {
 pub struct Joint {
     /// Its name.
     pub name: String,
+    /// Index of the link that it moves among the bodies.
+    pub body: usize,
     /// Smallest angle, rad.
     pub position_min_rad: f64,
     /// Largest angle, rad.
@@ -449,6 +567,19 @@ pub struct Culprit {
     pub joint: Option<usize>,
     /// What to change.
     pub advice: String,
+    /// A change after which there is a plan.
+    pub fix: Option<Fix>,
+}
+
+/// A change that helps.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Fix {
+    /// In words.
+    pub label: String,
+    /// Path of the document.
+    pub path: String,
+    /// The change.
+    pub edit: Edit,
 }
 
 /// What the bytes of `plan` are: `count` rows of `width` numbers, float32, little-endian. Row i is at i / `rate_hz`; the last

@@ -1,11 +1,12 @@
 //! Outcome of a solve in words, and which constraints are to blame.
 
-use crate::messages::{Culprit, Solve};
-use rollwalk_planner::plan::{self, Plan, SolveSummary, Status, Verdict};
-use rollwalk_robot::Robot;
+use crate::documents::Project;
+use crate::messages::{Culprit, Edit, Fix, Solve};
+use rollwalk_planner::families::Kind;
+use rollwalk_planner::plan::{self, DURATION, Plan, SolveSummary, Status, Verdict};
 
 /// The outcome of a plan's solve, which was made in full, or as a step of a drag, of which nobody has judged how it is played.
-pub fn solve(plan: &Plan, in_full: bool) -> Solve {
+pub fn solve(plan: &Plan, project: &Project<'_>, in_full: bool) -> Solve {
     let SolveSummary { status, iterations, energy, worst_level, worst_constraint, .. } = plan.solve;
     let culprits = plan.solve.diagnosis.iter().flat_map(|diagnosis| &diagnosis.culprits);
     Solve {
@@ -15,7 +16,7 @@ pub fn solve(plan: &Plan, in_full: bool) -> Solve {
         energy,
         worst_level,
         worst_constraint: worst_constraint.name(),
-        culprits: culprits.map(|of| culprit(of, &plan.robot)).collect(),
+        culprits: culprits.map(|of| culprit(of, project)).collect(),
     }
 }
 
@@ -49,7 +50,8 @@ fn words(solve: &SolveSummary, in_full: bool) -> String {
     }
 }
 
-fn culprit(culprit: &plan::Culprit, robot: &Robot) -> Culprit {
+fn culprit(culprit: &plan::Culprit, project: &Project<'_>) -> Culprit {
+    let robot = &project.robot;
     let named = |name: &String| culprit.subject.as_ref() == Some(name);
     Culprit {
         constraint: culprit.constraint.name(),
@@ -59,5 +61,30 @@ fn culprit(culprit: &plan::Culprit, robot: &Robot) -> Culprit {
         end_effector: robot.end_effectors.iter().position(|foot| named(&foot.name)),
         joint: robot.joints.iter().position(|joint| named(&joint.name)),
         advice: culprit.advice.clone(),
+        fix: fix(culprit, project),
     }
+}
+
+/// The number with which the planner found a plan, as an edit of the file that has it.
+fn fix(culprit: &plan::Culprit, project: &Project<'_>) -> Option<Fix> {
+    let (field, given) = (culprit.field.clone()?, culprit.given?);
+    // As many digits as the diagnosis shows.
+    let value: f64 = format!("{:.3e}", culprit.would_do?).parse().ok()?;
+    let (unit, everywhere) = match &*field {
+        DURATION => ("s", false),
+        _ => (&*culprit.unit, culprit.part == Kind::Limit),
+    };
+    let file = if everywhere { project.robot_file } else { project.motion_file };
+    let label = format!("Set {field} to {value} {unit}");
+    let number = |table: &[&str]| Edit::Number {
+        table: table.iter().map(|&key| key.to_owned()).collect(),
+        key: field.clone(),
+        value: Some(value),
+    };
+    let edit = match &*field {
+        DURATION | "swing_height_m" => number(&[]),
+        "forward_m" | "left_m" | "turn_rad" if culprit.constraint.is_goal() => number(&["goal"]),
+        _ => Edit::Everywhere { key: field.clone(), from: given, value },
+    };
+    Some(Fix { label: label.trim_end().to_owned(), path: file.path.to_owned(), edit })
 }

@@ -3,7 +3,7 @@
 //! A link whose file gives neither parts nor shapes, as those of many imported robots, is drawn by its bones: from its frame to
 //! the joints and end effectors that it carries.
 
-use crate::messages::{Body, EndEffector, Form, Joint, Role, Scene, Shape};
+use crate::messages::{Body, EndEffector, Form, Joint, Parameter, Role, Scene, Shape};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{Frames, Standing, Tree};
 use rollwalk_robot::{self as robot, Robot, Solid, shape};
@@ -24,8 +24,8 @@ pub fn turning_wheels(robot: &Robot) -> impl Iterator<Item = usize> + '_ {
     feet.filter(move |(_, foot)| turns(&foot.contact)).map(|(j, _)| j)
 }
 
-/// The scene of a robot with the parts of its links.
-pub fn scene(robot: &Robot, parts: &[Vec<Solid>]) -> Scene {
+/// The scene of a robot with the parts of its links and with its sliders.
+pub fn scene(robot: &Robot, parts: &[Vec<Solid>], parameters: Vec<Parameter>) -> Scene {
     let tree = Tree::new(robot);
     let mut bodies: Vec<Body> = robot.links.iter().map(|link| Body::named(&link.name)).collect();
     for (link, solids) in parts.iter().enumerate() {
@@ -65,6 +65,7 @@ pub fn scene(robot: &Robot, parts: &[Vec<Solid>]) -> Scene {
             .map(|j| end_effector(&robot.end_effectors[j], wheel_body(j)))
             .collect(),
         mass_kg: robot.total_mass_kg(),
+        parameters,
     }
 }
 
@@ -202,6 +203,7 @@ fn contact_shape(foot: &robot::EndEffector, width_m: Option<f64>) -> Shape {
 fn joint(joint: &robot::Joint) -> Joint {
     Joint {
         name: joint.name.clone(),
+        body: joint.child,
         position_min_rad: joint.position_min_rad,
         position_max_rad: joint.position_max_rad,
         speed_max_rad_s: joint.actuator.speed_max_rad_s,

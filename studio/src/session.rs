@@ -4,9 +4,10 @@
 //! starts nothing, with one exception: while something is dragged, a step starts from the step before, as long as its
 //! constraints hold; else the drag would leave the neighbourhood of the last good plan.
 
-use crate::documents::{Documents, Project};
-use crate::messages::{Answer, Done, File, From, Opened, Request, Told, Wanted};
-use crate::{examples, frames, motion_view, outcome, scene};
+use crate::documents::{self, Documents, Project};
+use crate::edit::{self, Known};
+use crate::messages::{Answer, Done, Edit, File, From, Opened, Request, Told, Wanted};
+use crate::{examples, frames, motion_view, outcome, scene, sliders};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{ACCEPTED_LEVEL, Options, Progress, Settings, Solution, optimise_solution};
@@ -67,6 +68,9 @@ impl Session {
                 let project = Documents::new(&files).project(&motion)?;
                 done(Done::Opened(opened(&project)))
             }
+            Wanted::Amend { files, motion, path, edit } => {
+                done(amend(&Documents::new(&files), &motion, &path, &edit)?)
+            }
             Wanted::Plan { files, motion, from, iterations, frames_hz } => {
                 self.plan(&files, &motion, from, iterations, frames_hz, progress)
             }
@@ -114,7 +118,7 @@ impl Session {
         let (frames, bytes) = frames::frames(&plan, frames_hz);
         let planned = Done::Planned {
             opened: opened(&project),
-            solve: outcome::solve(&plan, in_full),
+            solve: outcome::solve(&plan, &project, in_full),
             frames,
             converged: in_full && status == Status::Converged,
             good,
@@ -143,9 +147,38 @@ impl Session {
     }
 }
 
+/// The text of a document after an edit. A change of footfalls that brings faults is refused.
+fn amend(documents: &Documents<'_>, motion: &str, path: &str, edit: &Edit) -> Result<Done, Answer> {
+    let found = documents.find(path).ok_or_else(|| documents::missing("document", path, ""))?;
+    let before = documents.project(motion);
+    let sliders = sliders::sliders(documents, found.path, found.text);
+    let known = match &before {
+        Ok(Project { robot, motion, .. }) => Ok(Known { robot, motion }),
+        Err(answer) => Err(answer.clone()),
+    };
+    let text = edit::edited(found.text, edit, known, &sliders)?;
+    let mut files = documents.files().to_vec();
+    files.retain(|file| file.path != found.path);
+    files.push(File { path: found.path.to_owned(), text: text.clone() });
+    let faults = match Documents::new(&files).project(motion) {
+        Err(Answer::Faults { faults }) => faults,
+        Err(other) => return Err(other),
+        Ok(_) => Vec::new(),
+    };
+    let of_footfalls = matches!(edit, Edit::Footfalls { .. } | Edit::Swing { .. });
+    if of_footfalls && before.is_ok() && !faults.is_empty() {
+        return Err(Answer::Faults { faults });
+    }
+    Ok(Done::Amended { text, faults })
+}
+
 fn opened(project: &Project<'_>) -> Opened {
     Opened {
-        scene: scene::scene(&project.robot, &project.parts),
+        scene: scene::scene(
+            &project.robot,
+            &project.parts,
+            project.sliders.iter().map(|slider| slider.shown.clone()).collect(),
+        ),
         motion: motion_view::view(&project.motion, &project.robot),
         read: [project.motion_file, project.robot_file].map(|file| file.path.to_owned()),
     }

@@ -14,6 +14,18 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rollwalk-planner", &["rollwalk-multibody", "rollwalk-protocol", "rollwalk-robot"]),
     ("rollwalk-simulate", &["rollwalk-physics", "rollwalk-planner", "rollwalk-robot"]),
     ("rollwalk-design", &["rollwalk-planner", "rollwalk-robot"]),
+    ("rollwalk-shipped", &[]),
+    (
+        "rollwalk-studio",
+        &[
+            "rollwalk-design",
+            "rollwalk-multibody",
+            "rollwalk-planner",
+            "rollwalk-robot",
+            "rollwalk-shipped",
+        ],
+    ),
+    ("web-time", &[]),
     ("rollwalk-bus", &["rollwalk-protocol"]),
     ("rollwalk-host", &["rollwalk-bus", "rollwalk-protocol"]),
     // It builds and runs the others as processes, so that its own checks need none of them.

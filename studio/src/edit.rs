@@ -1,0 +1,109 @@
+//! Edits of documents: a text with one thing changed, its comments and its order as they were.
+//!
+//! An edit needs a text that is TOML, and nothing more, so that it can also lead out of a document with faults. Edits of footfalls
+//! are the exception: they need to know the footfalls. The session validates what comes of an edit.
+
+mod choreography;
+mod everywhere;
+mod footfalls;
+mod number;
+
+use crate::messages::{Answer, Edit};
+use crate::sliders;
+use rollwalk_planner::motion::Motion;
+use rollwalk_robot::Robot;
+use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
+
+/// What edits of a document may need to know: the documents as they were before, if they are valid.
+pub struct Known<'k> {
+    /// The robot.
+    pub robot: &'k Robot,
+    /// The motion that is worked on.
+    pub motion: &'k Motion,
+}
+
+/// The text of a document after an edit. `parameters` are those of the robot that the text describes.
+///
+/// # Errors
+/// The text is no TOML, or the edit does not fit it.
+pub fn edited(
+    text: &str,
+    edit: &Edit,
+    known: Result<Known<'_>, Answer>,
+    parameters: &[sliders::Slider],
+) -> Result<String, Answer> {
+    if let Edit::Parameter { name, value } = edit {
+        return sliders::set(text, parameters, name, *value);
+    }
+    let mut document: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| {
+        refused(format!("this is not TOML: {}", error.message()), "correct the text first")
+    })?;
+    match edit {
+        Edit::Number { table, key, value } => {
+            number::set(table_at(&mut document, table)?, key, *value)?;
+        }
+        Edit::Text { table, key, value } => {
+            let table = table_at(&mut document, table)?;
+            match value {
+                Some(value) => put(table, key, Value::from(value.as_str())),
+                None => drop(table.remove(key)),
+            }
+        }
+        Edit::Everywhere { key, from, value } => {
+            everywhere::replace(document.as_table_mut(), key, *from, *value)?;
+        }
+        Edit::Gait { gait, duty } => footfalls::gait(&mut document, gait, *duty),
+        Edit::Footfalls { stance } => footfalls::rows(&mut document, known?.robot, stance)?,
+        Edit::Swing { end_effector, from, to, stance } => {
+            let known = known?;
+            let painted = footfalls::painted(known.motion, *end_effector, [*from, *to], *stance)?;
+            footfalls::rows(&mut document, known.robot, &painted)?;
+        }
+        Edit::Target { index, target } => {
+            choreography::replace(&mut document, "target", *index, target.as_ref())?;
+        }
+        Edit::Height { index, height } => {
+            choreography::replace(&mut document, "height", *index, height.as_ref())?;
+        }
+        Edit::Parameter { .. } => {}
+    }
+    Ok(document.to_string())
+}
+
+/// The error of an edit that does not fit.
+fn refused(message: impl Into<String>, help: impl Into<String>) -> Answer {
+    Answer::Error { message: message.into(), help: help.into() }
+}
+
+/// The table at a path, made where there is none. In arrays of tables a step is an index.
+fn table_at<'t>(
+    document: &'t mut DocumentMut,
+    path: &[String],
+) -> Result<&'t mut dyn TableLike, Answer> {
+    let mut table: &mut dyn TableLike = document.as_table_mut();
+    let mut steps = path.iter();
+    while let Some(step) = steps.next() {
+        let item = table.entry(step).or_insert_with(|| Item::Table(Table::new()));
+        let not_there = || refused(format!("`{}` is no table", path.join(".")), "name a table");
+        if item.is_array_of_tables() {
+            let index = steps.next().and_then(|index| index.parse::<usize>().ok());
+            let tables = item.as_array_of_tables_mut();
+            table =
+                tables.zip(index).and_then(|(all, at)| all.get_mut(at)).ok_or_else(not_there)?;
+        } else {
+            table = item.as_table_like_mut().ok_or_else(not_there)?;
+        }
+    }
+    Ok(table)
+}
+
+/// Gives a key a value; what stood around the former one stays.
+fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
+    match table.get_mut(key).and_then(Item::as_value_mut) {
+        Some(former) => {
+            *value.decor_mut() = former.decor().clone();
+            *former = value;
+        }
+        None => drop(table.insert(key, Item::Value(value))),
+    }
+}
