@@ -12,6 +12,7 @@ use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
 use rollwalk_design::sweep::{Files, Ready, Sweep};
 use rollwalk_physics::ground::{self, Ground};
+use rollwalk_planner::building::Wanted;
 use rollwalk_planner::library_file::{LibraryFile, MotionSource};
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::Plan;
@@ -94,6 +95,14 @@ pub struct Library {
     pub text: TextFile,
     /// Text of the robot file.
     pub robot_text: TextFile,
+}
+
+impl Library {
+    /// What is to be planned for it.
+    pub fn wanted(&self) -> Wanted<'_> {
+        let Self { robot, file, motions, plans, .. } = self;
+        Wanted { robot, file, motions, plans }
+    }
 }
 
 impl Source {

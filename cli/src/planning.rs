@@ -4,14 +4,13 @@ use crate::inputs::Library;
 use crate::progress::Watch;
 use crate::{interrupt, output};
 use miette::IntoDiagnostic;
+use rollwalk_planner::building::{Joined, Missing, Solver};
 use rollwalk_planner::families::Family;
-use rollwalk_planner::library::{
-    self, BuiltLibrary, LibraryContent, LibraryMotion, LibraryTransition,
-};
+use rollwalk_planner::library::BuiltLibrary;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, SolveSummary, Status};
 use rollwalk_planner::report::Report;
-use rollwalk_planner::{Options, Progress, Search, optimise_transition};
+use rollwalk_planner::{Options, Progress, Search, TransitionError, optimise_transition};
 use rollwalk_robot::Robot;
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -70,31 +69,11 @@ impl Plans {
     /// # Errors
     /// Names the motion, channel, time and value that no library can hold.
     pub fn pack(&self, library: &Library) -> miette::Result<BuiltLibrary> {
-        let motions = library.file.motions.iter().zip(&self.motions);
-        let content = LibraryContent {
-            robot: &library.robot,
-            motions: motions
-                .map(|(item, planned)| LibraryMotion {
-                    name: &item.name,
-                    code: item.code,
-                    plan: &planned.plan,
-                })
-                .collect(),
-            transitions: self
-                .transitions
-                .iter()
-                .map(|transition| LibraryTransition {
-                    from: transition.from,
-                    exit_time_s: library.motions[transition.from].exit_time_s(),
-                    to: transition.to,
-                    entry_time_s: 0.0,
-                    plan: &transition.planned.plan,
-                })
-                .collect(),
-            safe: library.file.safe,
-            torques: library.file.torques,
-        };
-        library::build(&content).into_diagnostic()
+        let motions = self.motions.iter().map(|planned| &planned.plan);
+        let joined =
+            |of: &'_ PlannedTransition| Joined { from: of.from, to: of.to, plan: &of.planned.plan };
+        let wanted = library.wanted();
+        wanted.pack(motions, self.transitions.iter().map(joined)).into_diagnostic()
     }
 
     /// All plans with their times, motions first.
@@ -109,33 +88,10 @@ impl Plans {
             .filter(|plan| plan.solve.status != Status::Converged)
             .map(|plan| {
                 let report = Report::new(plan);
-                format!("{} {}", plan.motion.name, conclusion(plan, &report))
+                format!("{} {}", plan.motion.name, report.words(&plan.solve))
             })
             .collect()
     }
-}
-
-/// What a plan is worth, in the words of every command: verdict, diagnosis, grids that were too coarse, and a warning
-/// where soft servos need feed-forward.
-pub fn conclusion(plan: &Plan, report: &Report) -> String {
-    let mut text = report.conclusion(&plan.solve).to_string();
-    if let Some(why) = &plan.solve.diagnosis {
-        text += &format!("\n{why}");
-    }
-    for coarser in &plan.solve.refinements {
-        text += &format!("\n{coarser}");
-    }
-    if plan.solve.diagnosis.is_some() {
-        // What would become of it if it were played is no news.
-        return text;
-    }
-    if let Some(sag) = report.sag.as_ref().filter(|sag| sag.is_much()) {
-        text += &format!("\n{sag}");
-    }
-    if let Some(growth) = report.growth_per_cycle.filter(|growth| growth.is_much()) {
-        text += &format!("\n{growth}");
-    }
-    text
 }
 
 /// Optimises a motion from its candidate starts on all cores; the plan does not depend on how many there are.
@@ -158,27 +114,62 @@ pub fn optimise(
     search.finish().plan
 }
 
+/// Solves with progress on stderr, until Ctrl-C.
+struct Watched {
+    verbose: bool,
+    /// How long each plan took, in order.
+    took: Vec<Duration>,
+}
+
+impl Watched {
+    fn new(verbose: bool) -> Self {
+        interrupt::listen();
+        Self { verbose, took: Vec::new() }
+    }
+
+    /// Shows how a solve ended; `None` after Ctrl-C.
+    fn ended(&mut self, watch: Watch, plan: Plan) -> Option<Plan> {
+        self.took.push(watch.finish_with_line(&plan.solve));
+        (!interrupt::requested()).then_some(plan)
+    }
+}
+
+impl Solver for Watched {
+    fn motion(&mut self, robot: &Robot, motion: &Motion, options: &Options) -> Option<Plan> {
+        let watch = Watch::start(&motion.name, self.verbose);
+        let plan = optimise(robot, motion, options, &|state| watch.iteration(state));
+        self.ended(watch, plan)
+    }
+
+    fn transition(
+        &mut self,
+        motion: &Motion,
+        from: &Plan,
+        to: &Plan,
+        options: &Options,
+    ) -> Result<Option<Plan>, TransitionError> {
+        let watch = Watch::start(&motion.name, self.verbose);
+        let progress = &mut |state: &Progress| watch.iteration(state);
+        let plan = optimise_transition(motion, from, to, options, progress)?;
+        Ok(self.ended(watch, plan))
+    }
+
+    fn taken(&mut self, motion: &Motion) {
+        output::say(format_args!("– {:<26} taken from its plan", motion.name));
+        self.took.push(Duration::ZERO);
+    }
+
+    fn left_out(&mut self, transition: &Motion, why: Missing<'_>) {
+        output::say(format_args!("– {:<26} left out: {why}", transition.name));
+    }
+}
+
 /// Optimises every motion of a library from its candidate starts; takes those as they are of which it names the plan. `None` after
 /// Ctrl-C.
 pub fn plan_motions(library: &Library, verbose: bool) -> Option<Vec<Planned>> {
-    interrupt::listen();
-    let options = Options::default();
-    let mut motions = Vec::new();
-    for (motion, given) in library.motions.iter().zip(&library.plans) {
-        if let Some(plan) = given {
-            output::say(format_args!("– {:<26} taken from its plan", motion.name));
-            motions.push(Planned { plan: plan.clone(), took: Duration::ZERO });
-            continue;
-        }
-        let watch = Watch::start(&motion.name, verbose);
-        let plan = optimise(&library.robot, motion, &options, &|p| watch.iteration(p));
-        let took = watch.finish_with_line(&plan.solve);
-        if interrupt::requested() {
-            return None;
-        }
-        motions.push(Planned { plan, took });
-    }
-    Some(motions)
+    let mut solver = Watched::new(verbose);
+    let plans = library.wanted().motions(&mut solver)?;
+    Some(plans.into_iter().zip(solver.took).map(|(plan, took)| Planned { plan, took }).collect())
 }
 
 /// Optimises every motion and every transition; transitions only between motions that hold, because others have no physical start or
@@ -187,32 +178,15 @@ pub fn plan_motions(library: &Library, verbose: bool) -> Option<Vec<Planned>> {
 /// # Errors
 /// Motions that nothing can lead into or out of.
 pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans>> {
-    let options = Options::default();
-    let Some(motions) = plan_motions(library, verbose) else { return Ok(None) };
-    let mut transitions = Vec::new();
-    for wanted in &library.file.transitions {
-        let (from, to) = (&motions[wanted.from].plan, &motions[wanted.to].plan);
-        let failed = [from, to].into_iter().find(|plan| plan.solve.status != Status::Converged);
-        if let Some(failed) = failed {
-            let (name, missing) = (&wanted.motion.name, &failed.motion.name);
-            let why = match failed.solve.status {
-                Status::FailsAsPlayed => "does not hold as it is played",
-                _ => "did not converge",
-            };
-            output::say(format_args!("– {name:<26} left out: {missing} {why}"));
-            continue;
-        }
-        let watch = Watch::start(&wanted.motion.name, verbose);
-        let plan =
-            optimise_transition(&wanted.motion, from, to, &options, &mut |p| watch.iteration(p))
-                .into_diagnostic()?;
-        let took = watch.finish_with_line(&plan.solve);
-        if interrupt::requested() {
-            return Ok(None);
-        }
-        let planned = Planned { plan, took };
-        transitions.push(PlannedTransition { from: wanted.from, to: wanted.to, planned });
-    }
+    let (wanted, mut solver) = (library.wanted(), Watched::new(verbose));
+    let Some(motions) = wanted.motions(&mut solver) else { return Ok(None) };
+    let transitions = wanted.transitions(&motions, &mut solver).into_diagnostic()?;
+    let Some(transitions) = transitions else { return Ok(None) };
+    let mut took = solver.took.into_iter();
+    let mut planned = |plan| Planned { plan, took: took.next().unwrap_or_default() };
+    let motions = motions.into_iter().map(&mut planned).collect();
+    let joined = |Joined { from, to, plan }| PlannedTransition { from, to, planned: planned(plan) };
+    let transitions = transitions.into_iter().map(joined).collect();
     Ok(Some(Plans { motions, transitions }))
 }
 

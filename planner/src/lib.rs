@@ -7,6 +7,7 @@
 //! `problem`, `formulation`, `solve`, then `start` and `diagnose`, on top of them `planning`, and [`sensitivity`], which says how plans
 //! change with the robot.
 
+pub mod building;
 mod diagnose;
 pub mod export;
 pub mod families;

@@ -9,6 +9,7 @@
 mod attempt;
 mod coarse;
 mod editing;
+mod kept;
 mod probed_solve;
 pub(crate) mod refine;
 mod replan;

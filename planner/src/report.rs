@@ -178,6 +178,29 @@ impl Report {
         Conclusion { report: self, solve }
     }
 
+    /// What a plan is worth, in the words of every program: verdict, diagnosis, grids that were too coarse, and a warning where
+    /// soft servos need feed-forward. `solve` is the summary of the plan.
+    pub fn words(&self, solve: &SolveSummary) -> String {
+        let mut text = self.conclusion(solve).to_string();
+        if let Some(why) = &solve.diagnosis {
+            text += &format!("\n{why}");
+        }
+        for coarser in &solve.refinements {
+            text += &format!("\n{coarser}");
+        }
+        if solve.diagnosis.is_some() {
+            // What would become of it if it were played is no news.
+            return text;
+        }
+        if let Some(sag) = self.sag.as_ref().filter(|sag| sag.is_much()) {
+            text += &format!("\n{sag}");
+        }
+        if let Some(growth) = self.growth_per_cycle.filter(|growth| growth.is_much()) {
+            text += &format!("\n{growth}");
+        }
+        text
+    }
+
     /// The row of this family on this grid.
     pub fn row(&self, family: Family, grid: Grid) -> Option<&Row> {
         self.rows.iter().find(|row| row.family == family && row.grid == grid)

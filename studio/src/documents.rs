@@ -58,10 +58,7 @@ impl<'f> Documents<'f> {
     /// All faults of one of them, or a document that is missing.
     pub fn project(&self, motion: &str) -> Result<Project<'f>, Answer> {
         let motion_file = self.find(motion).ok_or_else(|| missing("motion file", motion, ""))?;
-        let Found { path, text } = motion_file;
-        let named = Motion::robot_path_in_toml(path, text).map_err(|error| faults(text, &error))?;
-        let robot_file = self.beside(path, &named);
-        let robot_file = robot_file.ok_or_else(|| missing("robot file", &named, path))?;
+        let robot_file = self.robot_of(motion_file)?;
         let Found { path, text } = robot_file;
         let (robot, parts) =
             Robot::with_parts_from_toml(path, text).map_err(|error| faults(text, &error))?;
@@ -69,6 +66,31 @@ impl<'f> Documents<'f> {
         let motion = Motion::from_toml(path, text, &robot).map_err(|error| faults(text, &error))?;
         let sliders = sliders::sliders(self, robot_file.path, robot_file.text);
         Ok(Project { robot, parts, motion, motion_file, robot_file, sliders })
+    }
+
+    /// Reads and validates a robot file.
+    ///
+    /// # Errors
+    /// Its faults.
+    pub fn robot(&self, Found { path, text }: Found<'f>) -> Result<Robot, Answer> {
+        Robot::from_toml(path, text).map_err(|error| faults(text, &error))
+    }
+
+    /// Reads and validates a motion file and the robot that it names.
+    ///
+    /// # Errors
+    /// As [`project`](Self::project).
+    pub fn motion(&self, found: Found<'f>) -> Result<(Robot, Motion), Answer> {
+        let robot = self.robot(self.robot_of(found)?)?;
+        let Found { path, text } = found;
+        let motion = Motion::from_toml(path, text, &robot).map_err(|error| faults(text, &error))?;
+        Ok((robot, motion))
+    }
+
+    /// The robot file that a motion file names.
+    fn robot_of(&self, Found { path, text }: Found<'f>) -> Result<Found<'f>, Answer> {
+        let named = Motion::robot_path_in_toml(path, text).map_err(|error| faults(text, &error))?;
+        self.beside(path, &named).ok_or_else(|| missing("robot file", &named, path))
     }
 
     /// The text that `named` means in the document at `from`.

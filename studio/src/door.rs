@@ -52,10 +52,10 @@ pub extern "C" fn reserve(json_len: usize, binary_len: usize) -> *mut u8 {
 #[unsafe(no_mangle)]
 pub extern "C" fn request() {
     let Room { bytes, json_len } = ROOM.take();
-    let (json, _binary) = bytes.split_at(json_len);
+    let (json, binary) = bytes.split_at(json_len);
     let json = String::from_utf8_lossy(json);
     SESSION.with_borrow_mut(|session| {
-        session.request(&json, &mut |json, bytes| {
+        session.request(&json, binary, &mut |json, bytes| {
             answer(json.as_ptr(), json.len(), bytes.as_ptr(), bytes.len());
             ControlFlow::Continue(())
         });

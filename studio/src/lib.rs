@@ -10,6 +10,7 @@ mod door;
 mod edit;
 mod examples;
 mod frames;
+mod library;
 pub mod messages;
 mod motion_view;
 mod outcome;

@@ -2,6 +2,9 @@
 //!
 //! Every request has a number, `seq`, which its answers repeat: any count of `progress`, then one `done`, `faults` or `error`.
 
+use rollwalk_planner::Progress;
+use rollwalk_planner::plan::Status;
+use rollwalk_planner::report::Report;
 use serde::{Deserialize, Serialize};
 
 /// A request.
@@ -56,6 +59,38 @@ pub enum Wanted {
         /// Rate of the frames, Hz.
         frames_hz: f64,
     },
+    /// What the shown plan is worth.
+    Report,
+    /// The shown plan as a file.
+    PlanJson,
+    /// The shown plan as a table.
+    Export {
+        /// Its form.
+        what: TableForm,
+        /// Rows per second, Hz.
+        rate_hz: f64,
+    },
+    /// The last good plan with its multipliers, as bytes.
+    Solution,
+    /// Goes on from the bytes of `solution`, which come with the request.
+    Resume,
+    /// Builds a motion library.
+    Library {
+        /// The documents.
+        files: Vec<File>,
+        /// Path of the library file among them.
+        library: String,
+    },
+}
+
+/// Form of a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TableForm {
+    /// Comma-separated values.
+    Csv,
+    /// JSON.
+    Json,
 }
 
 /// A change of one thing in a document.
@@ -206,10 +241,10 @@ pub enum Done {
         /// The shipped files.
         examples: Vec<Listed>,
     },
-    /// Of `example`.
-    Example {
-        /// Its text.
-        text: &'static str,
+    /// Of `example`, `plan_json` and `export`.
+    Text {
+        /// The text.
+        text: String,
     },
     /// Of `open`.
     Opened(Opened),
@@ -234,6 +269,73 @@ pub enum Done {
         /// Whether the plan is the start of plans to come.
         good: bool,
     },
+    /// Of `report`.
+    Reported {
+        /// What the plan is worth, in words.
+        words: String,
+        /// Whether it may be played.
+        holds: bool,
+        /// The report, as `rollwalk report --json` has it.
+        #[serde(flatten)]
+        report: Report,
+    },
+    /// Of `library`; its bytes are the library, unless a plan does not hold.
+    Library {
+        /// Motions, in the order of the file.
+        nodes: Vec<Node>,
+        /// Transitions that were planned.
+        edges: Vec<Edge>,
+        /// Index of the motion that is SAFE.
+        safe: usize,
+        /// Plans that do not hold, because of which there is no library.
+        failures: Vec<String>,
+    },
+    /// Of `solution` and `resume`.
+    Kept {},
+}
+
+/// A motion of a library.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Node {
+    /// Its name.
+    pub name: String,
+    /// Command code that selects it.
+    pub code: u8,
+    /// Duration, s; of periodic motions the period.
+    pub duration_s: f64,
+    /// Frames at 60 Hz; none without a library.
+    pub frames: Option<usize>,
+    /// Whether it repeats.
+    pub periodic: bool,
+    /// Status of its plan.
+    pub status: Status,
+}
+
+/// A transition of a library.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Edge {
+    /// Index of the motion that it leaves.
+    pub from: usize,
+    /// Index of the motion that it enters.
+    pub to: usize,
+    /// Duration, s.
+    pub duration_s: f64,
+    /// Frames at 60 Hz; none without a library.
+    pub frames: Option<usize>,
+    /// Status of its plan.
+    pub status: Status,
+}
+
+impl Answer {
+    /// Progress of the solve of `what`.
+    pub fn progress(state: &Progress, what: &str) -> Self {
+        Self::Progress {
+            iteration: state.iteration,
+            worst_level: state.worst_level,
+            worst_constraint: state.worst_constraint.name(),
+            what: what.to_owned(),
+        }
+    }
 }
 
 /// A shipped file.
@@ -535,7 +637,7 @@ pub struct Height {
 #[derive(Clone, Debug, Serialize)]
 pub struct Solve {
     /// Status, as plans spell it.
-    pub status: rollwalk_planner::plan::Status,
+    pub status: Status,
     /// The same in a sentence or two.
     pub words: String,
     /// Iterations.

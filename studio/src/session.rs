@@ -6,10 +6,12 @@
 
 use crate::documents::{self, Documents, Project};
 use crate::edit::{self, Known};
-use crate::messages::{Answer, Done, Edit, File, From, Opened, Request, Told, Wanted};
-use crate::{examples, frames, motion_view, outcome, scene, sliders};
+use crate::messages::{Answer, Done, Edit, File, From, Opened, Request, TableForm, Told, Wanted};
+use crate::{examples, frames, library, motion_view, outcome, scene, sliders};
+use rollwalk_planner::export::Table;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::report::Report;
 use rollwalk_planner::{ACCEPTED_LEVEL, Options, Progress, Settings, Solution, optimise_solution};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
@@ -30,21 +32,21 @@ pub struct Session {
 
 impl Session {
     /// Answers a request. `binary` are the bytes that came with it.
-    pub fn request(&mut self, json: &str, tell: &mut Tell<'_>) {
+    pub fn request(&mut self, json: &str, binary: &[u8], tell: &mut Tell<'_>) {
         let request: Request = match serde_json::from_str(json) {
             Ok(request) => request,
-            Err(error) => {
+            Err(why) => {
                 let help = "requests are those of studio/src/messages.rs";
-                let message = format!("not a request: {error}");
-                let error = Answer::Error { message, help: help.to_owned() };
-                let _ = say(tell, 0, &error, &[]);
+                let _ = say(tell, 0, &error(format!("not a request: {why}"), help), &[]);
                 return;
             }
         };
         let seq = request.seq;
-        let (answer, bytes) = self
-            .answer(request, &mut |answer| say(tell, seq, answer, &[]))
-            .unwrap_or_else(|answer| (answer, Vec::new()));
+        let answered = self.answer(request, binary, &mut |answer| say(tell, seq, answer, &[]));
+        let (answer, bytes) = match answered {
+            Ok((done, bytes)) => (Answer::Done(Box::new(done)), bytes),
+            Err(answer) => (answer, Vec::new()),
+        };
         // Nothing is left to be broken off.
         let _ = say(tell, seq, &answer, &bytes);
     }
@@ -52,29 +54,67 @@ impl Session {
     fn answer(
         &mut self,
         request: Request,
+        binary: &[u8],
         progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
-    ) -> Result<(Answer, Vec<u8>), Answer> {
-        let done = |done| Ok((Answer::Done(Box::new(done)), Vec::new()));
-        match request.wanted {
-            Wanted::Examples => done(Done::Examples { examples: examples::listed() }),
-            Wanted::Example { path } => match rollwalk_shipped::text(&path) {
-                Some(text) => done(Done::Example { text }),
-                None => Err(Answer::Error {
-                    message: format!("nothing called `{path}` ships with rollwalk"),
-                    help: "`examples` lists what does".to_owned(),
-                }),
-            },
+    ) -> Result<(Done, Vec<u8>), Answer> {
+        let done = match request.wanted {
+            Wanted::Examples => Done::Examples { examples: examples::listed() },
+            Wanted::Example { path } => {
+                let text = rollwalk_shipped::text(&path).ok_or_else(|| {
+                    let message = format!("nothing called `{path}` ships with rollwalk");
+                    error(message, "`examples` lists what does")
+                })?;
+                Done::Text { text: text.to_owned() }
+            }
             Wanted::Open { files, motion } => {
-                let project = Documents::new(&files).project(&motion)?;
-                done(Done::Opened(opened(&project)))
+                Done::Opened(opened(&Documents::new(&files).project(&motion)?))
             }
             Wanted::Amend { files, motion, path, edit } => {
-                done(amend(&Documents::new(&files), &motion, &path, &edit)?)
+                amend(&Documents::new(&files), &motion, &path, &edit)?
             }
             Wanted::Plan { files, motion, from, iterations, frames_hz } => {
-                self.plan(&files, &motion, from, iterations, frames_hz, progress)
+                return self.plan(&files, &motion, from, iterations, frames_hz, progress);
             }
-        }
+            Wanted::Report => {
+                let plan = self.shown()?;
+                let report = Report::new(plan);
+                let (words, holds) = (report.words(&plan.solve), report.judgement.is_good());
+                Done::Reported { words, holds, report }
+            }
+            Wanted::PlanJson => Done::Text { text: self.shown()?.to_json() },
+            Wanted::Export { what, rate_hz } => {
+                let table = Table::new(self.shown()?, rate_hz);
+                let table =
+                    table.map_err(|why| error(why.to_string(), "60 Hz is what robots play"))?;
+                let text = match what {
+                    TableForm::Csv => table.to_csv(),
+                    TableForm::Json => table.to_json(),
+                };
+                Done::Text { text }
+            }
+            Wanted::Solution => {
+                let good = self.good.as_ref();
+                let good = good.ok_or_else(|| error("there is no good plan yet", "plan first"))?;
+                return Ok((Done::Kept {}, good.to_json().into_bytes()));
+            }
+            Wanted::Resume => {
+                let text = String::from_utf8_lossy(binary);
+                let solution = Solution::from_json("the solution", &text);
+                let solution =
+                    solution.map_err(|why| error(why.to_string(), "plan from scratch"))?;
+                (self.good, self.near) = (Some(solution), None);
+                Done::Kept {}
+            }
+            Wanted::Library { files, library } => {
+                return library::build(&Documents::new(&files), &library, progress);
+            }
+        };
+        Ok((done, Vec::new()))
+    }
+
+    /// The plan that the page shows.
+    fn shown(&self) -> Result<&Plan, Answer> {
+        self.shown.as_ref().ok_or_else(|| error("there is no plan yet", "plan first"))
     }
 
     fn plan(
@@ -85,26 +125,17 @@ impl Session {
         iterations: Option<usize>,
         frames_hz: f64,
         progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
-    ) -> Result<(Answer, Vec<u8>), Answer> {
+    ) -> Result<(Done, Vec<u8>), Answer> {
         if !frames::RATES_HZ.contains(&frames_hz) {
             let (least, most) = (frames::RATES_HZ.start(), frames::RATES_HZ.end());
-            return Err(Answer::Error {
-                message: format!("frames at {frames_hz} Hz"),
-                help: format!("`frames_hz` is {least} to {most}"),
-            });
+            let help = format!("`frames_hz` is {least} to {most}");
+            return Err(error(format!("frames at {frames_hz} Hz"), help));
         }
         let project = Documents::new(files).project(motion)?;
         if from == From::Scratch {
             (self.good, self.near) = (None, None);
         }
-        let mut watch = |state: &Progress| {
-            progress(&Answer::Progress {
-                iteration: state.iteration,
-                worst_level: state.worst_level,
-                worst_constraint: state.worst_constraint.name(),
-                what: project.motion.name.clone(),
-            })
-        };
+        let mut watch = |state: &Progress| progress(&Answer::progress(state, &project.motion.name));
         let Project { robot, motion, .. } = &project;
         let solution = self.solve(robot, motion, iterations, &mut watch);
         let (status, in_full) = (solution.plan.solve.status, iterations.is_none());
@@ -124,7 +155,7 @@ impl Session {
             good,
         };
         self.shown = Some(plan);
-        Ok((Answer::Done(Box::new(planned)), bytes))
+        Ok((planned, bytes))
     }
 
     /// Plans from the plan at hand, or from scratch if that is none or one of another robot. Steps of a drag are not refined.
@@ -170,6 +201,10 @@ fn amend(documents: &Documents<'_>, motion: &str, path: &str, edit: &Edit) -> Re
         return Err(Answer::Faults { faults });
     }
     Ok(Done::Amended { text, faults })
+}
+
+fn error(message: impl Into<String>, help: impl Into<String>) -> Answer {
+    Answer::Error { message: message.into(), help: help.into() }
 }
 
 fn opened(project: &Project<'_>) -> Opened {

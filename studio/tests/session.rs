@@ -19,11 +19,15 @@ struct Answer {
 }
 
 impl Page {
-    fn ask(&mut self, mut request: Value) -> Answer {
+    fn ask(&mut self, request: Value) -> Answer {
+        self.ask_with(request, &[])
+    }
+
+    fn ask_with(&mut self, mut request: Value, binary: &[u8]) -> Answer {
         self.seq += 1;
         request["seq"] = json!(self.seq);
         let mut answers: Vec<(Value, Vec<u8>)> = Vec::new();
-        self.session.request(&request.to_string(), &mut |json, bytes| {
+        self.session.request(&request.to_string(), binary, &mut |json, bytes| {
             answers.push((serde_json::from_str(json).unwrap(), bytes.to_vec()));
             ControlFlow::Continue(())
         });
@@ -256,7 +260,7 @@ impl Page {
         let mut last = Value::Null;
         let mut with_seq = request;
         with_seq["seq"] = json!(1);
-        self.session.request(&with_seq.to_string(), &mut |json, _| {
+        self.session.request(&with_seq.to_string(), &[], &mut |json, _| {
             last = serde_json::from_str(json).unwrap();
             ControlFlow::Continue(())
         });
@@ -383,4 +387,68 @@ fn every_slider_of_every_shipped_robot_moves() {
         }
     }
     assert!(seen.len() > 12, "{seen:?}");
+}
+
+#[test]
+fn a_solution_goes_on_in_another_session() {
+    let mut page = Page::default();
+    let text = page.walk();
+    assert_eq!(page.ask(json!({ "kind": "solution" })).json["kind"], "error");
+    assert_eq!(page.ask(json!({ "kind": "report" })).json["kind"], "error");
+    let first = page.plan(&text, "scratch", None);
+    let kept = page.ask(json!({ "kind": "solution" }));
+    let again = page.plan(&text, "good", None);
+    let mut other = Page::default();
+    assert_eq!(other.ask_with(json!({ "kind": "resume" }), &kept.bytes).json["kind"], "done");
+    let resumed = other.plan(&text, "good", None);
+    assert_eq!(resumed.json["solve"], again.json["solve"]);
+    assert_eq!(resumed.bytes, again.bytes);
+    assert_ne!(first.json["solve"]["iterations"], again.json["solve"]["iterations"]);
+    let mut cut = kept.bytes.clone();
+    cut.truncate(kept.bytes.len() / 2);
+    assert_eq!(other.ask_with(json!({ "kind": "resume" }), &cut).json["kind"], "error");
+    let odd =
+        String::from_utf8(kept.bytes).unwrap().replacen("\"shifts\":[", "\"shifts\":[0.5,", 1);
+    let answer = other.ask_with(json!({ "kind": "resume" }), odd.as_bytes()).json;
+    assert!(answer["message"].as_str().unwrap().contains("multipliers is not sound"), "{answer}");
+}
+
+#[test]
+fn the_shown_plan_is_reported_and_exported() {
+    let mut page = Page::default();
+    let text = page.walk();
+    page.plan(&text, "scratch", None);
+    let report = page.done(json!({ "kind": "report" }));
+    assert_eq!((&report["holds"], &report["judgement"]), (&json!(true), &json!("holds")));
+    let slip = report["rows"].as_array().unwrap().iter().find(|row| row["name"] == "slip").unwrap();
+    assert_eq!((&slip["unit"], &slip["grid"]), (&json!("mm/s"), &json!("samples")));
+    let plan = page.done(json!({ "kind": "plan_json" }));
+    let plan = rollwalk_planner::plan::Plan::from_json("plan", plan["text"].as_str().unwrap());
+    assert_eq!(plan.unwrap().motion.name, "walk");
+    let table = page.done(json!({ "kind": "export", "what": "csv", "rate_hz": 60.0 }));
+    assert_eq!(table["text"].as_str().unwrap().lines().count(), 1 + 96);
+    let odd = page.ask(json!({ "kind": "export", "what": "csv", "rate_hz": -1.0 })).json;
+    assert!(odd["message"].as_str().unwrap().contains("-1 Hz"), "{odd}");
+}
+
+#[test]
+fn a_library_is_built_with_its_graph_and_can_be_stopped() {
+    const LIBRARY: &str = "motions/test_leg_library.toml";
+    let mut page = Page::default();
+    let build = json!({ "kind": "library", "files": [], "library": LIBRARY });
+    let built = page.ask(build.clone());
+    let names: Vec<_> =
+        built.json["nodes"].as_array().unwrap().iter().map(|node| node["name"].clone()).collect();
+    assert_eq!(names, ["stand", "roll"]);
+    assert_eq!(built.json["edges"].as_array().unwrap().len(), 2);
+    assert_eq!(built.json["failures"], json!([]));
+    assert_eq!(&built.bytes[..4], b"ROLL");
+    let mut request = build;
+    request["seq"] = json!(1);
+    let mut last = Value::Null;
+    page.session.request(&request.to_string(), &[], &mut |json, _| {
+        last = serde_json::from_str(json).unwrap();
+        ControlFlow::Break(())
+    });
+    assert_eq!((&last["kind"], &last["message"]), (&json!("error"), &json!("stopped")));
 }

@@ -231,7 +231,7 @@ fn describe(
         millis(last[1] - first[1]),
         millis(last_yaw - first_yaw),
         plan.motion.duration_s,
-        planning::conclusion(plan, report),
+        report.words(&plan.solve),
         match written {
             Some(path) if report.judgement.is_good() => format!("wrote {}", path.display()),
             Some(path) => format!(

@@ -1,6 +1,6 @@
 //! `rollwalk report`: deviation of a plan from its physical model.
 
-use crate::{Exit, inputs, output, planning};
+use crate::{Exit, inputs, output};
 use rollwalk_planner::plan::{Plan, SolveSummary};
 use rollwalk_planner::report::Report;
 use serde::Serialize;
@@ -53,6 +53,6 @@ fn describe(plan: &Plan, report: &Report) -> String {
     let SolveSummary { status, iterations, energy, .. } = &plan.solve;
     format!(
         "{report}the optimiser: {status} after {iterations} iterations, energy {energy:.6}\n{}",
-        planning::conclusion(plan, report)
+        report.words(&plan.solve)
     )
 }

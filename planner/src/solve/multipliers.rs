@@ -23,6 +23,12 @@ impl Multipliers {
         Self { shifts, families: rows.rows.iter().map(|row| row.family).collect(), penalty }
     }
 
+    /// Whether they can be carried: of those that come from outside.
+    pub(crate) fn are_sound(&self) -> bool {
+        let numbers = self.shifts.iter().chain([&self.penalty]);
+        self.shifts.len() == self.families.len() && numbers.copied().all(f64::is_finite)
+    }
+
     /// Shifts for other rows and another penalty, if the rows have the same pattern. The force of a multiplier is
     /// penalty × shift.
     pub(crate) fn carried(&self, rows: &Rows, penalty: f64) -> Option<Vec<f64>> {

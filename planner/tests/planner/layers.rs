@@ -18,6 +18,7 @@ const LAYERS: &[&[&str]] = &[
     &["planning"],
     &["sensitivity"],
     &["export", "library", "library_file", "plot"],
+    &["building"],
     &["lib", "test_plans", "test_robots"],
 ];
 

@@ -2,7 +2,7 @@
 
 use crate::files::{self, Output};
 use crate::output::{self, Table};
-use crate::{Exit, planning, played};
+use crate::{Exit, played};
 use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
 use rollwalk_design::optimise::Step;
@@ -409,7 +409,7 @@ fn compared(before: Option<&Plan>, after: &Plan) -> miette::Result<Compared> {
     Ok(Compared {
         motion: after.motion.name.clone(),
         holds: report.judgement.is_good(),
-        conclusion: planning::conclusion(after, &report),
+conclusion: report.words(&after.solve),
         simulated: [simulated(before)?, simulated(Some(after))?],
         quantities: quantities.collect(),
     })
