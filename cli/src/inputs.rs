@@ -352,7 +352,7 @@ pub fn plan_text(path: &Path) -> miette::Result<TextFile> {
 }
 
 /// The path of a file that `path` names relative to itself, without `x/..` detours.
-fn beside(path: &Path, named: &str) -> PathBuf {
+pub fn beside(path: &Path, named: &str) -> PathBuf {
     let mut resolved = path.parent().unwrap_or(Path::new("")).to_owned();
     for part in Path::new(named).components() {
         let detour = part == std::path::Component::ParentDir

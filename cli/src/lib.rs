@@ -26,6 +26,7 @@ mod shards;
 mod shipped;
 mod signing;
 pub mod sim;
+mod studio;
 mod terrain;
 mod tour;
 mod world_log;

@@ -70,10 +70,13 @@ impl Plans {
     /// Names the motion, channel, time and value that no library can hold.
     pub fn pack(&self, library: &Library) -> miette::Result<BuiltLibrary> {
         let motions = self.motions.iter().map(|planned| &planned.plan);
-        let joined =
-            |of: &'_ PlannedTransition| Joined { from: of.from, to: of.to, plan: &of.planned.plan };
         let wanted = library.wanted();
-        wanted.pack(motions, self.transitions.iter().map(joined)).into_diagnostic()
+        let transitions = self.transitions.iter().map(|of| Joined {
+            from: of.from,
+            to: of.to,
+            plan: &of.planned.plan,
+        });
+        wanted.pack(motions, transitions).into_diagnostic()
     }
 
     /// All plans with their times, motions first.

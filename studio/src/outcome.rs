@@ -5,7 +5,7 @@ use crate::messages::{Culprit, Edit, Fix, Solve};
 use rollwalk_planner::families::Kind;
 use rollwalk_planner::plan::{self, DURATION, Plan, SolveSummary, Status, Verdict};
 
-/// The outcome of a plan's solve, which was made in full, or as a step of a drag, of which nobody has judged how it is played.
+/// The outcome of a plan's solve, which was made in full, or as a step of a drag, which is not judged as it is played.
 pub fn solve(plan: &Plan, project: &Project<'_>, in_full: bool) -> Solve {
     let SolveSummary { status, iterations, energy, worst_level, worst_constraint, .. } = plan.solve;
     let culprits = plan.solve.diagnosis.iter().flat_map(|diagnosis| &diagnosis.culprits);

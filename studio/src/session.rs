@@ -207,8 +207,8 @@ fn error(message: impl Into<String>, help: impl Into<String>) -> Answer {
     Answer::Error { message: message.into(), help: help.into() }
 }
 
-fn opened(project: &Project<'_>) -> Opened {
-    Opened {
+fn opened(project: &Project<'_>) -> Box<Opened> {
+    Box::new(Opened {
         scene: scene::scene(
             &project.robot,
             &project.parts,
@@ -216,7 +216,7 @@ fn opened(project: &Project<'_>) -> Opened {
         ),
         motion: motion_view::view(&project.motion, &project.robot),
         read: [project.motion_file, project.robot_file].map(|file| file.path.to_owned()),
-    }
+    })
 }
 
 fn say(tell: &mut Tell<'_>, seq: u64, answer: &Answer, bytes: &[u8]) -> ControlFlow<()> {

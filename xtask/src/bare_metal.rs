@@ -78,6 +78,17 @@ fn rustup_has(target: &str) -> bool {
         || (shell::run(&mut command("rustup", &["target", "add", target])).is_ok() && installed())
 }
 
+/// Makes sure that rustup has a target of the toolchain in use.
+///
+/// # Errors
+/// The one command that installs it, when this machine cannot.
+pub fn need_target(target: &str) -> Result<(), String> {
+    match rustup_has(target) {
+        true => Ok(()),
+        false => Err(format!("the target {target} is needed:\n\n    rustup target add {target}")),
+    }
+}
+
 /// Removes the variables by which rustup's cargo selects its own toolchain.
 fn without_rustup(command: &mut Command) {
     for name in ["CARGO", "RUSTUP_TOOLCHAIN", "RUSTUP_HOME", "RUSTC_WRAPPER", "RUSTDOC"] {

@@ -3,7 +3,7 @@
 //! [`steps`] has the steps of `cargo xtask test` and `cargo xtask nightly`, [`quick`] the check of a change in one
 //! crate. [`tidy`] checks the house rules, [`bare_metal`] builds the controller's crates for the Cortex-M4, [`board`]
 //! builds, measures and emulates the board images, [`fuzz`] and [`miri`] test protocol and firmware, [`deny`] and [`sbom`] look
-//! after the crates of others, [`vcan`] runs a command on a machine with SocketCAN.
+//! after the crates of others, [`mod@studio`] builds the studio's page, [`vcan`] runs a command on a machine with SocketCAN.
 
 mod bare_metal;
 mod board;
@@ -24,6 +24,7 @@ mod replay;
 mod sbom;
 mod shell;
 mod steps;
+mod studio;
 mod tidy;
 mod toolchain;
 mod vcan;
@@ -108,6 +109,9 @@ enum Task {
         #[arg(long, value_name = "FOLDER")]
         out: Option<std::path::PathBuf>,
     },
+    /// Build the studio into `studio` of the target folder: `studio.wasm`, its engine; `site`, for any web server; and
+    /// `studio.html`, one file that opens from disk.
+    Studio,
     /// Run the full tests on real CAN interfaces vcan0, vcan1 and vcan2: here if this kernel has them, otherwise in a
     /// virtual machine with Debian's kernel. With a command, run that instead and exit with its status.
     Vcan(vcan::Options),
@@ -126,6 +130,7 @@ fn main() -> ExitCode {
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
         Task::Sbom { out } => sbom::write(out.as_deref()),
         Task::Replay(options) => replay::document(&options),
+        Task::Studio => studio::build(),
         Task::Vcan(options) => return exit(vcan::run(&options)),
     };
     exit(outcome.map(|()| ExitCode::SUCCESS))

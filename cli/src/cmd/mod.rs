@@ -26,6 +26,7 @@ mod robot;
 mod send;
 mod simulate;
 mod standing;
+mod studio;
 
 use crate::Exit;
 use orders::Order;
@@ -36,6 +37,7 @@ pub enum Command {
     Demo(demo::Args),
     #[command(subcommand)]
     Robot(robot::Action),
+    Studio(studio::Args),
     Plan(plan::Args),
     Report(report::Args),
     Plot(plot::Args),
@@ -88,6 +90,7 @@ impl Command {
         match self {
             Command::Demo(args) => demo::run(args),
             Command::Robot(action) => robot::run(action),
+            Command::Studio(args) => studio::run(args),
             Command::Plan(args) => plan::run(args),
             Command::Report(args) => report::run(args),
             Command::Plot(args) => plot::run(args),

@@ -12,7 +12,7 @@ mod write;
 
 pub use read::{Named, read, read_by, read_text, text};
 pub use series::{Lines, Rotation, RotationArgs, Series};
-pub use write::{Output, cannot_write, make_folder, refuse_existing, write, write_secret};
+pub use write::{Output, cannot_write, make_folder, refuse_existing, save, write, write_secret};
 
 use crate::kind::Kind;
 use miette::Diagnostic;

@@ -190,6 +190,19 @@ pub fn write(path: &Path, content: &[u8]) -> miette::Result<()> {
     Output::at(path)?.write(content)
 }
 
+/// Replaces a file that was read, as its user has asked; links and permissions stay.
+///
+/// # Errors
+/// The operating system refuses.
+pub fn save(path: &Path, content: &[u8]) -> miette::Result<()> {
+    let attempt = || {
+        let target = fs::canonicalize(path)?;
+        let permissions = fs::metadata(&target)?.permissions();
+        replace(&target, Some(&permissions), content)
+    };
+    attempt().map_err(|reason| cannot_write(path, reason))
+}
+
 /// Whether a path is what standard output goes to, as `/dev/stdout` is.
 fn is_standard_output(path: &Path) -> bool {
     let same = |path| Some(Handle::from_path(path).ok()? == Handle::stdout().ok()?);

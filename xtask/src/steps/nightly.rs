@@ -2,7 +2,7 @@
 
 use super::{Extent, Step};
 use crate::{
-    board, deny, explore, fuzz, hostile, miri, mujoco, replay, sbom, shell, vcan, workspace,
+    board, deny, explore, fuzz, hostile, miri, mujoco, replay, sbom, shell, studio, vcan, workspace,
 };
 use clap::ValueEnum;
 
@@ -39,6 +39,8 @@ pub enum NightlyStep {
     Load,
     /// Every fuzz target for ten minutes.
     Fuzz,
+    /// The studio's engine as WebAssembly against the native one.
+    Studio,
     /// Random faults and combinations of them: a thousand runs on the ground, and on a stand a thousand of each.
     FaultCampaign,
 }
@@ -61,6 +63,7 @@ impl Step for NightlyStep {
             Self::Hostile => "attacks on a simulated robot, and on files being written",
             Self::Load => "robots on a busy computer",
             Self::Fuzz => "fuzz targets, ten minutes each",
+            Self::Studio => "the studio's engine as WebAssembly against the native one",
             Self::FaultCampaign => "fault campaign with 1,000 seeds, and 1,000 runs on the ground",
         }
     }
@@ -93,6 +96,13 @@ impl Step for NightlyStep {
                 shell::run(&mut tests.command(&load))
             }
             Self::Fuzz => fuzz::check(Extent::Full),
+            Self::Studio => {
+                let wasm = studio::engine()?;
+                let programs = workspace::optimised_programs()?;
+                let tests = workspace::find(&programs, "studio", "against_wasm", true)?;
+                let mut test = tests.tests(&["--ignored", "--nocapture"])?;
+                shell::run(test.env("STUDIO_WASM", wasm))
+            }
             Self::FaultCampaign => {
                 let out = shell::target_folder().join("fault-campaign");
                 let programs = workspace::optimised_programs()?;

@@ -1,0 +1,52 @@
+//! `rollwalk studio`: the studio in a browser, planned for by this program.
+
+use crate::studio::Server;
+use crate::studio::desk::Desk;
+use crate::{Exit, output};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+/// Open the studio in a browser: see a robot move, edit its motions and measures.
+///
+/// The page comes from this program and plans with it; nothing leaves this computer. The address that is printed has a token
+/// that page and engine ask for: keep it to yourself. Files are changed when you save in the page, and only those that were
+/// opened here. Ctrl-C ends the studio.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk studio                                  the robots and motions that ship
+  rollwalk studio motions/walk.toml                a motion, with the robot that it names
+  rollwalk studio my_library.toml --port 8080 --no-open
+
+docs/studio.md describes what it does and who can reach it.")]
+pub struct Args {
+    /// Motion, library, robot and design files (TOML) to open, with those that they name.
+    #[arg(value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Port on 127.0.0.1 [default: any that is free].
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    port: u16,
+    /// Print the address, and open no browser.
+    #[arg(long)]
+    no_open: bool,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let server = Server::bind(args.port, Desk::open(&args.files)?)?;
+    let address = server.address();
+    output::print(&format!("the studio is at {address}"))?;
+    if !args.no_open && !browse(&address) {
+        output::say("no browser could be started: open the address in one");
+    }
+    server.run();
+    Ok(Exit::Ok)
+}
+
+/// Opens an address in the user's browser; whether there is a program for that.
+fn browse(address: &str) -> bool {
+    let program = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
+    let mut browser = Command::new(program);
+    browser.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    browser.spawn().is_ok()
+}

@@ -1,0 +1,51 @@
+//! The page of the studio, carried in the program: what `studio/dist/` has.
+
+/// A file of the page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Asset<'a> {
+    /// Its media type.
+    pub kind: &'static str,
+    /// Its content.
+    pub bytes: &'a [u8],
+}
+
+/// Declares the files by name, with their media types.
+macro_rules! assets {
+    ($($name:literal: $kind:literal),* $(,)?) => {
+        const FILES: &[(&str, Asset<'static>)] = &[$((
+            $name,
+            Asset {
+                kind: $kind,
+                bytes: include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../studio/dist/", $name)),
+            },
+        )),*];
+    };
+}
+
+assets! {
+    "studio.css": "text/css; charset=utf-8",
+    "studio.js": "text/javascript; charset=utf-8",
+    "three.js": "text/javascript; charset=utf-8",
+    "LICENSES.txt": "text/plain; charset=utf-8",
+}
+
+const PAGE: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../studio/dist/index.html"));
+/// What the page begins with, and after which it reads where its engine is.
+const CHARSET: &str = "<meta charset=\"utf-8\">";
+
+/// A file of the page by its name.
+pub fn file(name: &str) -> Option<Asset<'static>> {
+    FILES.iter().find(|(known, _)| *known == name).map(|(_, asset)| *asset)
+}
+
+/// The page itself, which reads in its head that its engine is here. Its policy for scripts and connections is in the answer's head, where
+/// it also names this port.
+pub fn page(token: &str) -> String {
+    let lines =
+        PAGE.lines().filter(|line| !line.contains("http-equiv=\"Content-Security-Policy\""));
+    let page: String = lines.flat_map(|line| [line, "\n"]).collect();
+    let told = format!(
+        "{CHARSET}\n<meta name=\"engine\" content=\"websocket\">\n<meta name=\"token\" content=\"{token}\">"
+    );
+    page.replacen(CHARSET, &told, 1)
+}

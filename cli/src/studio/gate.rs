@@ -1,0 +1,76 @@
+//! Who gets what: decided from the head of a request alone.
+//!
+//! A page of another site can make the user's browser send requests here. It can neither leave out nor choose `Origin`, and
+//! after rebinding its own name to 127.0.0.1 `Host` still has that name. Other programs on this computer can send anything; they
+//! do not know the token, and who could read it from this user's memory or browser needs no studio.
+
+use super::assets::{self, Asset};
+use super::http::Head;
+
+/// What this server is called, and its token.
+pub struct Gate {
+    /// Its port.
+    pub port: u16,
+    /// 32 hexadecimal digits.
+    pub token: String,
+}
+
+/// The answer to a request.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Reply {
+    /// The page.
+    Page,
+    /// A file of the page.
+    File(Asset<'static>),
+    /// A WebSocket to an engine, with the browser's key.
+    Engine {
+        /// `Sec-WebSocket-Key`.
+        key: String,
+    },
+    /// Nothing, with an HTTP status.
+    Refused(u16),
+}
+
+impl Gate {
+    /// Where the page is.
+    pub fn address(&self) -> String {
+        format!("http://127.0.0.1:{}/?token={}", self.port, self.token)
+    }
+
+    /// The answer to a request.
+    pub fn reply(&self, head: &Head) -> Reply {
+        let hosts = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
+        if !head.host.as_ref().is_some_and(|host| hosts.contains(host)) {
+            return Reply::Refused(403);
+        }
+        let origins = hosts.map(|host| format!("http://{host}"));
+        let is_own = |origin: &String| origins.contains(origin);
+        if head.origin.as_ref().is_some_and(|origin| !is_own(origin)) {
+            return Reply::Refused(403);
+        }
+        if head.method != "GET" {
+            return Reply::Refused(405);
+        }
+        let (path, query) = head.target.split_once('?').unwrap_or((&head.target, ""));
+        match path {
+            "/" if self.knows_token(query) => Reply::Page,
+            "/engine" if self.knows_token(query) && head.origin.is_some() => match &head.key {
+                Some(key) => Reply::Engine { key: key.clone() },
+                None => Reply::Refused(400),
+            },
+            "/" | "/engine" => Reply::Refused(403),
+            _ => match assets::file(path.trim_start_matches('/')) {
+                Some(asset) => Reply::File(asset),
+                None => Reply::Refused(404),
+            },
+        }
+    }
+
+    /// Whether a query has the token; takes as long for any of its length.
+    fn knows_token(&self, query: &str) -> bool {
+        let given = query.split('&').find_map(|pair| pair.strip_prefix("token="));
+        let given = given.unwrap_or_default().as_bytes();
+        let differ = given.iter().zip(self.token.as_bytes()).fold(0, |sum, (a, b)| sum | (a ^ b));
+        given.len() == self.token.len() && differ == 0
+    }
+}

@@ -1,0 +1,150 @@
+//! As much of HTTP/1.1 as one page needs: the head of a GET, and an answer after which the connection is closed.
+
+use super::assets::Asset;
+use std::io::{self, Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+use tungstenite::handshake::derive_accept_key;
+
+/// Most bytes of a head, and most fields.
+const HEAD_MAX: usize = 8 * 1024;
+const FIELDS_MAX: usize = 64;
+/// How long a browser may take for a head, or to take in an answer.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// The head of a request.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Head {
+    /// Its method.
+    pub method: String,
+    /// Path and query.
+    pub target: String,
+    /// `Host`.
+    pub host: Option<String>,
+    /// `Origin`.
+    pub origin: Option<String>,
+    /// `Sec-WebSocket-Key` of a request for a WebSocket.
+    pub key: Option<String>,
+    /// What came after it.
+    pub rest: Vec<u8>,
+}
+
+/// Reads a head; `None` if it is none, or too long.
+///
+/// # Errors
+/// The connection ends, or is silent.
+pub fn read(stream: &mut TcpStream) -> io::Result<Option<Head>> {
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    let mut bytes = Vec::new();
+    let mut chunk = [0; 2048];
+    loop {
+        let count = stream.read(&mut chunk)?;
+        if count == 0 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        bytes.extend_from_slice(&chunk[..count]);
+        match parse(&bytes) {
+            Parsed::Whole(head) => return Ok(Some(head)),
+            Parsed::Partial if bytes.len() < HEAD_MAX => {}
+            Parsed::Partial | Parsed::Bad => return Ok(None),
+        }
+    }
+}
+
+enum Parsed {
+    Whole(Head),
+    Partial,
+    Bad,
+}
+
+fn parse(bytes: &[u8]) -> Parsed {
+    let mut fields = [httparse::EMPTY_HEADER; FIELDS_MAX];
+    let mut request = httparse::Request::new(&mut fields);
+    let length = match request.parse(bytes) {
+        Ok(httparse::Status::Complete(length)) => length,
+        Ok(httparse::Status::Partial) => return Parsed::Partial,
+        Err(_) => return Parsed::Bad,
+    };
+    let field = |name: &str| {
+        let mut found =
+            request.headers.iter().filter(|field| field.name.eq_ignore_ascii_case(name));
+        let value = found.next().and_then(|field| std::str::from_utf8(field.value).ok());
+        // What is said twice counts as what nobody said.
+        value.filter(|_| found.next().is_none()).map(str::to_owned)
+    };
+    let twice = |name: &str| {
+        request.headers.iter().filter(|field| field.name.eq_ignore_ascii_case(name)).count() > 1
+    };
+    if twice("origin") || twice("host") {
+        return Parsed::Bad;
+    }
+    let is_socket = field("upgrade").is_some_and(|to| to.eq_ignore_ascii_case("websocket"))
+        && field("sec-websocket-version").as_deref() == Some("13");
+    Parsed::Whole(Head {
+        method: request.method.unwrap_or_default().to_owned(),
+        target: request.path.unwrap_or_default().to_owned(),
+        host: field("host"),
+        origin: field("origin"),
+        key: field("sec-websocket-key").filter(|_| is_socket),
+        rest: bytes[length..].to_vec(),
+    })
+}
+
+/// Sends a file of the page.
+///
+/// # Errors
+/// The connection ends.
+pub fn send(mut stream: TcpStream, asset: &Asset<'_>, port: u16) -> io::Result<()> {
+    // The page loads nothing from elsewhere and talks to this server alone.
+    let policy = format!(
+        "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' data: blob:; \
+         connect-src 'self' ws://127.0.0.1:{port} ws://localhost:{port}; worker-src blob:; base-uri 'none'; \
+         form-action 'none'; frame-ancestors 'none'"
+    );
+    let head = format!(
+        "HTTP/1.1 200 OK\r\nContent-Type: {}\r\nContent-Length: {}\r\nContent-Security-Policy: {policy}\r\n\
+         X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\nCross-Origin-Resource-Policy: same-origin\r\n\
+         Cross-Origin-Opener-Policy: same-origin\r\nCache-Control: no-store\r\nConnection: close\r\n\r\n",
+        asset.kind,
+        asset.bytes.len()
+    );
+    stream.write_all(head.as_bytes())?;
+    stream.write_all(asset.bytes)
+}
+
+/// Refuses a request.
+///
+/// # Errors
+/// The connection ends.
+pub fn refuse(mut stream: TcpStream, status: u16) -> io::Result<()> {
+    let reason = match status {
+        400 => "Bad Request",
+        403 => "Forbidden",
+        404 => "Not Found",
+        _ => "Method Not Allowed",
+    };
+    let body = match status {
+        403 => "open the studio by the address that `rollwalk studio` has printed\n",
+        _ => "",
+    };
+    let length = body.len();
+    let head = format!(
+        "HTTP/1.1 {status} {reason}\r\nContent-Type: text/plain\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"
+    );
+    stream.write_all(head.as_bytes())
+}
+
+/// Turns a connection into a WebSocket.
+///
+/// # Errors
+/// The connection ends.
+pub fn upgrade(stream: &mut TcpStream, key: &str) -> io::Result<()> {
+    let accept = derive_accept_key(key.as_bytes());
+    let head = format!(
+        "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
+    );
+    stream.write_all(head.as_bytes())?;
+    // A page may be quiet for hours.
+    stream.set_read_timeout(None)
+}

@@ -1,0 +1,117 @@
+//! The studio's server: the page of the studio and the native engine, for this computer alone.
+//!
+//! It listens on 127.0.0.1. Who wants the page or the engine must know a token that only the printed address has, and requests
+//! that another site makes in the user's browser are refused by their `Host` and `Origin` ([`gate`]). Every connection has a
+//! thread; every WebSocket a session of its own ([`socket`]). Files are those of the command line ([`desk`]).
+
+mod assets;
+pub mod desk;
+mod gate;
+mod http;
+mod socket;
+#[cfg(test)]
+mod tests;
+
+use crate::{keys, output};
+use assets::Asset;
+use desk::Desk;
+use gate::{Gate, Reply};
+use miette::{IntoDiagnostic, WrapErr};
+use std::io;
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+/// Most connections at a time: a page has three engines and loads four files.
+const CONNECTIONS_MAX: usize = 32;
+
+/// A server that has not begun.
+pub struct Server {
+    listener: TcpListener,
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    gate: Gate,
+    desk: Desk,
+    connections: AtomicUsize,
+}
+
+impl Server {
+    /// Takes a port, any free one for 0.
+    ///
+    /// # Errors
+    /// The port is taken.
+    pub fn bind(port: u16, desk: Desk) -> miette::Result<Self> {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
+            .into_diagnostic()
+            .wrap_err_with(|| format!("port {port} of this computer cannot be used"))?;
+        let port = listener.local_addr().into_diagnostic()?.port();
+        let gate = Gate { port, token: hex(&keys::random::<16>()?) };
+        let connections = AtomicUsize::new(0);
+        Ok(Self { listener, shared: Arc::new(Shared { gate, desk, connections }) })
+    }
+
+    /// Where the page is.
+    pub fn address(&self) -> String {
+        self.shared.gate.address()
+    }
+
+    /// Serves until the process ends.
+    pub fn run(self) {
+        for stream in self.listener.incoming() {
+            match stream {
+                Ok(stream) => self.shared.accept(stream),
+                Err(error) => output::say(format_args!("a connection failed: {error}")),
+            }
+        }
+    }
+}
+
+impl Shared {
+    fn accept(self: &Arc<Self>, stream: TcpStream) {
+        if self.connections.fetch_add(1, Ordering::Relaxed) >= CONNECTIONS_MAX {
+            self.connections.fetch_sub(1, Ordering::Relaxed);
+            return;
+        }
+        let shared = Arc::clone(self);
+        thread::spawn(move || {
+            // Also when the engine panics.
+            let _open = Open(&shared.connections);
+            // A browser that goes away is no news.
+            let _ = shared.serve(stream);
+        });
+    }
+
+    fn serve(&self, mut stream: TcpStream) -> io::Result<()> {
+        let Some(head) = http::read(&mut stream)? else { return http::refuse(stream, 400) };
+        match self.gate.reply(&head) {
+            Reply::Page => {
+                let page = assets::page(&self.gate.token);
+                let asset = Asset { kind: "text/html; charset=utf-8", bytes: page.as_bytes() };
+                http::send(stream, &asset, self.gate.port)
+            }
+            Reply::File(asset) => http::send(stream, &asset, self.gate.port),
+            Reply::Engine { key } => {
+                http::upgrade(&mut stream, &key)?;
+                socket::serve(stream, head.rest, &self.desk);
+                Ok(())
+            }
+            Reply::Refused(status) => http::refuse(stream, status),
+        }
+    }
+}
+
+/// A connection that counts while it is open.
+struct Open<'c>(&'c AtomicUsize);
+
+impl Drop for Open<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,113 @@
+//! An engine behind a WebSocket: requests come and answers go as text, bytes follow where the text says `"binary": true`.
+//!
+//! While a solve runs, the socket is looked at between two iterations: `{"kind":"cancel"}` ends the solve, and so does a browser
+//! that goes away; other requests wait.
+
+use super::desk::Desk;
+use rollwalk_studio::Session;
+use serde_json::{Value, json};
+use std::collections::VecDeque;
+use std::net::TcpStream;
+use std::ops::ControlFlow;
+use tungstenite::protocol::{Role, WebSocketConfig};
+use tungstenite::{Error, Message, WebSocket};
+
+/// Most bytes of a message: documents, or the solution of a long motion.
+const MESSAGE_MAX: usize = 32 * 1024 * 1024;
+/// Most requests that wait for a solve.
+const WAITING_MAX: usize = 64;
+
+/// Serves a browser until it goes away.
+pub fn serve(stream: TcpStream, rest: Vec<u8>, desk: &Desk) {
+    let config = WebSocketConfig::default()
+        .max_message_size(Some(MESSAGE_MAX))
+        .max_frame_size(Some(MESSAGE_MAX));
+    let socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(config));
+    let mut line = Line { socket, waiting: VecDeque::new() };
+    let mut session = Session::default();
+    while let Some((json, bytes)) = line.request() {
+        match desk.answer(&json) {
+            Some(answer) => {
+                if line.tell(&answer.to_string(), &[]).is_break() {
+                    return;
+                }
+            }
+            None => session.request(&json, &bytes, &mut |json, bytes| line.tell(json, bytes)),
+        }
+    }
+}
+
+struct Line {
+    socket: WebSocket<TcpStream>,
+    /// What came while a solve ran.
+    waiting: VecDeque<Message>,
+}
+
+impl Line {
+    /// The next request and its bytes; `None` if the browser has gone, or does not keep to the protocol.
+    fn request(&mut self) -> Option<(String, Vec<u8>)> {
+        let json = loop {
+            match self.next()? {
+                Message::Text(text) if is_cancel(&text) => {}
+                Message::Text(text) => break text.to_string(),
+                Message::Ping(_) | Message::Pong(_) => {}
+                _ => return None,
+            }
+        };
+        let value: Value = serde_json::from_str(&json).unwrap_or_default();
+        let bytes = match value["binary"] == json!(true) {
+            true => loop {
+                match self.next()? {
+                    Message::Binary(bytes) => break bytes.to_vec(),
+                    Message::Ping(_) | Message::Pong(_) => {}
+                    _ => return None,
+                }
+            },
+            false => Vec::new(),
+        };
+        Some((json, bytes))
+    }
+
+    fn next(&mut self) -> Option<Message> {
+        self.waiting.pop_front().map_or_else(|| self.socket.read().ok(), Some)
+    }
+
+    /// Sends an answer; breaks off the solve if the browser wants that, or has gone.
+    fn tell(&mut self, json: &str, bytes: &[u8]) -> ControlFlow<()> {
+        let mut sent = self.socket.send(Message::text(json));
+        if sent.is_ok() && !bytes.is_empty() {
+            sent = self.socket.send(Message::binary(bytes.to_vec()));
+        }
+        if sent.is_err() { ControlFlow::Break(()) } else { self.look() }
+    }
+
+    /// Looks at what has come, without waiting.
+    fn look(&mut self) -> ControlFlow<()> {
+        let waits = |line: &Self, wait: bool| line.socket.get_ref().set_nonblocking(!wait).is_ok();
+        if !waits(self, false) {
+            return ControlFlow::Break(());
+        }
+        let flow = loop {
+            match self.socket.read() {
+                Err(Error::Io(error)) if error.kind() == std::io::ErrorKind::WouldBlock => {
+                    break ControlFlow::Continue(());
+                }
+                Ok(Message::Text(text)) if is_cancel(&text) => break ControlFlow::Break(()),
+                Ok(Message::Ping(_) | Message::Pong(_)) => {}
+                Ok(message) if self.waiting.len() < WAITING_MAX => {
+                    let goes = message.is_close();
+                    self.waiting.push_back(message);
+                    if goes {
+                        break ControlFlow::Break(());
+                    }
+                }
+                _ => break ControlFlow::Break(()),
+            }
+        };
+        if waits(self, true) { flow } else { ControlFlow::Break(()) }
+    }
+}
+
+fn is_cancel(text: &str) -> bool {
+    serde_json::from_str::<Value>(text).is_ok_and(|value| value["kind"] == "cancel")
+}

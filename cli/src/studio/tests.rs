@@ -1,0 +1,246 @@
+//! The server as browsers, other sites and other programs meet it.
+
+use super::Server;
+use super::desk::Desk;
+use crate::inputs::Source;
+use crate::planning::plan_all;
+use serde_json::{Value, json};
+use std::fs;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::thread;
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+
+/// A server that runs until the tests end.
+struct Running {
+    port: String,
+    token: String,
+}
+
+fn start(files: &[PathBuf]) -> Running {
+    let server = Server::bind(0, Desk::open(files).unwrap()).unwrap();
+    let address = server.address();
+    thread::spawn(|| server.run());
+    let (port, token) =
+        address.strip_prefix("http://127.0.0.1:").unwrap().split_once("/?token=").unwrap();
+    assert_eq!(token.len(), 32);
+    Running { port: port.to_owned(), token: token.to_owned() }
+}
+
+impl Running {
+    fn connect(&self) -> TcpStream {
+        TcpStream::connect(format!("127.0.0.1:{}", self.port)).unwrap()
+    }
+
+    /// The whole answer to some bytes.
+    fn say(&self, bytes: &[u8]) -> String {
+        let mut stream = self.connect();
+        // A server that has heard enough may hang up before all is said.
+        let _ = stream.write_all(bytes);
+        let mut answer = Vec::new();
+        let _ = stream.read_to_end(&mut answer);
+        String::from_utf8_lossy(&answer).into_owned()
+    }
+
+    /// Status of a request with these fields.
+    fn status(&self, line: &str, fields: &[&str]) -> u16 {
+        let answer =
+            self.say(format!("{line} HTTP/1.1\r\n{}\r\n\r\n", fields.join("\r\n")).as_bytes());
+        answer.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or_default()
+    }
+
+    fn socket(
+        &self,
+        origin: &str,
+        token: &str,
+    ) -> Result<WebSocket<TcpStream>, Box<tungstenite::Error>> {
+        let address = format!("ws://127.0.0.1:{}/engine?token={token}", self.port);
+        let mut request = address.into_client_request().unwrap();
+        request.headers_mut().insert("Origin", origin.parse().unwrap());
+        match tungstenite::client(request, self.connect()) {
+            Ok((socket, _)) => Ok(socket),
+            Err(tungstenite::HandshakeError::Failure(error)) => Err(error.into()),
+            Err(tungstenite::HandshakeError::Interrupted(_)) => panic!("the stream blocks"),
+        }
+    }
+
+    fn own(&self) -> WebSocket<TcpStream> {
+        self.socket(&format!("http://127.0.0.1:{}", self.port), &self.token).unwrap()
+    }
+}
+
+/// The last answer to a request, and its bytes.
+fn ask(socket: &mut WebSocket<TcpStream>, request: Value) -> (Value, Vec<u8>) {
+    socket.send(Message::text(request.to_string())).unwrap();
+    answer(socket)
+}
+
+fn answer(socket: &mut WebSocket<TcpStream>) -> (Value, Vec<u8>) {
+    loop {
+        let answer: Value =
+            serde_json::from_str(socket.read().unwrap().to_text().unwrap()).unwrap();
+        let bytes = if answer["binary"] == true {
+            socket.read().unwrap().into_data().to_vec()
+        } else {
+            Vec::new()
+        };
+        if answer["kind"] != "progress" {
+            return (answer, bytes);
+        }
+    }
+}
+
+#[test]
+fn only_those_get_in_who_have_the_address() {
+    let server = start(&[]);
+    let Running { port, token } = &server;
+    let host = format!("Host: 127.0.0.1:{port}");
+    let page = format!("GET /?token={token}");
+    let own = format!("Origin: http://127.0.0.1:{port}");
+    for (line, fields, status) in [
+        (&*page, vec![&*host], 200),
+        (&page, vec![&host, &own], 200),
+        ("GET /studio.js", vec![&host], 200),
+        // No token, half of one, a wrong one.
+        ("GET /", vec![&host], 403),
+        (&page[..page.len() - 1], vec![&host], 403),
+        (&format!("GET /?token={}", "0".repeat(32)), vec![&host], 403),
+        // Another site by its own name, or one that its name was rebound from.
+        (&page, vec!["Host: evil.example"], 403),
+        (&page, vec![&format!("Host: evil.example:{port}")], 403),
+        (&page, vec![&host, "Origin: https://evil.example"], 403),
+        (&page, vec![&host, "Origin: null"], 403),
+        (&page, vec![&host, &own, "Origin: https://evil.example"], 400),
+        (&page, vec![], 403),
+        // Nothing but these files, and nothing but reading.
+        ("GET /../Cargo.toml", vec![&host], 404),
+        ("GET /studio.wasm", vec![&host], 404),
+        (&format!("POST /?token={token}"), vec![&host], 405),
+        // No WebSocket without its key, and none without an origin.
+        (&format!("GET /engine?token={token}"), vec![&host, &own], 400),
+        (&format!("GET /engine?token={token}"), vec![&host], 403),
+        ("BREW", vec![], 400),
+    ] {
+        assert_eq!(server.status(line, &fields), status, "{line} {fields:?}");
+    }
+    let said = server.say(format!("{page} HTTP/1.1\r\n{host}\r\n\r\n").as_bytes());
+    assert!(
+        said.contains("Content-Security-Policy: default-src 'none'; script-src 'self'"),
+        "{said}"
+    );
+    assert!(said.contains(&format!("<meta name=\"token\" content=\"{token}\">")), "{said}");
+    assert!(!said.contains("http-equiv"), "one policy, in the head");
+    for garbage in [&[0xff; 100][..], b"GET / HTTP/1.1\r\nA: ".as_ref(), &[b'a'; 100_000]] {
+        let said = server.say(&[garbage, b"\r\n\x00\x00\r\n\r\n"].concat());
+        assert!(said.is_empty() || said.starts_with("HTTP/1.1 400"), "{said}");
+    }
+    assert_eq!(server.status(&page, &[&host]), 200, "it is still there");
+}
+
+#[test]
+fn a_page_of_another_site_has_no_engine() {
+    let server = start(&[]);
+    let own = format!("http://127.0.0.1:{}", server.port);
+    for (origin, token) in [
+        ("https://evil.example", &*server.token),
+        ("http://127.0.0.1", &server.token),
+        ("null", &server.token),
+        (&own, ""),
+        (&own, "ffffffffffffffffffffffffffffffff"),
+    ] {
+        match server.socket(origin, token) {
+            Err(error) => assert!(error.to_string().contains("403"), "{error}"),
+            Ok(_) => panic!("{origin} with `{token}` was let in"),
+        }
+    }
+    let (examples, _) = ask(&mut server.own(), json!({ "seq": 1, "kind": "examples" }));
+    assert!(examples["examples"].as_array().unwrap().len() > 60);
+}
+
+#[test]
+fn a_browser_that_breaks_the_rules_loses_its_own_session_only() {
+    let server = start(&[]);
+    let mut other = server.own();
+    // One frame with the length of four gigabytes.
+    let mut huge = server.own();
+    huge.get_mut().write_all(&[0x81, 0xff, 0, 0, 0, 1, 0, 0, 0, 0, 1, 2, 3, 4]).unwrap();
+    assert!(huge.read().is_err() || !huge.can_read());
+    let mut binary = server.own();
+    binary.send(Message::binary(vec![1, 2, 3])).unwrap();
+    assert!(binary.read().is_err(), "bytes that nothing announced");
+    let mut odd = server.own();
+    let (answer, _) = ask(&mut odd, json!([1, 2]));
+    assert_eq!(answer["kind"], "error");
+    let (examples, _) = ask(&mut other, json!({ "seq": 1, "kind": "examples" }));
+    assert_eq!(examples["kind"], "done");
+}
+
+#[test]
+fn files_of_the_command_line_are_opened_and_saved_and_no_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let walk = folder.path().join("walk.toml");
+    fs::write(&walk, rollwalk_shipped::text("motions/walk.toml").unwrap()).unwrap();
+    let other = folder.path().join("other.toml");
+    fs::write(&other, "a = 1\n").unwrap();
+    let server = start(std::slice::from_ref(&walk));
+    let mut socket = server.own();
+    let (given, _) = ask(&mut socket, json!({ "seq": 1, "kind": "given" }));
+    let name = given["motion"].as_str().unwrap().to_owned();
+    assert_eq!(given["files"].as_array().unwrap().len(), 1);
+    // The robot that it names is not there; that of the same name that ships is.
+    let (opened, _) = ask(
+        &mut socket,
+        json!({ "seq": 2, "kind": "open", "files": given["files"], "motion": name }),
+    );
+    assert_eq!(opened["read"][1], "robots/agilebot.toml");
+    let mut save = |path: &str, text: &str| {
+        ask(&mut socket, json!({ "seq": 3, "kind": "save", "path": path, "text": text })).0
+    };
+    assert_eq!(save(&name, "# mine\n")["kind"], "done");
+    assert_eq!(fs::read_to_string(&walk).unwrap(), "# mine\n");
+    assert_eq!(save(&name, "# mine again\n")["kind"], "done");
+    let by_another = name.replace("walk", "other");
+    for path in [&*by_another, "/etc/passwd", "../walk.toml", ""] {
+        let answer = save(path, "x");
+        assert!(answer["message"].as_str().unwrap().contains("is not among the files"), "{answer}");
+    }
+    assert_eq!(fs::read_to_string(&other).unwrap(), "a = 1\n");
+    fs::write(&walk, "# by an editor\n").unwrap();
+    let answer = save(&name, "# mine\n");
+    assert!(answer["message"].as_str().unwrap().contains("changed by another program"), "{answer}");
+    assert_eq!(fs::read_to_string(&walk).unwrap(), "# by an editor\n");
+}
+
+#[test]
+fn a_solve_can_be_cancelled_and_the_next_request_is_answered() {
+    let server = start(&[]);
+    let mut socket = server.own();
+    let path = "motions/flying_trot.toml";
+    let files = json!([{ "path": path, "text": rollwalk_shipped::text(path).unwrap() }]);
+    let plan = json!({
+        "seq": 1, "kind": "plan", "files": files, "motion": path, "from": "scratch", "iterations": null, "frames_hz": 60.0,
+    });
+    socket.send(Message::text(plan.to_string())).unwrap();
+    socket.send(Message::text(json!({ "seq": 2, "kind": "cancel" }).to_string())).unwrap();
+    socket
+        .send(Message::text(json!({ "seq": 3, "kind": "example", "path": path }).to_string()))
+        .unwrap();
+    let (planned, _) = answer(&mut socket);
+    assert_eq!((&planned["seq"], &planned["solve"]["status"]), (&json!(1), &json!("interrupted")));
+    assert_eq!(planned["good"], false);
+    assert_eq!(answer(&mut socket).0["seq"], 3);
+}
+
+#[test]
+fn the_studio_builds_the_library_of_the_command_line() {
+    const LIBRARY: &str = "motions/test_leg_library.toml";
+    let library = Source::Shipped.library(Path::new(LIBRARY)).unwrap();
+    let expected = plan_all(&library, false).unwrap().unwrap().pack(&library).unwrap().bytes;
+    let mut socket = start(&[]).own();
+    let (built, bytes) =
+        ask(&mut socket, json!({ "seq": 1, "kind": "library", "files": [], "library": LIBRARY }));
+    assert_eq!(built["failures"], json!([]));
+    assert_eq!(bytes, expected);
+}

@@ -1,0 +1,81 @@
+//! Changes of documents, one thing each.
+
+use super::{Height, Target};
+use serde::{Deserialize, Serialize};
+
+/// A change of one thing in a document.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "edit", rename_all = "snake_case")]
+pub enum Edit {
+    /// A number of a table, or none.
+    Number {
+        /// Keys of the table, in arrays of tables indices; empty for the top of the document.
+        table: Vec<String>,
+        /// Key of the number.
+        key: String,
+        /// The number; none removes the key.
+        value: Option<f64>,
+    },
+    /// A text of a table, or none.
+    Text {
+        /// As of numbers.
+        table: Vec<String>,
+        /// Key of the text.
+        key: String,
+        /// The text; none removes the key.
+        value: Option<String>,
+    },
+    /// A number wherever the document has it.
+    Everywhere {
+        /// Its key.
+        key: String,
+        /// What it is.
+        from: f64,
+        /// What it becomes.
+        value: f64,
+    },
+    /// A named gait.
+    Gait {
+        /// Its name, or `stance`.
+        gait: String,
+        /// Share of the cycle that a foot stands; without, the former one stays.
+        duty: Option<f64>,
+    },
+    /// All footfalls.
+    Footfalls {
+        /// Whether an end effector is on the ground, `[end effector][sample]`.
+        stance: Vec<Vec<bool>>,
+    },
+    /// Footfalls of one end effector over a span of samples.
+    Swing {
+        /// Index of the end effector.
+        end_effector: usize,
+        /// First sample.
+        from: usize,
+        /// Last sample; in periodic motions it may be before the first.
+        to: usize,
+        /// On the ground, or in the air.
+        stance: bool,
+    },
+    /// A target of the motion.
+    Target {
+        /// Which one; none for a new one.
+        index: Option<usize>,
+        /// The target; none removes it.
+        target: Option<Target>,
+    },
+    /// A height limit of the motion.
+    Height {
+        /// Which one; none for a new one.
+        index: Option<usize>,
+        /// The limit; none removes it.
+        height: Option<Height>,
+    },
+    /// A parameter of the robot.
+    Parameter {
+        /// As in [`Parameter::name`].
+        name: String,
+        /// Its value, in its unit.
+        value: f64,
+    },
+}

@@ -1,0 +1,92 @@
+//! A motion to be edited, in the words of motion files.
+
+use serde::{Deserialize, Serialize};
+
+/// A motion to be edited.
+#[derive(Clone, Debug, Serialize)]
+pub struct MotionView {
+    /// Its name.
+    pub name: String,
+    /// Its ends: `periodic` or `at_rest`.
+    pub ends: String,
+    /// Duration, s.
+    pub duration_s: f64,
+    /// Count of samples.
+    pub samples: usize,
+    /// Height of swings, m.
+    pub swing_height_m: f64,
+    /// Whether an end effector is on the ground, `[end effector][sample]`.
+    pub stance: Vec<Vec<bool>>,
+    /// Displacement and turn.
+    pub goal: Goal,
+    /// Targets, in the order of the file.
+    pub targets: Vec<Target>,
+    /// Height limits, in the order of the file.
+    pub heights: Vec<Height>,
+    /// Named gaits that fit the robot.
+    pub gaits: Vec<&'static str>,
+    /// Why the motion does not hold without feedback, as its file says.
+    pub needs_feedback: Option<String>,
+}
+
+/// Displacement and turn over a motion; what is not given is free.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Goal {
+    /// Forward, m.
+    pub forward_m: Option<f64>,
+    /// To the left, m.
+    pub left_m: Option<f64>,
+    /// Turn to the left, rad.
+    pub turn_rad: Option<f64>,
+}
+
+/// A target, as motion files have it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Target {
+    /// `com`, `body` or an end effector.
+    pub of: String,
+    /// Time, s.
+    pub at_s: f64,
+    /// Position forward of the start, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub forward_m: Option<f64>,
+    /// Position to its left, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_m: Option<f64>,
+    /// Height above the ground, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up_m: Option<f64>,
+    /// Speed forward, m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_forward_m_s: Option<f64>,
+    /// Speed to the left, m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_left_m_s: Option<f64>,
+    /// Speed upward, m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_up_m_s: Option<f64>,
+    /// Heading relative to the start, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading_rad: Option<f64>,
+}
+
+/// A height limit, as motion files have it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Height {
+    /// `com` or `body`.
+    pub of: String,
+    /// Start of its span, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from_s: Option<f64>,
+    /// End of its span, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to_s: Option<f64>,
+    /// Lowest height, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub above_m: Option<f64>,
+    /// Greatest height, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub below_m: Option<f64>,
+}

@@ -1,0 +1,118 @@
+//! `cargo xtask studio`: the studio's engine as WebAssembly, the page around it, and one file with everything in it.
+//!
+//! The page itself is built by `studio/web/build.mjs` and committed in `studio/dist/`, so that this needs no Node.
+
+use crate::{bare_metal, shell};
+use data_encoding::BASE64;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const TARGET: &str = "wasm32-unknown-unknown";
+/// Files of the page that a site is made of, the page first.
+const PAGE: [&str; 5] = ["index.html", "studio.css", "three.js", "studio.js", "LICENSES.txt"];
+
+/// Builds all three into `studio` of the target folder.
+///
+/// # Errors
+/// The compiler's, the command that installs the target, or a file that cannot be read or written.
+pub fn build() -> Result<(), String> {
+    let wasm = engine()?;
+    let folder = shell::target_folder().join("studio");
+    let site = folder.join("site");
+    let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
+    fs::create_dir_all(&site).map_err(|error| failed(&site, error))?;
+    let write = |path: &Path, bytes: &[u8]| {
+        fs::write(path, bytes).map_err(|error| failed(path, error))?;
+        println!("{} {} KB", path.display(), bytes.len() / 1000);
+        Ok::<_, String>(())
+    };
+    let read = |path: PathBuf| fs::read(&path).map_err(|error| failed(&path, error));
+    let engine = read(wasm)?;
+    write(&folder.join("studio.wasm"), &engine)?;
+    write(&site.join("studio.wasm"), &engine)?;
+    let dist = shell::workspace_root().join("studio/dist");
+    for name in PAGE {
+        write(&site.join(name), &read(dist.join(name))?)?;
+    }
+    let text = |name: &str| {
+        let bytes = read(dist.join(name))?;
+        String::from_utf8(bytes).map_err(|_| format!("studio/dist/{name} is no text"))
+    };
+    let page = one_file(&text("index.html")?, &text, &engine)?;
+    write(&folder.join("studio.html"), page.as_bytes())
+}
+
+/// Builds the engine; returns where it is.
+///
+/// # Errors
+/// As [`build`].
+pub fn engine() -> Result<PathBuf, String> {
+    bare_metal::need_target(TARGET)?;
+    let mut cargo = shell::cargo(&["rustc", "--package", "rollwalk-studio", "--lib"]);
+    cargo.args(["--crate-type", "cdylib", "--target", TARGET, "--profile", "page"]);
+    shell::run(&mut cargo)?;
+    Ok(shell::target_folder().join(TARGET).join("page/rollwalk_studio.wasm"))
+}
+
+/// The page with style, scripts and engine inside. A file from disk has no origin that a policy could name, and scripts in
+/// the page are no files: the page's own policy is left out.
+fn one_file(
+    page: &str,
+    text: &dyn Fn(&str) -> Result<String, String>,
+    engine: &[u8],
+) -> Result<String, String> {
+    let mut one = String::new();
+    let mut scripts = 0;
+    for line in page.lines() {
+        if line.contains("http-equiv=\"Content-Security-Policy\"") {
+            continue;
+        }
+        if line == "<link rel=\"stylesheet\" href=\"studio.css\">" {
+            one += &format!("<style>\n{}\n</style>\n", text("studio.css")?);
+            continue;
+        }
+        let script =
+            line.strip_prefix("<script src=\"").and_then(|rest| rest.strip_suffix("\"></script>"));
+        let Some(name) = script else {
+            one += line;
+            one.push('\n');
+            continue;
+        };
+        if scripts == 0 {
+            let base64 = BASE64.encode(engine);
+            one += &format!(
+                "<script type=\"application/wasm;base64\" id=\"studio-wasm\">{base64}</script>\n"
+            );
+        }
+        scripts += 1;
+        // The end of a script is where the page says so, even inside a string of it.
+        let script = text(name)?.replace("</script", "<\\/script");
+        one += &format!("<script>\n{script}\n</script>\n");
+    }
+    match scripts {
+        2 => Ok(one),
+        _ => Err(format!(
+            "studio/dist/index.html has {scripts} scripts on lines of their own, not 2"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_becomes_one_file() {
+        let page = fs::read_to_string(shell::workspace_root().join("studio/dist/index.html"));
+        let text = |name: &str| Ok(format!("/* {name} </script> */"));
+        let one = one_file(&page.unwrap(), &text, &[0, 97, 115, 109]).unwrap();
+        for part in [
+            "<style>\n/* studio.css",
+            "id=\"studio-wasm\">AGFzbQ==</script>",
+            "<script>\n/* three.js <\\/script> */\n</script>\n<script>\n/* studio.js",
+        ] {
+            assert!(one.contains(part), "{part} is not in {one}");
+        }
+        assert!(!one.contains("src=") && !one.contains("http-equiv=\"Content"), "{one}");
+    }
+}
