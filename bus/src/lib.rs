@@ -17,14 +17,24 @@
 #[cfg(target_os = "linux")]
 pub mod can;
 pub mod candump;
-mod line;
 pub mod link;
 pub mod lossy;
 pub mod name;
+
+// What follows opens devices, which a browser has not.
+#[cfg(not(target_family = "wasm"))]
+mod line;
+#[cfg(not(target_family = "wasm"))]
 pub mod open;
+#[cfg(not(target_family = "wasm"))]
 pub mod port;
+#[cfg(not(target_family = "wasm"))]
 pub mod priority;
+#[cfg(not(target_family = "wasm"))]
 pub mod serial;
+#[cfg(not(target_family = "wasm"))]
 pub mod sim;
+#[cfg(not(target_family = "wasm"))]
 pub mod slcan;
+#[cfg(not(target_family = "wasm"))]
 pub mod tty;

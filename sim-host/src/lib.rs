@@ -63,6 +63,7 @@ pub mod faults;
 pub mod ground;
 pub mod interface;
 pub mod line;
+#[cfg(not(target_family = "wasm"))]
 pub mod live;
 pub mod load;
 pub mod one_leg;
