@@ -14,6 +14,7 @@
 //! | [`discover`], [`listener`] | controllers on the link; other hosts of a controller |
 //! | [`catalog`] | names for the numbers of a library |
 //! | [`doctor`] | diagnosis of a robot, and how to clear its faults |
+//! | [`transfer`] | transfer of a library: answers in, requests out |
 //! | [`describe`] | states, events and faults in words, and what to do next |
 //! | [`refusal`] | the controller's refusals in sentences |
 
@@ -32,3 +33,4 @@ pub mod refusal;
 pub mod session;
 pub mod telemetry;
 pub mod traces;
+pub mod transfer;

@@ -10,6 +10,7 @@
 //! long as STATUS reports motion, stopping commands repeat. Without contact the operator cannot know whether commands
 //! arrive. A released deadman, or leaving, then withholds heartbeats, and the robot returns to SAFE on the timeout.
 
+mod flashing;
 mod intent;
 mod link_status;
 mod log;
@@ -28,6 +29,7 @@ use crate::catalog::Catalog;
 use crate::client::{Client, Incoming, Outgoing};
 use crate::describe;
 use crate::refusal::session_refusal;
+use flashing::Flashing;
 use link_status::LinkStatus;
 use log::Log;
 use orders::{Ended, Order, Orders, Outcome};
@@ -84,6 +86,10 @@ pub struct Operator {
     silent: bool,
     /// A frame that the bus refused.
     unsent: Option<Frame>,
+    /// A library on its way to the controller.
+    flashing: Option<Flashing>,
+    /// Identity of the library that was transferred, until HELLO says which one is in use.
+    awaited: Option<u32>,
 }
 
 impl Operator {
@@ -112,6 +118,8 @@ impl Operator {
             visiting: false,
             silent: false,
             unsent: None,
+            flashing: None,
+            awaited: None,
         }
     }
 
@@ -136,6 +144,7 @@ impl Operator {
             self.log.say(now_us, Weight::Warning, format!("the bus is lost: {why}"));
         }
         self.complaint = None;
+        self.break_off_flashing(now_us);
         self.link.lose_contact();
         self.forget_orders();
     }
@@ -204,17 +213,15 @@ impl Operator {
                 // It may have lost its library, or be another one.
                 self.hello = None;
                 self.ask_hello_us = now_us;
+                self.break_off_flashing(now_us);
                 self.forget_orders();
             }
             Some(Incoming::Session(begun)) => self.on_session(now_us, begun),
-            Some(
-                Incoming::Alive
-                | Incoming::SessionLost
-                | Incoming::Parameter(_)
-                | Incoming::TransportFailed(_)
-                | Incoming::Response(_),
-            )
-            | None => {}
+            Some(Incoming::Response(response)) => self.on_transfer_answer(now_us, response),
+            Some(Incoming::SessionLost | Incoming::TransportFailed(_)) => {
+                self.on_transfer_lost(now_us);
+            }
+            Some(Incoming::Alive | Incoming::Parameter(_)) | None => {}
         }
     }
 
@@ -230,6 +237,7 @@ impl Operator {
         }
         if self.bus_lost.is_none() {
             self.ask_hello(now_us);
+            self.poll_flashing(now_us);
             if !self.visiting
                 && self.orders.current().is_none()
                 && now_us >= self.automatic_us
@@ -249,7 +257,7 @@ impl Operator {
             match self.client.poll(now_us)? {
                 Outgoing::Frame(frame) => return Some(frame),
                 // HELLO is repeated after a loss.
-                Outgoing::TransportFailed(_) => {}
+                Outgoing::TransportFailed(_) => self.on_transfer_lost(now_us),
             }
         }
     }
@@ -291,6 +299,7 @@ impl Operator {
             stopping: self.client.is_stopping(),
             deadman_held: self.deadman.map(|deadman| deadman == Deadman::Held),
             leaving: self.leaving,
+            transfer: self.flashing.as_ref().map(|flashing| flashing.transfer().progress()),
             messages: self.log.messages().clone(),
         }
     }
@@ -332,7 +341,8 @@ impl Operator {
         let may_ask = self.silent || self.link.in_contact(now_us);
         // The request for a session would be lost.
         let waits = self.client.needs_session() && self.no_session.is_none();
-        if self.hello.is_some() || now_us < self.ask_hello_us || !may_ask || waits {
+        let has_asked = self.hello.is_some() || self.flashing.is_some();
+        if has_asked || now_us < self.ask_hello_us || !may_ask || waits {
             return;
         }
         self.ask_hello_us = now_us + HELLO_US;
@@ -353,6 +363,7 @@ impl Operator {
     fn on_hello(&mut self, now_us: u64, hello: Hello) {
         self.hello = Some(hello);
         self.ask_hello_us = now_us + HELLO_US;
+        self.check_flashed(now_us, hello.library);
         if let Some(why) = self.mismatch() {
             self.log.say(now_us, Weight::Warning, why);
             self.forget_orders();

@@ -1,6 +1,7 @@
 //! Snapshot of the operator's state with everything that a console shows.
 
 use super::log::Message;
+use crate::transfer::Progress;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_protocol::wire::{JointTelemetry, Status};
@@ -43,6 +44,8 @@ pub struct View {
     pub deadman_held: Option<bool>,
     /// Whether the operator is leaving.
     pub leaving: Leaving,
+    /// Progress of the transfer of a library that is under way.
+    pub transfer: Option<Progress>,
     /// Messages, oldest first.
     pub messages: VecDeque<Message>,
 }

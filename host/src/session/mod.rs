@@ -12,7 +12,6 @@ mod parameters;
 pub(crate) mod tests;
 
 pub use error::SessionError;
-pub use flash::Progress;
 pub use log::History;
 
 use crate::authentication::Peer;

@@ -31,6 +31,16 @@ impl<B: LinkBus> Console<B> {
         console
     }
 
+    fn flash(&mut self, library: Vec<u8>) {
+        self.operator.flash(self.bus.now_us(), library);
+    }
+
+    /// Runs until the operator has read a message.
+    fn wait_to_read(&mut self, text: &str) {
+        let has_it = |view: &View| view.messages.iter().any(|message| message.text.contains(text));
+        self.wait(text, has_it);
+    }
+
     fn want(&mut self, intent: Intent) {
         self.operator.want(self.bus.now_us(), intent);
     }
@@ -312,4 +322,43 @@ fn another_robots_operator_does_not_arm() {
     console.run(S);
     assert_eq!(console.state(), State::Disarmed);
     assert!(console.view().mismatch.unwrap().contains("for another robot"));
+}
+
+#[test]
+fn a_library_is_transferred_beside_all_else_over_a_bad_link() {
+    for seed in 0..3 {
+        let mut console = Console::new(Lossy::new(rig(), 30, seed));
+        console.flash(robot::library());
+        console.wait("a transfer", |view| view.transfer.is_some_and(|transfer| transfer.done > 0));
+        console.wait_to_read("the controller has it in use");
+        assert_eq!(console.view().transfer, None);
+        console.want(Intent::Arm);
+        console.wait_for(State::Ready);
+        console.flash(robot::library());
+        console.wait_to_read("the robot is not disarmed");
+    }
+}
+
+#[test]
+fn a_library_that_is_refused_says_why_and_the_old_one_stays() {
+    let mut console = Console::new(rig());
+    let used = console.view().hello.and_then(|hello| hello.library);
+    let mut damaged = robot::library();
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    console.flash(damaged);
+    console.wait_to_read("the controller refused the library");
+    console.wait("HELLO", |view| view.hello.is_some());
+    assert_eq!((console.view().hello.unwrap().library, used.is_some()), (used, true));
+    assert_eq!(console.state(), State::Disarmed);
+}
+
+#[test]
+fn a_stop_during_a_transfer_ends_it() {
+    let mut console = Console::new(rig());
+    console.flash(robot::library());
+    console.wait("a transfer", |view| view.transfer.is_some());
+    console.want(Intent::Estop);
+    console.wait("the end of the transfer", |view| view.transfer.is_none());
+    console.wait_for(State::EStopped);
 }

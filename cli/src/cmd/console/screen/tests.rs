@@ -112,6 +112,7 @@ fn view(state: State, clip: Option<u8>) -> View {
         stopping: false,
         deadman_held: Some(true),
         leaving: Leaving::No,
+        transfer: None,
         messages: [
             say(0, Weight::Note, "contact: the robot is disarmed"),
             say(8_200_000, Weight::Note, "armed: it goes to SAFE"),
