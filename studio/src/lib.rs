@@ -14,6 +14,7 @@ mod library;
 pub mod messages;
 mod motion_view;
 mod outcome;
+pub mod robot;
 mod scene;
 mod session;
 mod sliders;

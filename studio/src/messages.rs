@@ -14,6 +14,7 @@ pub use motion::{Goal, Height, MotionView, Target};
 pub use plan::{Columns, Culprit, Fix, FramesHeader, Period, Solve};
 pub use scene::{Body, EndEffector, Form, Joint, Parameter, Role, Scene, Shape};
 
+use crate::robot::{self, RobotView};
 use rollwalk_planner::Progress;
 use rollwalk_planner::report::Report;
 use serde::{Deserialize, Serialize};
@@ -91,6 +92,14 @@ pub enum Wanted {
         files: Vec<File>,
         /// Path of the library file among them.
         library: String,
+    },
+    /// Talks to a robot; the answer's bytes are to be sent to it.
+    Robot {
+        /// Time by the page's clock, µs.
+        now_us: u64,
+        /// What is wanted of it.
+        #[serde(flatten)]
+        wanted: robot::Wanted,
     },
 }
 
@@ -188,6 +197,11 @@ pub enum Done {
         text: String,
         /// Faults that the documents have with it.
         faults: Vec<Fault>,
+    },
+    /// Of `robot`; its bytes are to be sent.
+    Robot {
+        /// What the page shows; none after the end of the connection.
+        view: Option<Box<RobotView>>,
     },
     /// Of `plan`; its bytes are the frames.
     Planned {

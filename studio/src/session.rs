@@ -7,6 +7,7 @@
 use crate::documents::{self, Documents, Project};
 use crate::edit::{self, Known};
 use crate::messages::{Answer, Done, Edit, File, From, Opened, Request, TableForm, Told, Wanted};
+use crate::robot::{self, Connection};
 use crate::{examples, frames, library, motion_view, outcome, scene, sliders};
 use rollwalk_planner::export::Table;
 use rollwalk_planner::motion::Motion;
@@ -28,6 +29,8 @@ pub struct Session {
     near: Option<Solution>,
     /// What the page shows.
     shown: Option<Plan>,
+    /// The robot that the page talks to.
+    connection: Option<Connection>,
 }
 
 impl Session {
@@ -107,6 +110,10 @@ impl Session {
             }
             Wanted::Library { files, library } => {
                 return library::build(&Documents::new(&files), &library, progress);
+            }
+            Wanted::Robot { now_us, wanted } => {
+                let (view, bytes) = robot::request(&mut self.connection, now_us, wanted, binary)?;
+                return Ok((Done::Robot { view }, bytes));
             }
         };
         Ok((done, Vec::new()))

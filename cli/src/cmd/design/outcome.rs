@@ -409,7 +409,7 @@ fn compared(before: Option<&Plan>, after: &Plan) -> miette::Result<Compared> {
     Ok(Compared {
         motion: after.motion.name.clone(),
         holds: report.judgement.is_good(),
-conclusion: report.words(&after.solve),
+        conclusion: report.words(&after.solve),
         simulated: [simulated(before)?, simulated(Some(after))?],
         quantities: quantities.collect(),
     })

@@ -1,0 +1,103 @@
+//! A real robot's link as bytes: packets of a serial line, or SLCAN.
+
+use rollwalk_host::operator::Operator;
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::serial::{Deframer, Gateway, Packet};
+use rollwalk_protocol::slcan::{Message, Reader, bitrate_digit};
+
+/// Bit rate of a robot's link, bit/s.
+const BITRATE: u32 = 1_000_000;
+
+/// How frames become bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coding {
+    /// Packets on a line to a controller, which carries whole messages.
+    Gateway,
+    /// Packets of single frames, on a line that others share.
+    Frames,
+    /// Lines of text for an adapter.
+    Slcan,
+}
+
+/// A line with what has arrived of it.
+pub struct Line {
+    coding: Coding,
+    gateway: Gateway,
+    deframer: Deframer,
+    text: Reader,
+    /// What goes ahead of all frames.
+    opening: Vec<u8>,
+}
+
+impl Line {
+    /// A line on which nothing was sent yet.
+    pub fn new(coding: Coding) -> Self {
+        let opening = match coding {
+            // The first terminator ends a partial line of an earlier program.
+            Coding::Slcan => {
+                let bitrate = bitrate_digit(BITRATE).map(Message::Bitrate);
+                let orders =
+                    [Some(Message::Ok), Some(Message::Close), bitrate, Some(Message::Open)];
+                orders
+                    .into_iter()
+                    .flatten()
+                    .flat_map(|order| order.encode().unwrap_or_default())
+                    .collect()
+            }
+            Coding::Gateway | Coding::Frames => Vec::new(),
+        };
+        let (gateway, deframer, text) = Default::default();
+        Self { coding, gateway, deframer, text, opening }
+    }
+
+    /// Gives the operator what has arrived, and returns what it sends.
+    pub fn exchange(&mut self, now_us: u64, received: &[u8], operator: &mut Operator) -> Vec<u8> {
+        for &byte in received {
+            if let Some(frame) = self.received(byte) {
+                operator.on_frame(now_us, &frame);
+            }
+            while let Some(frame) = self.gateway.poll(now_us) {
+                operator.on_frame(now_us, &frame);
+            }
+        }
+        let mut sent = std::mem::take(&mut self.opening);
+        while let Some(frame) = operator.poll(now_us) {
+            self.send(now_us, &frame, &mut sent);
+            while let Some(frame) = self.gateway.poll(now_us) {
+                operator.on_frame(now_us, &frame);
+            }
+        }
+        sent
+    }
+
+    fn received(&mut self, byte: u8) -> Option<Frame> {
+        if self.coding == Coding::Slcan {
+            return match self.text.push(byte) {
+                Some(Message::Frame(frame)) => Some(frame),
+                _ => None,
+            };
+        }
+        match self.deframer.push(byte).and_then(Packet::decode)? {
+            Packet::Link(frame) => Some(frame),
+            Packet::Message { id, bytes } if self.coding == Coding::Gateway => {
+                self.gateway.receive(id, bytes);
+                None
+            }
+            Packet::Message { .. } | Packet::Report(_) | Packet::Ask => None,
+        }
+    }
+
+    fn send(&mut self, now_us: u64, frame: &Frame, sent: &mut Vec<u8>) {
+        let packet = match self.coding {
+            Coding::Slcan => {
+                sent.extend(Message::Frame(*frame).encode().unwrap_or_default());
+                return;
+            }
+            Coding::Gateway => self.gateway.send(now_us, frame),
+            Coding::Frames => Some(Packet::Link(*frame)),
+        };
+        if let Some(line) = packet.and_then(|packet| packet.encode()) {
+            sent.extend_from_slice(&line);
+        }
+    }
+}

@@ -1,0 +1,274 @@
+//! A robot at the other end of a link, played from the page: the operator's core of the command line's console, with bytes and
+//! times from the page.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`line`](mod@line) | a real robot: bytes of a serial port or of a relay, as frames and back |
+//! | [`simulated`] | a robot in the page: firmware, buses, servos and the ground |
+//! | [`view`] | what the page shows |
+//!
+//! Nothing is sent before the page asks for a connection, and no torque is turned on without an intent. When the page is gone,
+//! heartbeats end, and the robot returns to SAFE by itself.
+
+mod line;
+mod simulated;
+mod view;
+
+pub use view::RobotView;
+
+use crate::documents::{Documents, missing};
+use crate::messages::{Answer, File};
+use line::{Coding, Line};
+use rollwalk_host::catalog::Catalog;
+use rollwalk_host::operator::{Deadman, Intent, LetGo, Operator};
+use rollwalk_protocol::library::{Library, validate};
+use rollwalk_protocol::wire::Node;
+use rollwalk_robot::Robot;
+use serde::Deserialize;
+use simulated::Simulated;
+
+/// Where the robot is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Place {
+    /// In the page, on level ground.
+    Simulated,
+    /// At a serial port that carries the link.
+    Serial,
+    /// Behind a CAN adapter at a serial port that speaks SLCAN, at 1 Mbit/s.
+    Slcan,
+    /// At a bus of this computer, which a server relays.
+    Relay,
+}
+
+/// What a page wants of a robot at the other end of a link.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(tag = "robot", rename_all = "snake_case")]
+pub enum Wanted {
+    /// To talk to it, in place of one before.
+    Connect {
+        /// Where it is.
+        place: Place,
+        /// The documents.
+        files: Vec<File>,
+        /// Path of the robot file among them.
+        file: String,
+        /// Number of the controller.
+        node: u8,
+    },
+    /// To go on; the request's bytes are what has arrived.
+    Tick,
+    /// To obey an order.
+    Wish(Wish),
+    /// To take the library in the request's bytes.
+    Flash,
+    /// To name motions as the library in the request's bytes does.
+    Name,
+    /// To end the connection at once.
+    Leave,
+}
+
+/// What the operator wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(tag = "intent", rename_all = "snake_case")]
+pub enum Wish {
+    /// Turn torque on.
+    Arm,
+    /// Play the motion with this code.
+    Play {
+        /// The code.
+        code: u8,
+    },
+    /// Halt the motion where it is, or go on.
+    PauseOrResume,
+    /// Return to SAFE.
+    Return,
+    /// Return to SAFE, then turn torque off.
+    Disarm,
+    /// Turn torque off at once.
+    Estop,
+    /// Leave an emergency stop or a latched fault.
+    Clear,
+    /// Set the speed of playback.
+    Speed {
+        /// 64ths of the planned speed, 1 to 64.
+        sixty_fourths: i8,
+    },
+    /// The deadman is held, or was released: the robot halts.
+    Deadman {
+        /// Whether it is held.
+        held: bool,
+    },
+    /// Return to SAFE, turn torque off and leave; the second time, leave at once.
+    Quit,
+}
+
+impl From<Wish> for Intent {
+    fn from(wish: Wish) -> Self {
+        match wish {
+            Wish::Arm => Self::Arm,
+            Wish::Play { code } => Self::Play { code },
+            Wish::PauseOrResume => Self::PauseOrResume,
+            Wish::Return => Self::Return,
+            Wish::Disarm => Self::Disarm,
+            Wish::Estop => Self::Estop,
+            Wish::Clear => Self::Clear,
+            Wish::Speed { sixty_fourths } => Self::Speed { sixty_fourths },
+            Wish::Deadman { held: true } => Self::Deadman(Deadman::Held),
+            Wish::Deadman { held: false } => Self::Deadman(Deadman::Released(LetGo::Pause)),
+            Wish::Quit => Self::Quit,
+        }
+    }
+}
+
+/// Does what a page wants of a robot; returns what the page shows, and the bytes to be sent.
+///
+/// # Errors
+/// There is no connection, or it cannot be made; documents with faults.
+pub fn request(
+    connection: &mut Option<Connection>,
+    now_us: u64,
+    wanted: Wanted,
+    binary: &[u8],
+) -> Result<(Option<Box<RobotView>>, Vec<u8>), Answer> {
+    match &wanted {
+        Wanted::Connect { place, files, file, node } => {
+            let documents = Documents::new(files);
+            let found = documents.find(file).ok_or_else(|| missing("robot file", file, ""))?;
+            let robot = documents.robot(found)?;
+            *connection = Some(Connection::new(*place, robot, *node)?);
+        }
+        Wanted::Leave => {
+            *connection = None;
+            return Ok((None, Vec::new()));
+        }
+        _ => {}
+    }
+    let connection = connection.as_mut().ok_or_else(|| Answer::Error {
+        message: "there is no connection with a robot".to_owned(),
+        help: "connect first".to_owned(),
+    })?;
+    let mut received: &[u8] = &[];
+    match wanted {
+        Wanted::Tick => received = binary,
+        Wanted::Wish(wish) => connection.want(now_us, wish),
+        Wanted::Flash => connection.flash(now_us, binary)?,
+        Wanted::Name => connection.name(binary)?,
+        Wanted::Connect { .. } | Wanted::Leave => {}
+    }
+    let sent = connection.tick(now_us, received);
+    Ok((Some(Box::new(connection.view(now_us))), sent))
+}
+
+/// The way to the robot.
+enum Way {
+    Simulated(Box<Simulated>),
+    Line(Box<Line>),
+}
+
+/// A connection with a robot.
+pub struct Connection {
+    operator: Operator,
+    way: Way,
+    robot: Robot,
+    /// Names of the library that the page has.
+    catalog: Option<Catalog>,
+}
+
+impl std::fmt::Debug for Connection {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Connection").field("robot", &self.robot.name).finish_non_exhaustive()
+    }
+}
+
+impl Connection {
+    /// Begins to talk to the controller `node` of a robot. No other robot is armed.
+    ///
+    /// # Errors
+    /// There is no such node, or the robot breaks a rule of controllers.
+    pub fn new(place: Place, robot: Robot, node: u8) -> Result<Self, Answer> {
+        let node = Node::new(node).ok_or_else(|| Answer::Error {
+            message: format!("no controller has the number {node}"),
+            help: "controllers are numbered from 1 to 15; 1 unless configured otherwise".to_owned(),
+        })?;
+        let invalid = |why: rollwalk_robot::InvalidRobot| Answer::Error {
+            message: format!("`{}` cannot be played by a controller: {why}", robot.name),
+            help: "`rollwalk robot check` has the details".to_owned(),
+        };
+        let hash = robot.controller_config().map_err(invalid)?.hash();
+        let way = match place {
+            Place::Simulated => Way::Simulated(Box::new(Simulated::new(&robot).map_err(invalid)?)),
+            Place::Serial => Way::Line(Box::new(Line::new(Coding::Gateway))),
+            Place::Relay => Way::Line(Box::new(Line::new(Coding::Frames))),
+            Place::Slcan => Way::Line(Box::new(Line::new(Coding::Slcan))),
+        };
+        Ok(Self { operator: Operator::new(node, Some(hash)), way, robot, catalog: None })
+    }
+
+    /// Gives motions the names that they have in a library.
+    ///
+    /// # Errors
+    /// The library is damaged, or of another robot.
+    pub fn name(&mut self, library: &[u8]) -> Result<(), Answer> {
+        let refused = |why: String| Answer::Error {
+            message: format!("the library is not one for `{}`: {why}", self.robot.name),
+            help: "build it again from the robot file that is open".to_owned(),
+        };
+        let config = self.robot.controller_config().map_err(|why| refused(why.to_string()))?;
+        let index = validate(library, &config).map_err(|why| refused(why.to_string()))?;
+        let opened = Library::open(library, &index);
+        let opened = opened.ok_or_else(|| refused("it changed while it was read".to_owned()))?;
+        let channels = self.robot.channels().map(|channel| channel.name().to_owned()).collect();
+        self.catalog = Catalog::of(&opened, &self.robot.name, channels);
+        Ok(())
+    }
+
+    /// Transfers a library, and names motions as it does.
+    ///
+    /// # Errors
+    /// The library is damaged, or of another robot.
+    pub fn flash(&mut self, now_us: u64, library: &[u8]) -> Result<(), Answer> {
+        self.name(library)?;
+        let now_us = self.now_us(now_us);
+        self.operator.flash(now_us, library.to_vec());
+        Ok(())
+    }
+
+    /// Does what the operator wants.
+    pub fn want(&mut self, now_us: u64, wish: Wish) {
+        let now_us = self.now_us(now_us);
+        self.operator.want(now_us, wish.into());
+    }
+
+    /// Goes on until `now_us` by the page's clock, with the bytes that have arrived; returns those to be sent.
+    pub fn tick(&mut self, now_us: u64, received: &[u8]) -> Vec<u8> {
+        let (operator, catalog) = (&mut self.operator, &self.catalog);
+        let in_use = operator.hello().and_then(|hello| hello.library);
+        operator.set_catalog(catalog.clone().filter(|catalog| Some(catalog.library) == in_use));
+        match &mut self.way {
+            Way::Simulated(robot) => {
+                robot.run(now_us, operator);
+                Vec::new()
+            }
+            Way::Line(line) => line.exchange(now_us, received, operator),
+        }
+    }
+
+    /// What the page shows.
+    pub fn view(&self, now_us: u64) -> RobotView {
+        let view = self.operator.view(self.now_us(now_us));
+        let simulated = match &self.way {
+            Way::Simulated(robot) => Some(robot.as_ref()),
+            Way::Line(_) => None,
+        };
+        view::robot_view(&view, &self.robot, self.catalog.as_ref(), simulated)
+    }
+
+    /// Time by the clock that the operator goes by, µs.
+    fn now_us(&self, now_us: u64) -> u64 {
+        match &self.way {
+            Way::Simulated(robot) => robot.now_us(),
+            Way::Line(_) => now_us,
+        }
+    }
+}
