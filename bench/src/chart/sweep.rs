@@ -63,7 +63,8 @@ fn range(values: impl Iterator<Item = f64>, margin: f64) -> Range<f64> {
     if low > high {
         return 0.0..1.0;
     }
-    let air = (margin * (high - low)).max(1e-3 * high.abs()).max(1e-9);
+    // A value alone has a range, too.
+    let air = if high > low { margin * (high - low) } else { (1e-3 * high.abs()).max(1e-9) };
     low - air..high + air
 }
 

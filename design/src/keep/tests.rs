@@ -24,11 +24,12 @@ fn the_drift_is_taken_back_and_grows_with_the_sign_that_is_printed() {
     let pitch = |plans: &Plans| Feature::Pitch.of_plan(&plans.solutions[0].plan);
     let mut pitched_deg = |taken_back| {
         let given = &[(0, 0.14)];
-        let kept = keep_in(10, taken_back, &designed, &before, given, Feature::Pitch, on).unwrap();
+        let kept = keep_in(16, taken_back, &designed, &before, given, Feature::Pitch, on).unwrap();
         let off = pitch(&kept).into_iter().zip(pitch(&before)).map(|(a, b)| (a - b).abs());
         off.fold(0.0, f64::max).to_degrees()
     };
-    // Design note, section 9: at most 0.1 degrees, and more than 1 with the printed sign.
+    // At most 0.1 degrees, and more than 1 with the printed sign: a drive is nearly linear, so that 10 steps, after which a walk is
+    // beyond that, come to 0.05 only. The drift doubles with every step.
     let [right, printed] = [TAKEN_BACK, -TAKEN_BACK].map(&mut pitched_deg);
     assert!(right < 0.1 && printed > 1.0, "{right} and {printed} degrees");
 }
