@@ -162,8 +162,8 @@ fn names_that_are_unknown_or_taken() {
         "known are: `servo`",
     );
     assert_fault(
-        "box_m = [0.2, 0.1, 0.05] }",
-        "box_m = [0.2, 0.1, 0.05], actuator = \"motor\" }",
+        "box_m = [0.02, 0.02, 0.2] },\n",
+        "box_m = [0.02, 0.02, 0.2], actuator = \"motor\" },\n",
         "actuator = \"motor\" }",
         "there is no actuator `motor`",
         "known are: `servo`",
