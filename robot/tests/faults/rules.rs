@@ -164,7 +164,7 @@ fn names_that_are_unknown_or_taken() {
     assert_fault(
         "box_m = [0.02, 0.02, 0.2] },\n",
         "box_m = [0.02, 0.02, 0.2], actuator = \"motor\" },\n",
-        "actuator = \"motor\" }",
+        "  { mass_kg = 0.1, at_m = [0.0, 0.0, -0.1], box_m",
         "there is no actuator `motor`",
         "known are: `servo`",
     );
