@@ -6,7 +6,7 @@ use crate::repair::{self, Free, Made, Outcome, Repair, Shown};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::Report;
 use rollwalk_planner::sensitivity::{NotOptimal, Optimal};
-use rollwalk_planner::{Options, Progress, Solution, optimise_solution};
+use rollwalk_planner::{Editing, Options, Progress, Solution, optimise_solution};
 use rollwalk_robot::document::DocumentError;
 use std::ops::ControlFlow;
 use thiserror::Error;
@@ -113,14 +113,8 @@ impl Designed {
         let solve = |(motion, solution): (_, &Solution)| {
             let motion = on_samples_of(motion, &solution.plan.motion);
             let progress = &mut |state: &Progress| watch(&motion.name, state);
-            // Multipliers of a robot that is not near lead astray.
-            let plan = rollwalk_planner::replan_solution(
-                &solution.plan,
-                &variant.robot,
-                &motion,
-                &options,
-                progress,
-            );
+            let mut editing = Editing::new(solution.clone(), &options);
+            let plan = editing.replan(&variant.robot, &motion, progress);
             unless_interrupted(plan.map_err(NotOptimal::from)?)
         };
         let both = variant.motions.iter().zip(&plans.solutions);

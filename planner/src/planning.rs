@@ -3,7 +3,7 @@
 //! The only module that knows starts, solver and diagnosis. [`optimise`] tries the candidate starts of a motion
 //! in order until one decides; a [`Search`] does the same on as many threads as its caller has. Each attempt is
 //! one solve from one start, or from the plan with half the samples; `probed_solve` watches a solve and decides
-//! on restart and diagnosis, and `second_look` tries what the diagnosis says. `refine` judges what is played of a plan
+//! on restart and diagnosis, and `second_look` tries what the diagnosis says. [`Editing`] plans edits one after the other. `refine` judges what is played of a plan
 //! and plans with more samples where that fails.
 
 mod attempt;

@@ -10,7 +10,7 @@ use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
 /// Sets the variables that follow from `q` by forward kinematics: contact points and wheel angles. Yaws are unwrapped
 /// to stay near those in `vars`.
 pub fn follow_kinematics(model: &Model, layout: &Layout, vars: &mut DVector<f64>) {
-    let pose = model.pose(&vars.rows(0, layout.dofs).into_owned());
+    let pose = model.pose_values(&vars.rows(0, layout.dofs).into_owned());
     for (j, ee) in layout.end_effectors.iter().enumerate() {
         let mount = &pose.end_effectors[j];
         let radius = model.robot().end_effectors[j].radius_m;
