@@ -3,7 +3,7 @@
 //! Half of a re-plan is finding which unknowns each constraint depends on, and the order of elimination. An edit of numbers
 //! changes neither. An [`Editing`] keeps both from one re-plan to the next, with the memory, and starts from the last plan that
 //! converged and its multipliers. All rows and derivatives of the edited problem are compared with what is kept; where one
-//! differs, or where few iterations do not suffice, the edit is planned as by [`replan`](super::replan()).
+//! differs all is found anew. Where few iterations do not suffice the edit is planned as by [`replan`](super::replan()).
 //!
 //! The first Gauss-Newton step of a re-plan is the change of the plan with its robot (thesis 2.5.1), but for second derivatives of
 //! the constraints, and of the multipliers: the edited problem's rows at the old plan, solved with their own matrix. The
@@ -25,8 +25,8 @@ use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
-/// Iterations after which an edit is no small one. Of edits by 10 mm three in four take two.
-const MOST_ITERATIONS: usize = 25;
+/// Iterations after which an edit is no small one. Of edits by 10 mm half take two or three.
+const MOST_ITERATIONS: usize = 60;
 
 /// A motion that is planned for one robot after the other.
 ///
@@ -91,8 +91,9 @@ impl Editing {
         {
             let near = self.near(robot, motion, progress);
             before = near.plan.solve.iterations;
-            let ended = matches!(near.plan.solve.status, Status::Converged | Status::Interrupted);
-            solution = ended.then_some(near);
+            // Of a plan at the caller's limit no more is wanted either.
+            let ends = [Status::Converged, Status::Interrupted, Status::IterationLimit];
+            solution = ends.contains(&near.plan.solve.status).then_some(near);
         }
         let solution = match solution {
             Some(solution) => solution,
@@ -132,11 +133,10 @@ impl Editing {
             let normal = NormalEquations::new(&rows, system.columns());
             (system, rows, normal)
         });
-        let iterations = options.settings.iterations.min(MOST_ITERATIONS);
-        let settings = Settings { iterations, ..options.settings.clone() };
+        let settings = &options.settings;
         let (point, begin) = (Point { unknowns, rows }, Begin::Near(Some(&solution.multipliers)));
-        let solver = Solver::at(&system, point, normal, begin, &settings);
-        let (outcome, normal, rows) = until_costs_are_flat(solver, &settings, progress);
+        let solver = Solver::at(&system, point, normal, begin, settings);
+        let (outcome, normal, rows) = until_costs_are_flat(solver, settings, progress);
         *kept = system.fits().then(|| Kept { structure: system.into_structure(), normal, rows });
         let start = Started { kind: StartKind::Neighbour, seed: 0 };
         Solved { outcome, diagnosis: None }.write(&problem, motion, start)
@@ -157,6 +157,9 @@ fn until_costs_are_flat(
     let status = loop {
         if solver.iteration() >= settings.iterations {
             break Status::IterationLimit;
+        }
+        if solver.iteration() >= MOST_ITERATIONS {
+            break Status::Stalled;
         }
         let iteration = solver.iterate();
         let state = iteration.progress;
