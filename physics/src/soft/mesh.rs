@@ -81,6 +81,71 @@ impl Mesh {
         Self { places, elements }
     }
 
+    /// A ball about the origin, m: an icosahedron of so many layers, each drawn to a sphere. Its surface is nearly the same all
+    /// around, with 10 n² + 2 nodes for n layers, and it has 20 n³ elements.
+    pub fn ball(radius_m: f64, layers: usize) -> Self {
+        let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
+        let corners: Vec<Vector3<f64>> = (0..12)
+            .map(|k| {
+                let [short, long] = [1, 2].map(|bit| if k & bit == 0 { 1.0 } else { -1.0 });
+                let flat = [0.0, short, long * golden];
+                Vector3::from_fn(|axis, _| flat[(axis + k / 4) % 3])
+            })
+            .collect();
+        let next = |a: usize, b: usize| (corners[a] - corners[b]).norm() < 2.1;
+        let mut mesh = Self::default();
+        let mut numbers: BTreeMap<[i64; 3], usize> = BTreeMap::new();
+        for a in 0..12 {
+            for b in (0..a).filter(|&b| next(a, b)) {
+                for c in (0..b).filter(|&c| next(a, c) && next(b, c)) {
+                    mesh.add_wedge([a, b, c].map(|k| corners[k]), layers, &mut numbers);
+                }
+            }
+        }
+        mesh.shaped(|place| place * radius_m)
+    }
+
+    /// The part of a unit ball between the origin and a face of an icosahedron: steps along its edges from the origin to the first
+    /// corner, to the second, to the third make a grid, whose cubes are split as those of a block. `numbers` are those of the nodes that
+    /// are there.
+    fn add_wedge(
+        &mut self,
+        [a, b, c]: [Vector3<f64>; 3],
+        layers: usize,
+        numbers: &mut BTreeMap<[i64; 3], usize>,
+    ) {
+        let inside = |at: [usize; 3]| layers >= at[0] && at[0] >= at[1] && at[1] >= at[2];
+        let mut number = |at: [usize; 3]| {
+            let [x, y, z] = at.map(|step| step as f64);
+            let flat = a * (x - y) + b * (y - z) + c * z;
+            let place = flat.try_normalize(0.0).unwrap_or_default() * (x / layers as f64);
+            // The same node from two wedges differs by rounding.
+            let key = [0, 1, 2].map(|axis| (place[axis] * 1e9).round() as i64);
+            *numbers.entry(key).or_insert_with(|| {
+                self.places.push(place);
+                self.places.len() - 1
+            })
+        };
+        let turned = a.cross(&b).dot(&c) < 0.0;
+        let mut elements = Vec::new();
+        for cube in 0..layers.pow(3) {
+            let low = [cube % layers, cube / layers % layers, cube / (layers * layers)];
+            for of_cube in OF_CUBE {
+                let corners =
+                    of_cube.map(|bits| [0, 1, 2].map(|axis| low[axis] + (bits >> axis & 1)));
+                if corners.iter().all(|at| inside(*at)) {
+                    let [first, second, third, fourth] = corners.map(&mut number);
+                    elements.push(if turned {
+                        [first, second, fourth, third]
+                    } else {
+                        [first, second, third, fourth]
+                    });
+                }
+            }
+        }
+        self.elements.extend(elements);
+    }
+
     /// The mesh with its places changed, by which boxes become other shapes.
     pub fn shaped(mut self, shape: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Self {
         self.places.iter_mut().for_each(|place| *place = shape(*place));
@@ -137,6 +202,32 @@ mod tests {
         assert!((0.95..1.0).contains(&(mass / (50.0 * torus))), "{mass}");
         let surface = mesh.areas_m2().iter().sum::<f64>() / (TAU * TAU * radius * tube);
         assert!((0.97..1.0).contains(&surface), "{surface}");
+    }
+
+    /// Nodes and elements by their closed forms, inscribed in the sphere; the surface nodes stand for nearly the same area.
+    #[test]
+    fn a_ball_has_nearly_the_mass_and_the_surface_of_a_sphere() {
+        let radius = 0.02;
+        for layers in [1, 2, 3, 4] {
+            let mesh = Mesh::ball(radius, layers);
+            let shells = (1..=layers).map(|n| 10 * n * n + 2).sum::<usize>() + 1;
+            assert_eq!((mesh.places.len(), mesh.elements.len()), (shells, 20 * layers.pow(3)));
+            let mut assembly = Assembly::default();
+            SoftBody::add(&mut assembly, &mesh, &Material::elastic(50.0, 1e4, 0.3)).unwrap();
+            let areas = mesh.areas_m2();
+            assert_eq!(areas.iter().filter(|area| **area > 0.0).count(), 10 * layers * layers + 2);
+            let com: Vector3<f64> = (mesh.masses_kg(1.0).iter().zip(&mesh.places))
+                .map(|(mass, place)| place * *mass)
+                .sum();
+            assert!(com.norm() < 1e-15, "{com}");
+            if layers == 4 {
+                let mass: f64 = assembly.bodies.iter().map(|body| body.mass_kg()).sum();
+                let volume = mass / 50.0 / (2.0 / 3.0 * TAU * radius.powi(3));
+                assert!((0.9..1.0).contains(&volume), "{volume}");
+                let surface = areas.iter().sum::<f64>() / (2.0 * TAU * radius * radius);
+                assert!((0.95..1.0).contains(&surface), "{surface}");
+            }
+        }
     }
 
     #[test]
