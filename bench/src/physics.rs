@@ -67,6 +67,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
         };
         let cpu_s = begin.elapsed().as_secs_f64();
         let title = format!("{name} ({source}): {about}\n{}; {cpu_s:.1} s", outcome.setup);
+        let mut reasons = Vec::new();
         let mut cells = table(["", "reference", "asked", "found", "holds"]);
         for check in &outcome.checks {
             let holds = check.holds.map_or("", |holds| if holds { "yes" } else { "NO" });
@@ -78,9 +79,13 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
                     "{name}: {}: {}, asked {}",
                     check.what, check.found, check.asked
                 ));
+                if !check.why.is_empty() {
+                    reasons.push(format!("{}: {}", check.what, check.why));
+                }
             }
         }
         blocks.extend([Block::Text(title), Block::Table(cells)]);
+        blocks.extend(reasons.into_iter().map(Block::Text));
         for chart in &outcome.charts {
             charts.push((format!("physics-{name}-{}.svg", chart.name), draw(chart)?));
         }

@@ -107,7 +107,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let later = later(&gripper, &pulled.fit.parameters)?;
     let mut checks = vec![
         Check::at_most("turn from the target, °", "tipped over", off_deg(&end), 5.0),
-        Check::at_most("distance from the target, mm", "", off_mm(&end), 1.0),
+        Check::at_most("distance from the target, mm", "", off_mm(&end), 1.0)
+            .because("the cube lies turned as asked with slack bands, and no pose of the gripper from then on moves it"),
         Check::at_most(
             &format!("turn from it {} s later, °", short(AFTER as f64 * STEP_S)),
             "stays there",

@@ -1,33 +1,49 @@
 //! The objective of a toss by its velocity forward and upward (thesis Fig. 4.2): with soft and stiff contacts, and with hybrid
-//! friction. Stiffer contacts make it rougher, hybrid friction more so.
+//! friction. There are two minima, tosses with one bounce and with two.
 //!
-//! Two bounds are missed: smoothed, the objective has one minimum here where the thesis has two, and that of soft contacts is 18 % of
-//! the speed away from that of stiff ones. Size and mesh of the thesis's ball are not known, and this one of 48 elements is coarse.
+//! The ripples are of contacts that last less than a step: along a line of velocities upward the place at the end goes to and fro with
+//! steps of 1 ms, and one way with steps of a quarter of that (`ripples`).
+//!
+//! Two bounds are missed. Soft contacts do not make it smoother, for a reason that is not known. And their minima are
+//! farther from those of stiff ones than 5 % of the speed: a ball sinks into soft contacts for longer, and comes to its target later, so
+//! that it has to be thrown lower.
 
-use crate::ball_target::miss;
+use crate::ball_target::{FINE_S, LAYERS, TARGET_M, miss};
 use crate::outcome::short;
 use crate::throwing::{FREEDOMS, Throw};
 use crate::{Chart, Check, Outcome, Watch};
+use nalgebra::Vector3;
 use rollwalk_physics::friction::Model;
-use rollwalk_physics::sensitivity::objective::cost;
 
-/// Points along both axes, and between which velocities they are, m/s.
-const POINTS: [usize; 2] = [17, 36];
-const FORWARD_M_S: [f64; 2] = [0.4, 0.72];
-const UPWARD_M_S: [f64; 2] = [-0.35, 0.35];
+/// Points along both axes, and between which velocities they are, m/s: about what the thesis's figure shows.
+const POINTS: [usize; 2] = [11, 21];
+const FORWARD_M_S: [f64; 2] = [0.4, 0.6];
+const UPWARD_M_S: [f64; 2] = [-0.1, 0.3];
 /// Points at which the gradient is compared with differences of this size, m/s.
-const SAMPLES: usize = 40;
+const SAMPLES: usize = 20;
 const DIFFERENCE_M_S: f64 = 1e-6;
-/// Rounds of smoothing before minima are counted, each a mean of a point and its neighbours.
-const ROUNDS: usize = 4;
+/// Rounds of smoothing before minima are counted, each a mean of a point and its neighbours, 0.02 m/s to each side: several ripples,
+/// because 0.008 m/s more upward bring the ball to the ground a step of 1 ms later.
+const ROUNDS: usize = 1;
+/// Velocities at which the ripples are looked at, m/s: those upward are from one to the other of these.
+const LINE_FORWARD_M_S: f64 = 0.5055;
+const LINE_UPWARD_M_S: [f64; 2] = [0.14, 0.2];
+const ON_LINE: usize = 61;
 
 /// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+    let ball = Throw::ball(LAYERS);
     let mut outcome = Outcome {
         setup: format!(
-            "ball of 48 elements (thesis: 451), {} × {} points (thesis: 51 × 71), {} to {} m/s forward, {} to {} m/s upward, spin \
-             -4 rad/s, BDF2, 250 steps of 1 ms",
-            POINTS[0], POINTS[1], FORWARD_M_S[0], FORWARD_M_S[1], UPWARD_M_S[0], UPWARD_M_S[1]
+            "the ball of ball-target, {} × {} points (thesis: 51 × 71), {} to {} m/s forward, {} to {} m/s upward, BDF2, {} steps of {} ms",
+            POINTS[0],
+            POINTS[1],
+            FORWARD_M_S[0],
+            FORWARD_M_S[1],
+            UPWARD_M_S[0],
+            UPWARD_M_S[1],
+            ball.steps,
+            1e3 * ball.step_s
         ),
         ..Outcome::default()
     };
@@ -36,42 +52,57 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         ("k_n 1000, linear", 1e3, Model::Linear),
         ("k_n 1000, hybrid", 1e3, Model::Hybrid),
     ];
-    let (mut curves, mut roughness, mut lowest) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut curves, mut roughness, mut found) = (Vec::new(), Vec::new(), Vec::new());
     for (name, node_stiffness_n_m, model) in variants {
-        let throw = Throw { node_stiffness_n_m, model, ..Throw::ball(2) };
+        let throw = Throw { node_stiffness_n_m, model, ..ball.clone() };
         let grid = Grid::sample(&throw, name, watch)?;
         let right = share_of_right_gradients(&throw, watch)?;
         let what = format!("share of points whose gradient is that of differences to 1e-5, {name}");
         outcome.checks.push(Check::at_least(&what, "", right, 0.95));
         let mut minima = grid.smoothed().minima();
-        minima.sort_by(|one, other| one.2.total_cmp(&other.2));
-        let count = minima.len();
-        outcome.checks.push(Check::new(
-            &format!("local minima of the smoothed objective, {name}"),
-            "2",
-            "2",
-            &count.to_string(),
-            Some(count == 2),
-        ));
+        minima.sort_by(|one, other| one.1.total_cmp(&other.1));
+        let places: Vec<_> =
+            minima.iter().map(|at| format!("{} and {}", short(at.0), short(at.1))).collect();
+        outcome.checks.extend([
+            Check::new(
+                &format!("local minima of the smoothed objective, {name}"),
+                "2",
+                "2",
+                &minima.len().to_string(),
+                Some(minima.len() == 2),
+            ),
+            Check::new(
+                &format!("velocities forward and upward of the minima, m/s, {name}"),
+                "two bounces and one",
+                "",
+                &places.join("; "),
+                None,
+            ),
+        ]);
         roughness.push(grid.roughness());
-        lowest.push(minima.first().copied());
+        found.push(minima);
         curves.push((name.to_owned(), grid.lowest_by_upward()));
     }
     let what = "roughness, mean second difference of O, k_n 100 by k_n 1000";
     let share = roughness[0] / roughness[1];
-    outcome.checks.push(Check::new(what, "smoother", "< 1", &short(share), Some(share < 1.0)));
+    let smoother = Check::new(what, "smoother", "< 1", &short(share), Some(share < 1.0));
+    outcome.checks.push(smoother.because("not known"));
     let what = "roughness of hybrid by linear friction, k_n 1000";
     outcome.checks.push(Check::told(what, "", roughness[2] / roughness[1]));
     for (k, name) in [(0, "k_n 100"), (2, "hybrid")] {
-        let shift = match (lowest[k], lowest[1]) {
-            (Some(one), Some(other)) => {
-                (one.0 - other.0).hypot(one.1 - other.1) / other.0.hypot(other.1)
-            }
-            _ => f64::NAN,
-        };
-        let what =
-            format!("way from the lowest minimum of k_n 1000 to that of {name}, by its speed");
-        outcome.checks.push(Check::at_most(&what, "slight", shift, 0.05));
+        for (at, bounces) in ["two bounces", "one bounce"].iter().enumerate() {
+            let shift = match (found[k].get(at), found[1].get(at)) {
+                (Some(one), Some(other)) => {
+                    (one.0 - other.0).hypot(one.1 - other.1) / other.0.hypot(other.1)
+                }
+                _ => f64::NAN,
+            };
+            let what = format!(
+                "way from the minimum with {bounces} of k_n 1000 to that of {name}, by its speed"
+            );
+            let why = "a ball sinks into soft contacts for longer, and a throw that is to be at its target in time leaves lower";
+            outcome.checks.push(Check::at_most(&what, "slight", shift, 0.05).because(why));
+        }
     }
     outcome.charts.push(Chart {
         name: "valley".to_owned(),
@@ -81,7 +112,54 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         logarithmic: false,
         curves,
     });
+    ripples(&ball, &mut outcome, watch)?;
     Some(outcome)
+}
+
+/// Shows that ripples come of steps which are longer than contacts of nodes.
+fn ripples(ball: &Throw, outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
+    let mut curves = Vec::new();
+    for step_s in [ball.step_s, FINE_S] {
+        let throw = ball.clone().in_steps(step_s);
+        let name = format!("steps of {} ms", 1e3 * step_s);
+        watch.say(&format!("{name} along a line"));
+        let [low, high] = LINE_UPWARD_M_S;
+        let mut heights = Vec::with_capacity(ON_LINE);
+        for k in 0..ON_LINE {
+            if watch.interrupted() {
+                return None;
+            }
+            let upward = low + (high - low) * k as f64 / (ON_LINE - 1) as f64;
+            let at = throw.arrival(&FREEDOMS[..3], &[LINE_FORWARD_M_S, 0.0, upward])?;
+            heights.push((upward, 1e3 * (at.z - TARGET_M.z)));
+        }
+        let slope =
+            |of: &[(f64, f64)]| (of[of.len() - 1].1 - of[0].1) / (of[of.len() - 1].0 - of[0].0);
+        let mean = slope(&heights);
+        let slopes: Vec<f64> = heights.windows(2).map(slope).collect();
+        let against = slopes.iter().filter(|slope| **slope * mean < 0.0).count();
+        let what =
+            format!("share of the line on which the height goes against its mean slope, {name}");
+        let share = against as f64 / slopes.len() as f64;
+        outcome.checks.push(Check::told(&what, "", share));
+        let what = format!("mean, least and largest slope of the height, mm/(m/s), {name}");
+        let [least, largest] =
+            [f64::min, f64::max].map(|of| slopes.iter().copied().reduce(of).unwrap_or(f64::NAN));
+        let text = [mean, least, largest].map(short).join(", ");
+        outcome.checks.push(Check::new(&what, "", "", &text, None));
+        curves.push((name, heights));
+    }
+    outcome.charts.push(Chart {
+        name: "ripples".to_owned(),
+        title: format!(
+            "Height above the target at the end, thrown {LINE_FORWARD_M_S} m/s forward, k_n 1000"
+        ),
+        x: "velocity upward, m/s".to_owned(),
+        y: "height above the target, mm".to_owned(),
+        logarithmic: false,
+        curves,
+    });
+    Some(())
 }
 
 /// Velocities of a point of the grid, m/s.
@@ -91,11 +169,10 @@ fn velocity(at: [usize; 2]) -> [f64; 3] {
     [along(0, FORWARD_M_S), 0.0, along(1, UPWARD_M_S)]
 }
 
-/// Objective and gradient of a toss.
-fn objective(throw: &Throw, velocity: &[f64]) -> Option<(f64, Vec<f64>)> {
-    let rollout = throw.run(&FREEDOMS[..3], velocity)?;
-    let residuals = miss(&rollout);
-    Some((cost(&residuals), rollout.gradient(&residuals)))
+/// The objective of a toss.
+fn objective(throw: &Throw, velocity: &[f64]) -> Option<f64> {
+    let off: Vector3<f64> = throw.arrival(&FREEDOMS[..3], velocity)? - TARGET_M;
+    Some(0.5 * off.norm_squared())
 }
 
 /// Share of random points at which the adjoint gradient by both velocities agrees with central differences.
@@ -109,13 +186,13 @@ fn share_of_right_gradients(throw: &Throw, watch: &dyn Watch) -> Option<f64> {
         let between =
             |rng: &mut fastrand::Rng, [from, to]: [f64; 2]| from + (to - from) * rng.f64();
         let at = [between(&mut rng, FORWARD_M_S), 0.0, between(&mut rng, UPWARD_M_S)];
-        let Some((_, gradient)) = objective(throw, &at) else { continue };
+        let Some(rollout) = throw.run(&FREEDOMS[..3], &at) else { continue };
+        let gradient = rollout.gradient(&miss(&rollout));
         let agrees = [0, 2].iter().all(|&k| {
             let moved = |by: f64| {
                 let mut at = at;
                 at[k] += by;
-                let rollout = throw.run(&FREEDOMS[..3], &at);
-                rollout.map_or(f64::NAN, |rollout| cost(&miss(&rollout)))
+                objective(throw, &at).unwrap_or(f64::NAN)
             };
             let rate = (moved(DIFFERENCE_M_S) - moved(-DIFFERENCE_M_S)) / (2.0 * DIFFERENCE_M_S);
             let size = gradient[0].hypot(gradient[2]);
@@ -137,10 +214,7 @@ impl Grid {
                 return None;
             }
             watch.say(&format!("{name}: row {} of {}", i + 1, POINTS[0]));
-            let of = |j: usize| {
-                let rollout = throw.run(&FREEDOMS[..3], &velocity([i, j]));
-                rollout.map_or(f64::INFINITY, |rollout| cost(&miss(&rollout)))
-            };
+            let of = |j: usize| objective(throw, &velocity([i, j])).unwrap_or(f64::INFINITY);
             rows.push((0..POINTS[1]).map(of).collect());
         }
         Some(Self(rows))
@@ -209,8 +283,8 @@ mod tests {
     fn wells_are_counted_and_ripples_are_not() {
         let depth = |at: [usize; 2], ripple: f64| {
             let [forward, _, upward] = velocity(at);
-            let well = |low: f64| ((forward - 0.56) / 0.1).powi(2) + ((upward - low) / 0.1).powi(2);
-            well(-0.15).min(well(0.15)) + ripple * ((at[0] * 5 + at[1] * 3) % 7) as f64
+            let well = |low: f64| ((forward - 0.5) / 0.1).powi(2) + ((upward - low) / 0.1).powi(2);
+            well(0.0).min(well(0.2)) + ripple * ((at[0] * 5 + at[1] * 3) % 7) as f64
         };
         let grid = |ripple: f64| {
             Grid(

@@ -27,6 +27,8 @@ pub struct Check {
     pub found: String,
     /// Whether that is as asked; none of what is reported without a bound.
     pub holds: Option<bool>,
+    /// What stops it, if it is known not to be as asked.
+    pub why: String,
 }
 
 impl Check {
@@ -57,7 +59,13 @@ impl Check {
     /// Anything else.
     pub fn new(what: &str, reference: &str, asked: &str, found: &str, holds: Option<bool>) -> Self {
         let [what, reference, asked, found] = [what, reference, asked, found].map(str::to_owned);
-        Self { what, reference, asked, found, holds }
+        Self { what, reference, asked, found, holds, why: String::new() }
+    }
+
+    /// With what stops it, which is told where it does not hold.
+    pub fn because(self, why: &str) -> Self {
+        let why = if self.holds == Some(false) { why.to_owned() } else { String::new() };
+        Self { why, ..self }
     }
 }
 

@@ -34,7 +34,7 @@ const PER_M: f64 = 1e3;
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let mut outcome = Outcome {
         setup: format!(
-            "ball of 48 elements, Young's modulus 20 kPa, friction {FRICTION}, k_n 10 N/m for each of 98 nodes, one bounce in 200 steps of 1 ms, \
+            "ball of 160 elements, Young's modulus 20 kPa, friction {FRICTION}, k_n 10 N/m for each of 98 nodes, one bounce in 200 steps of 1 ms, \
              every {NODES_BETWEEN}th node seen every {SEEN_EVERY} ms; first guess {} of the modulus, {} of the friction, {} m and {} m/s \
              away along each axis",
             GUESS_SHARES[0], GUESS_SHARES[1], GUESS_SHIFT_M.x, GUESS_VELOCITY_M_S.x
