@@ -85,7 +85,7 @@ impl Newton {
         report: &mut StepReport,
     ) -> Result<Vec<Displacement>, Failure> {
         self.equations.begin(step);
-        self.sticking.begin();
+        self.sticking.begin(step);
         let (mut trial, mut norm, guessed) = self.guess(step, tolerance);
         // Whether the matrix is that of the trial, and whether it is, or is to be, the tame one.
         let (mut derived, mut tame, mut iterations) = (guessed, false, 0);
@@ -111,6 +111,7 @@ impl Newton {
                 norm = self.evaluate(step, &trial, if tame { Derive::Tame } else { Derive::Exact });
             }
             if iterations == most_iterations || !norm.is_finite() || !self.correct() {
+                self.sticking.forget();
                 return Err(self.failure(norm, iterations));
             }
             if self.is_rounding() && !self.equations.wake(step) {

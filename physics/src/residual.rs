@@ -9,6 +9,7 @@ use crate::body::Body;
 use crate::force::{Derivative, Force, Held, View, Wrench};
 use crate::matrix::{BlockMatrix, Slot};
 use crate::motion::{Displacement, Motion, Trial, Weights};
+use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
 /// What is known of a step before it is solved.
@@ -44,6 +45,13 @@ pub(crate) struct Hold {
     pub normal: Vector3<f64>,
     /// What weighs its velocity, m/s, against the other equations, N·s/m.
     pub scale_n_s_m: f64,
+}
+
+impl Hold {
+    /// Holds a particle at a contact.
+    pub fn new(body: usize, touch: &Touch) -> Self {
+        Self { body, normal: touch.normal, scale_n_s_m: touch.friction.stick_n_s_m }
+    }
 }
 
 /// Residual and matrix, with the memory that they need from step to step.

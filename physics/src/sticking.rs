@@ -2,7 +2,8 @@
 //!
 //! A step is solved roughly with friction proportional to sliding. Then what sticks is held across the normal, and that tells
 //! the friction which this takes. Where it is too much, the contact is let go for the rest of the step. So a body at
-//! rest does not creep, and friction is always within its cone.
+//! rest does not creep, and friction is always within its cone. Where all particles that touch were held in the step before, the
+//! first of these solutions is spared.
 //!
 //! A particle is held by an equation in place of its own, as in the thesis. Several contacts of a rigid body would hold it too
 //! often: there the friction that a solution has is taken as given, and only what slides in spite of it meets a
@@ -60,13 +61,31 @@ impl Sticking {
         }
     }
 
-    /// At the beginning of a step nothing is held.
-    pub fn begin(&mut self) {
+    /// At the beginning of a step nothing is held, but where all particles that touch were held in the step before: they most
+    /// likely stay where they are, and finding that anew takes a factorisation.
+    pub fn begin(&mut self, step: &Step<'_>) {
         self.holds.clear();
-        self.taken.clear();
+        let mut held = self.taken.iter().map(|(force, _)| *force);
+        let mut all = true;
+        for &(force, body) in self.able.iter().filter(|(force, _)| is_hybrid(step, *force)) {
+            let touch = step.forces[force].touch(&[step.now[body]]);
+            if let Some(touch) = touch.filter(|touch| touch.gap_m < 0.0) {
+                all &= held.next() == Some(force);
+                self.holds.push(Hold::new(body, &touch));
+            }
+        }
+        if !all || held.next().is_some() {
+            self.forget();
+        }
         self.decided = false;
         self.held.clear();
         self.rounds = 0;
+    }
+
+    /// Begins the next step without anything held.
+    pub fn forget(&mut self) {
+        self.holds.clear();
+        self.taken.clear();
     }
 
     /// How contacts of rigid bodies are held, by force.
@@ -125,25 +144,12 @@ impl Sticking {
         changed
     }
 
+    /// Lets go what takes too much; the first time in a step holds what sticks, too.
     fn decide_particles(&mut self, step: &Step<'_>, equations: &Equations) -> bool {
         let touch = |force: usize, body: usize| {
             step.forces[force].touch(&[equations.motions[body]]).filter(|touch| touch.gap_m < 0.0)
         };
-        if !self.decided {
-            self.decided = true;
-            for &(force, body) in self.able.iter().filter(|(force, _)| is_hybrid(step, *force)) {
-                let sticks = touch(force, body).filter(|touch| !touch.slips);
-                // Two contacts of one particle would hold it twice.
-                let free = self.holds.iter().all(|hold| hold.body != body);
-                if let (Some(touch), true) = (sticks, free) {
-                    let scale_n_s_m = touch.friction.stick_n_s_m;
-                    self.holds.push(Hold { body, normal: touch.normal, scale_n_s_m });
-                    self.taken.push((force, Vector3::zeros()));
-                }
-            }
-            return !self.holds.is_empty();
-        }
-        let mut kept = Vec::new();
+        let (mut kept, mut let_go) = (Vec::new(), Vec::new());
         for ((hold, reaction), taken) in
             self.holds.iter().zip(&equations.reactions).zip(&mut self.taken)
         {
@@ -152,12 +158,28 @@ impl Sticking {
                 .map_or(0.0, |touch| touch.friction.coefficient * touch.normal_n);
             taken.1 = needed;
             kept.push(needed.norm() <= limit);
+            if needed.norm() > limit {
+                let_go.push(hold.body);
+            }
         }
-        let before = self.holds.len();
         let (mut of_holds, mut of_taken) = (kept.iter(), kept.iter());
         self.holds.retain(|_| *of_holds.next().expect("one for each"));
         self.taken.retain(|_| *of_taken.next().expect("one for each"));
-        self.holds.len() < before
+        let mut changed = !let_go.is_empty();
+        if !self.decided {
+            self.decided = true;
+            for &(force, body) in self.able.iter().filter(|(force, _)| is_hybrid(step, *force)) {
+                let sticks = touch(force, body).filter(|touch| !touch.slips);
+                // Two contacts of one particle would hold it twice.
+                let free = self.holds.iter().all(|hold| hold.body != body);
+                if let (Some(touch), true, false) = (sticks, free, let_go.contains(&body)) {
+                    self.holds.push(Hold::new(body, &touch));
+                    self.taken.push((force, Vector3::zeros()));
+                    changed = true;
+                }
+            }
+        }
+        changed
     }
 }
 
