@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Writes the tables of docs/replay.md and docs/retargeting.md and the numbers of README from results of the harness.
+"""Writes the tables of docs/replay.md, docs/retargeting.md and docs/identification.md and the numbers of README from results of the harness.
 
     python3 tests/replay/document.py LEVEL.json DISTURBED.json GROUND.json FIRMWARE.json [ROBOT.json ...]
     python3 tests/replay/document.py --retargeted RETARGETED.json
+    python3 tests/replay/document.py --identified IDENTIFIED.json
 
 They stand between `<!-- NAME -->` and `<!-- end -->`. Without results of imported robots that table stays.
 """
@@ -20,6 +21,10 @@ def main(*paths):
     if paths[:1] == ("--retargeted",):
         text = tables.retargeted(json.loads(Path(paths[1]).read_text()))
         return replace(ROOT / "docs/retargeting.md", {"retargeted": f"\n{text}\n"})
+    if paths[:1] == ("--identified",):
+        results = json.loads(Path(paths[1]).read_text())
+        texts = {"identified": tables.identified(results), "predicted": tables.predicted(results)}
+        return replace(ROOT / "docs/identification.md", {name: f"\n{text}\n" for name, text in texts.items()})
     level, disturbed, ground, firmware, *imported = (json.loads(Path(path).read_text()) for path in paths)
     texts = {
         "shipped": tables.both(level),

@@ -176,6 +176,42 @@ def retargeted(results):
     return _markdown(rows)
 
 
+def identified(results):
+    """One row for each number: the true one, that of the file, and what each recording gave."""
+    seeds = results["seeds"]
+    rows = [["", "true", "file", *(f"noise {seed['seed']}" for seed in seeds)]]
+    for number, first in enumerate(seeds[0]["parameters"]):
+        true = results["true"].get(first["name"])
+        cells = [_found(seed["parameters"][number], true) for seed in seeds]
+        rows.append([f"`{first['name']}`", "–" if true is None else f"{true:g}", f"{first['before']:.4g}", *cells])
+    return _markdown(rows)
+
+
+def _found(parameter, true):
+    """Value, deviation, and by how many of these it is off."""
+    value, deviation = parameter["fitted"], parameter["deviation"]
+    if deviation is None:
+        return "not told"
+    off = "" if true is None else f" ({(value - true) / deviation:+.1f})"
+    return f"{value:.4g} ± {deviation:.2g}{off}"
+
+
+def predicted(results):
+    """One row for each motion and signal: root mean squares with the numbers of the file and with others, of each recording."""
+    kinds = ["file", "fitted", "true", "true with contacts"]
+    rows = [["motion", "", "file", "fitted", "true", "true, contacts and delay fitted"]]
+    seeds = results["seeds"]
+    for motion in seeds[0]["predicted"]:
+        for signal, unit in (("place of the body", "mm"), ("orientation", "mrad"), ("angles of joints", "mrad"), ("angles of wheels", "mrad")):
+            cell = lambda kind: " · ".join(_thousandths(seed["predicted"][motion][kind][signal]) for seed in seeds)
+            rows.append([f"`{motion}`", f"{signal}, {unit}", *map(cell, kinds)])
+    return _markdown(rows)
+
+
+def _thousandths(value):
+    return "falls" if value is None else f"{1000 * value:.2f}"
+
+
 def _where_it_fell(result):
     fell = [{"ours": "our world", "mujoco": "MuJoCo"}[world] for world, at in result["fell_at_s"].items() if at is not None]
     return f"falls in {' and in '.join(fell)}" if fell else ""

@@ -1,6 +1,8 @@
 //! The search: first where the run begins, then the quantities over a short horizon, then all together over growing horizons, and
 //! what the data tell of each.
 
+use super::outcome::{Found, Identified, Stage, Unfit, Verdict};
+use super::parts::{self, Told};
 use super::quality::{self, Quality};
 use super::quantity::{Kind, Model, Quantity};
 use super::recording::{Recording, SHORTEST_S};
@@ -11,7 +13,6 @@ use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::sensitivity::gauss_newton::{self, Evaluation, Fit, Penalty, minimise};
 use rollwalk_robot::Robot;
 use std::sync::Arc;
-use thiserror::Error;
 
 /// How a fit goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,87 +29,6 @@ impl Default for Options {
     fn default() -> Self {
         Self { held_out: 0.25, steps_max: 2400, iterations: 25 }
     }
-}
-
-/// What is being done, for who waits.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stage {
-    /// In words.
-    pub what: &'static str,
-    /// Length of the simulated run, s.
-    pub horizon_s: f64,
-    /// Rollouts so far.
-    pub rollouts: usize,
-}
-
-/// What became of a quantity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// It is another one than in the file.
-    Changed,
-    /// It is that of the file, within its deviation.
-    Agrees,
-    /// Nothing that was measured depends on it, or only together with others.
-    Silent,
-    /// It is not known well enough.
-    Vague,
-    /// The search did not come to an end within sensible values.
-    Absurd,
-}
-
-/// A fitted quantity: its value, its deviation and the verdict on it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Found {
-    /// Which.
-    pub quantity: Quantity,
-    /// Of the robot file.
-    pub before: f64,
-    /// As fitted, whether it is to be used or not.
-    pub fitted: f64,
-    /// Standard deviation; infinite if the run does not tell.
-    pub deviation: f64,
-    /// What to make of it.
-    pub verdict: Verdict,
-}
-
-/// What was found.
-#[derive(Clone, Debug)]
-pub struct Identified {
-    /// The robot with all quantities that changed.
-    pub model: Model,
-    /// All of them.
-    pub found: Vec<Found>,
-    /// Pairs of quantities that the run hardly tells apart, with their correlation.
-    pub correlated: Vec<(String, String, f64)>,
-    /// Of the steps of the fit, with the numbers of the file and with those found; `None` if the robot falls.
-    pub fitted: [Option<Quality>; 2],
-    /// Of the end of the run, which took no part.
-    pub predicted: [Option<Quality>; 2],
-    /// Times at which the fitted part begins, the predicted part begins, and the run ends, s.
-    pub times_s: [f64; 3],
-    /// Time over which the robot was fitted, s: less than planned if it falls later.
-    pub horizon_s: f64,
-    /// Simulated rollouts.
-    pub rollouts: usize,
-}
-
-/// Why nothing can be found.
-#[derive(Debug, Error)]
-pub enum Unfit {
-    /// The robot falls at once.
-    #[error(
-        "with the numbers of its file the simulated robot falls within {0:.2} s, though the recorded one did not"
-    )]
-    Falls(f64),
-    /// The recording is too short.
-    #[error("{0:.2} s are too short for a fit: it takes {SHORTEST_S} s")]
-    Short(f64),
-    /// The mass of a link with a soft foot.
-    #[error("the mass of {0} cannot be fitted, because its foot is soft")]
-    Soft(String),
-    /// The caller ended it.
-    #[error("interrupted")]
-    Ended,
 }
 
 /// Steps of the world a second: fewest, most, and those of a recording with few rows.
@@ -148,20 +68,7 @@ pub fn identify(
     let file = Model::new(robot);
     let replay = replay(recording, &file, options)?;
     let until = replay.steps - (replay.steps as f64 * options.held_out) as usize;
-    let starts = replay.start.count();
-    let mut search = Search {
-        replay: &replay,
-        file: &file,
-        options,
-        noise: quality::nominal(),
-        at: At { quantities: vec![0.0; quantities.len()], start: vec![0.0; starts] },
-        all: quantities,
-        open: (0..quantities.len()).collect(),
-        rollouts: 0,
-        stage: Stage { what: "", horizon_s: 0.0, rollouts: 0 },
-        goes_on,
-        is_ended: false,
-    };
+    let mut search = Search::new(&replay, &file, quantities, options, goes_on);
     let quarter = (until / 4).max(((SHORTEST_S / 2.0) / replay.step_s) as usize).min(until);
     let first = search.minimise("where the run begins", quarter, false, true);
     search.check()?;
@@ -190,9 +97,13 @@ pub fn identify(
         let Some(fit) = search.minimise("everything", horizon, true, true) else { break };
         search.check()?;
         search.learn_noise(horizon);
-        let judged = search.judge(&fit);
+        let spreads = search.spreads(horizon);
+        search.check()?;
+        let judged = search.judge(&fit, &spreads);
         let drop: Vec<usize> = (judged.iter())
             .filter(|(_, found)| !matches!(found.verdict, Verdict::Changed | Verdict::Agrees))
+            // What is fitted along stays as the others need it.
+            .filter(|(_, found)| !found.quantity.kind.is_along())
             .map(|(number, _)| *number)
             .collect();
         for (number, of) in judged {
@@ -215,9 +126,15 @@ pub fn identify(
     search.check()?;
     let found: Vec<Found> = found.into_iter().flatten().collect();
     let mut model = file.clone();
-    for of in found.iter().filter(|of| of.verdict == Verdict::Changed) {
-        of.quantity.set(&mut model, of.fitted);
+    for (number, of) in found.iter().enumerate() {
+        if of.verdict == Verdict::Changed || of.quantity.kind.is_along() {
+            of.quantity.set(&mut model, of.fitted);
+        } else {
+            search.at.quantities[number] = 0.0;
+        }
     }
+    // With the file's numbers where they agree the run may begin a little otherwise.
+    search.minimise("where the run begins", horizon, false, true);
     let at_end = search.at.start.clone();
     let mut compare = |model: &Model, start: &[f64]| {
         let all = search.play(model, start, &[], false, replay.steps);
@@ -243,6 +160,27 @@ pub fn identify(
         horizon_s: horizon as f64 * replay.step_s,
         rollouts: search.rollouts,
     })
+}
+
+/// How far a simulated run is from another recording, after the quarter of it in which it is fitted where the run begins; `None` if the robot
+/// falls. `goes_on` as for [`identify`].
+///
+/// # Errors
+/// The recording is too short, or the caller ended it.
+pub fn predict(
+    model: &Model,
+    recording: Recording,
+    options: &Options,
+    goes_on: impl FnMut(&Stage) -> bool,
+) -> Result<Option<Quality>, Unfit> {
+    let replay = replay(recording, model, options)?;
+    let mut search = Search::new(&replay, model, &[], options, goes_on);
+    let quarter = replay.steps / 4;
+    let begins = search.minimise("where the run begins", quarter, false, true);
+    let start = search.at.start.clone();
+    let played = begins.and_then(|_| search.play(model, &start, &[], false, replay.steps));
+    search.check()?;
+    Ok(played.map(|played| Quality::of(played.misses(), quarter, replay.steps)))
 }
 
 /// The recording on a grid of steps.
@@ -294,7 +232,31 @@ struct Search<'a, G> {
     is_ended: bool,
 }
 
-impl<G: FnMut(&Stage) -> bool> Search<'_, G> {
+impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
+    /// From the numbers of the file, and where the run was measured to begin.
+    fn new(
+        replay: &'a Replay,
+        file: &'a Model,
+        all: &'a [Quantity],
+        options: &'a Options,
+        goes_on: G,
+    ) -> Self {
+        let at = At { quantities: vec![0.0; all.len()], start: vec![0.0; replay.start.count()] };
+        Self {
+            replay,
+            file,
+            options,
+            noise: quality::nominal(),
+            at,
+            all,
+            open: (0..all.len()).collect(),
+            rollouts: 0,
+            stage: Stage { what: "", horizon_s: 0.0, rollouts: 0 },
+            goes_on,
+            is_ended: false,
+        }
+    }
+
     fn check(&self) -> Result<(), Unfit> {
         if self.is_ended { Err(Unfit::Ended) } else { Ok(()) }
     }
@@ -418,15 +380,42 @@ impl<G: FnMut(&Stage) -> bool> Search<'_, G> {
         }
     }
 
+    /// How far the open parameters are from one another in parts of the run, each fitted alone, beyond noise.
+    fn spreads(&mut self, steps: usize) -> Vec<f64> {
+        let replays = parts::of(self.replay, self.file, steps);
+        let mut told: Vec<Vec<Told>> = vec![Vec::new(); self.open.len()];
+        for replay in &replays {
+            let goes_on = &mut self.goes_on;
+            let mut of_part = Search::new(replay, self.file, self.all, self.options, goes_on);
+            of_part.at.quantities.clone_from(&self.at.quantities);
+            of_part.open.clone_from(&self.open);
+            (of_part.noise, of_part.rollouts) = (self.noise, self.rollouts);
+            let what = "parts of the run";
+            let begins = of_part.minimise(what, replay.steps, false, true);
+            let fit = begins.and_then(|_| of_part.minimise(what, replay.steps, true, true));
+            (self.rollouts, self.is_ended) = (of_part.rollouts, self.is_ended | of_part.is_ended);
+            if self.is_ended {
+                break;
+            }
+            let Some(fit) = fit else { continue };
+            for ((told, value), deviation) in
+                told.iter_mut().zip(&fit.parameters).zip(fit.deviations())
+            {
+                told.push(Told { value: *value, deviation });
+            }
+        }
+        told.iter().map(|told| parts::spread(told)).collect()
+    }
+
     /// What to make of each open quantity.
-    fn judge(&self, fit: &Fit) -> Vec<(usize, Found)> {
+    fn judge(&self, fit: &Fit, spreads: &[f64]) -> Vec<(usize, Found)> {
         let deviations = fit.deviations();
         let of = |(place, &number): (usize, &usize)| {
             let quantity = &self.all[number];
             let before = quantity.value(self.file);
             let parameter = self.at.quantities[number];
             let fitted = quantity.of_parameter(before, parameter);
-            let deviation = deviations[place] * quantity.by_parameter(fitted);
+            let deviation = deviations[place].hypot(spreads[place]) * quantity.by_parameter(fitted);
             let is_delay = quantity.kind == Kind::Delay;
             let most = if is_delay { VAGUE_DELAY_S } else { VAGUE * fitted };
             let verdict = if !deviation.is_finite() {

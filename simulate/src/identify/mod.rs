@@ -8,7 +8,9 @@
 //! | [`quantity`] | what can be fitted, in one list |
 //! | `start` | the state in which the recording begins |
 //! | `rollout` | the run simulated again, and what it misses |
-//! | [`fit`] | the search, in three phases over growing horizons |
+//! | [`fit`] | the search, in three phases over growing horizons; other runs predicted |
+//! | [`outcome`] | what it says and finds, or why it finds nothing |
+//! | `parts` | how far parts of the run disagree |
 //! | [`quality`] | noise of the measurements, and the error of a simulated run against them |
 //!
 //! Drives do what they were commanded in the recording, with the gains of the model; so a run can be simulated again with other
@@ -16,6 +18,8 @@
 //! come there by itself.
 
 pub mod fit;
+pub mod outcome;
+mod parts;
 pub mod quality;
 pub mod quantity;
 pub mod recording;
@@ -25,7 +29,8 @@ mod start;
 #[cfg(test)]
 mod tests;
 
-pub use fit::{Found, Identified, Options, Stage, Unfit, Verdict, identify};
+pub use fit::{Options, identify, predict};
+pub use outcome::{Found, Identified, Stage, Unfit, Verdict};
 pub use quality::Quality;
 pub use quantity::{Group, Kind, Model, Of, Quantity};
 pub use recording::{Drive, Idle, Recording, TableError, Wanted, motor_names};

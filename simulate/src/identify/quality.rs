@@ -13,11 +13,13 @@ pub struct Quality {
 impl Quality {
     /// Of residuals after a step, up to another one.
     pub(super) fn of(misses: &[Miss], after: usize, until: usize) -> Self {
+        let values = centered(misses);
         let rms = Signal::ALL.into_iter().filter_map(|signal| {
-            let within =
-                |miss: &&Miss| miss.signal == signal && miss.step > after && miss.step <= until;
-            let squares: Vec<f64> =
-                misses.iter().filter(within).map(|miss| miss.residual.value.powi(2)).collect();
+            let within = |(miss, _): &(&Miss, &f64)| {
+                miss.signal == signal && miss.step > after && miss.step <= until
+            };
+            let of_signal = misses.iter().zip(&values).filter(within);
+            let squares: Vec<f64> = of_signal.map(|(_, value)| value.powi(2)).collect();
             let mean = squares.iter().sum::<f64>() / squares.len() as f64;
             (!squares.is_empty()).then(|| (signal, mean.sqrt()))
         });

@@ -1,6 +1,8 @@
 //! A robot with hidden numbers is simulated, measured with noise, and found again.
 
-use super::fit::{Options, Verdict, identify, replay};
+use super::fit::{Options, identify, predict, replay};
+use super::outcome::Verdict;
+use super::parts;
 use super::quantity::{Group, Kind, Model, Quantity};
 use super::recording::{Drive, Recording};
 use super::rollout::Signal;
@@ -128,6 +130,45 @@ fn a_slipping_robot_tells_its_friction_and_its_gains() {
     }
 }
 
+#[test]
+fn another_run_is_predicted_by_the_numbers_that_made_it() {
+    let robot = agilebot();
+    let file = Model::new(&robot);
+    let mut hidden = file.clone();
+    friction().set(&mut hidden, 0.25);
+    let run = recording(&hidden, 120, noise(3));
+    let options = Options { iterations: 8, ..Options::default() };
+    let rms = |model: &Model| {
+        let found = predict(model, run.clone(), &options, |_| true).unwrap().unwrap();
+        [Signal::Joint, Signal::Position].map(|signal| found.of_signal(signal).unwrap())
+    };
+    // Noise is 2 mrad and 2 mm.
+    let [own, other] = [&hidden, &file].map(rms);
+    assert!(own.iter().all(|rms| *rms < 2.4e-3), "{own:?}");
+    assert!(other[1] > 2.0 * own[1], "{other:?} and {own:?}");
+}
+
+#[test]
+fn parts_of_a_run_begin_where_it_was_measured_then() {
+    let robot = agilebot();
+    let model = Model::new(&robot);
+    let replay = replay(recording(&model, 300, || 0.0), &model, &Options::default()).unwrap();
+    let all = parts::of(&replay, &model, 300);
+    let spans_s: Vec<_> = all.iter().map(|part| part.recording.span_s).collect();
+    for (number, [begin_s, end_s]) in (0..).zip(&spans_s) {
+        let expected_s = f64::from(number) * 100.0 * STEP_S;
+        assert!((begin_s - expected_s).abs() < 1e-9, "{spans_s:?}");
+        assert!((end_s - expected_s - 100.0 * STEP_S).abs() < 1e-9, "{spans_s:?}");
+        // The second begins in the middle of a swing, with what a parabola through a tenth of a second has.
+        let part = &all[number as usize];
+        let place = replay.recording.position_m.as_ref().unwrap()[0].at(*begin_s)[0];
+        assert!((part.start.state.base_position_m.x - place).abs() < 1e-3, "{number}");
+        assert_eq!(part.steps, 100);
+    }
+    assert_eq!(all.len(), 3);
+    assert!(parts::of(&replay, &model, 250).is_empty());
+}
+
 /// Joints and wheels that swing gently.
 fn gentle(robot: &Robot) -> Recording {
     let mut recording = recording(&Model::new(robot), 90, || 0.0);
@@ -176,11 +217,12 @@ fn derivatives_by_quantities_are_those_of_finite_differences() {
         of(&robot, Kind::Armature, "all", all),
         Quantity { kind: Kind::Mass, group: Some(links) },
         Quantity { kind: Kind::Stiffness, group: None },
+        Quantity { kind: Kind::Stick, group: None },
         Quantity { kind: Kind::Delay, group: None },
     ];
     let mut model = Model::new(&robot);
     // A friction that slips, gains that are the same for all, a delay that is no whole number of steps.
-    let values = [0.2, 70.0, 1.2, 5e-3, 1.5, 3e4, 0.0047];
+    let values = [0.2, 70.0, 1.2, 5e-3, 1.5, 3e4, 4e3, 0.0047];
     quantities.iter().zip(values).for_each(|(of, value)| of.set(&mut model, value));
     let mut recording = recording(&Model::new(&robot), 60, || 0.0);
     for (channel, drive) in (0..).zip(&mut recording.drives) {
@@ -249,7 +291,7 @@ fn soft_feet_have_derivatives_by_all_but_their_links_masses() {
     agree(
         recording(&model, 60, || 0.0),
         &model,
-        &[friction(), whole(Kind::Stiffness), whole(Kind::Delay)],
+        &[friction(), whole(Kind::Stiffness), whole(Kind::Stick), whole(Kind::Delay)],
     );
     let links = |name: &str, link| {
         let group = Some(Group { name: name.to_owned(), members: vec![link] });

@@ -34,6 +34,9 @@ pub struct Options {
     /// Only retargeted motions, before and after: the table of docs/retargeting.md.
     #[arg(long, conflicts_with = "urdf")]
     retargeted: bool,
+    /// Only a robot that is identified from a run in MuJoCo, and other runs that are predicted: the tables of docs/identification.md.
+    #[arg(long, conflicts_with_all = ["urdf", "retargeted"])]
+    identified: bool,
 }
 
 /// Tests the harness. In full it plans and replays every shipped motion as well, and fails if one does not hold.
@@ -60,6 +63,14 @@ pub fn document(options: &Options) -> Result<(), String> {
         retargeted::compare(&replay)?;
         let results = replay.out.join(retargeted::RESULTS);
         return shell::run(replay.python("document.py").arg("--retargeted").arg(results));
+    }
+    if options.identified {
+        let folder = replay.out.join("identified");
+        let results = folder.join("identified.json");
+        let mut identified = replay.python("identified.py");
+        identified.arg(&rollwalk()?.path).arg("-o").arg(&folder).arg("--json").arg(&results);
+        shell::run(&mut identified)?;
+        return shell::run(replay.python("document.py").arg("--identified").arg(results));
     }
     let plans = replay.shipped("both", false)?;
     replay.grounded(&plans)?;

@@ -9,9 +9,11 @@ use crate::inputs::Source as Inputs;
 use crate::{Exit, interrupt, output};
 use indicatif::ProgressBar;
 use miette::{Report, miette};
-use report::Document;
+use report::{Document, Prediction};
 use rollwalk_robot::Robot;
-use rollwalk_simulate::identify::{Kind, Options, Quantity, Stage, Unfit, identify};
+use rollwalk_simulate::identify::{
+    Kind, Model, Options, Quantity, Stage, Unfit, identify, predict,
+};
 use source::Source;
 use std::path::{Path, PathBuf};
 
@@ -25,6 +27,7 @@ use std::path::{Path, PathBuf};
 Examples:
   rollwalk identify run.csv --robot robots/agilebot.toml -o fitted.toml
   rollwalk identify run.csv --robot robots/agilebot.toml --fit friction,kp,mass.body -o fitted.toml
+  rollwalk identify run.csv --robot robots/agilebot.toml -o fitted.toml --predict walk.csv --predict trot.csv
   rollwalk identify run.mcap --robot robots/agilebot.toml --fit kp,kd,delay -o fitted.toml
 
 What can be fitted, and what a recording needs: docs/identification.md")]
@@ -36,9 +39,12 @@ pub struct Args {
     /// Robot file (TOML) to begin with.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// What is fitted: `friction`, `kp`, `kd` and so on, or of one drive or link, such as `kp.xm540` [default: friction, resistance, kp, kd].
+    /// What is fitted: `friction`, `kp`, `kd` and so on, or of one drive or link, such as `kp.xm540` [default: friction, resistance, kp, kd, stiffness, stick, delay].
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fit: Vec<String>,
+    /// Another run of the robot, which takes no part: it is simulated with the numbers of the file and with those found, and compared. As often as wanted.
+    #[arg(long, value_name = "RUN")]
+    predict: Vec<PathBuf>,
     /// Robot file to write, with the fitted values.
     #[arg(short, long, value_name = "FITTED.toml")]
     output: PathBuf,
@@ -60,6 +66,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let quantities = chosen(&source.quantities(&robot), &args.fit, &robot)?;
     files::ending(&args.output, "a robot file", &["toml"])?;
     let recording = recorded::read(&args.run, &robot, [args.from, args.to])?;
+    let mut others = Vec::new();
+    for path in &args.predict {
+        others.push((path, recorded::read(path, &robot, [None; 2])?));
+    }
     let place = Output::of_source(&args.output)?;
     interrupt::listen();
     let bar = ProgressBar::new_spinner();
@@ -69,21 +79,36 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         bar.tick();
         !interrupt::requested()
     };
-    let found = identify(&robot, recording, &quantities, &Options::default(), watch);
+    let options = Options::default();
+    let all = || -> Result<_, (Unfit, &PathBuf)> {
+        let found = identify(&robot, recording, &quantities, &options, watch);
+        let found = found.map_err(|reason| (reason, &args.run))?;
+        let file = Model::new(&robot);
+        let mut predicted = Vec::new();
+        for (path, other) in others {
+            let with = |model| {
+                predict(model, other.clone(), &options, watch).map_err(|reason| (reason, path))
+            };
+            predicted
+                .push(Prediction { run: name_of(path), of: [with(&file)?, with(&found.model)?] });
+        }
+        Ok((found, predicted))
+    };
+    let all = all();
     bar.finish_and_clear();
-    let found = match found {
-        Ok(found) => found,
-        Err(Unfit::Ended) => return Ok(Exit::Interrupted),
-        Err(reason) => return Err(unfit(&reason, &args.run)),
+    let (found, predicted) = match all {
+        Ok(all) => all,
+        Err((Unfit::Ended, _)) => return Ok(Exit::Interrupted),
+        Err((reason, path)) => return Err(unfit(&reason, path)),
     };
     let run = name_of(&args.run);
     found.found.iter().for_each(|of| source.set(of, &run));
     let text = source.text();
     // Also what no robot file may have is worth knowing.
     if args.json {
-        output::print_json(&Document::new(&run, &found))?;
+        output::print_json(&Document::new(&run, &found, &predicted))?;
     } else {
-        place.comment(&report::describe(&run, &found))?;
+        place.comment(&report::describe(&run, &found, &predicted))?;
     }
     Robot::from_toml(&args.output.display().to_string(), &text).map_err(Report::new)?;
     place.write(text.as_bytes())?;

@@ -6,6 +6,14 @@ use rollwalk_simulate::identify::{Found, Identified, Quality, Signal, Verdict};
 use serde::Serialize;
 use std::fmt::Write;
 
+/// Another run, simulated with the numbers of the file and with those found; `None` if the robot falls.
+pub struct Prediction {
+    /// Its file.
+    pub run: String,
+    /// Before and after.
+    pub of: [Option<Quality>; 2],
+}
+
 /// Output of `--json`.
 #[derive(Serialize)]
 pub struct Document<'a> {
@@ -15,12 +23,20 @@ pub struct Document<'a> {
     /// Root mean squares over the part of the run that was fitted, and over the part that was predicted.
     fitted: Vec<Fit>,
     predicted: Vec<Fit>,
+    /// Other runs.
+    others: Vec<Other<'a>>,
     begin_s: f64,
     predicted_from_s: f64,
     end_s: f64,
     /// Length of the fitted part, s. It ends before the predicted part begins if the simulated robot falls earlier.
     horizon_s: f64,
     rollouts: usize,
+}
+
+#[derive(Serialize)]
+struct Other<'a> {
+    run: &'a str,
+    predicted: Vec<Fit>,
 }
 
 #[derive(Serialize)]
@@ -45,7 +61,8 @@ struct Fit {
 
 impl<'a> Document<'a> {
     /// Of a run.
-    pub fn new(run: &'a str, found: &'a Identified) -> Self {
+    pub fn new(run: &'a str, found: &'a Identified, others: &'a [Prediction]) -> Self {
+        let other = |of: &'a Prediction| Other { run: &of.run, predicted: fits(&of.of) };
         let parameter = |of: &Found| Parameter {
             name: of.quantity.name(),
             unit: of.quantity.kind.label().1,
@@ -62,6 +79,7 @@ impl<'a> Document<'a> {
             correlated: pairs.map(|(one, other, by)| (one.as_str(), other.as_str(), *by)).collect(),
             fitted: fits(&found.fitted),
             predicted: fits(&found.predicted),
+            others: others.iter().map(other).collect(),
             begin_s,
             predicted_from_s,
             end_s,
@@ -95,20 +113,23 @@ fn word(verdict: Verdict) -> &'static str {
 
 /// What to make of a number, for people.
 fn sentence(of: &Found) -> String {
+    let is_along = of.quantity.kind.is_along();
     match of.verdict {
-        Verdict::Changed if of.quantity.kind.key().is_none() => {
-            "found; robot files do not have it".to_owned()
+        Verdict::Silent => format!("not told: {}", of.quantity.kind.silence()),
+        Verdict::Changed if is_along => "found; robot files do not have it".to_owned(),
+        Verdict::Agrees if is_along => "as simulated elsewhere".to_owned(),
+        Verdict::Vague | Verdict::Absurd if is_along => {
+            "uncertain, and left free for the sake of the others".to_owned()
         }
         Verdict::Changed => "changed".to_owned(),
         Verdict::Agrees => "agrees with the file, which stays as it is".to_owned(),
-        Verdict::Silent => format!("not told: {}", of.quantity.kind.silence()),
         Verdict::Vague => "too uncertain: the file stays as it is".to_owned(),
         Verdict::Absurd => "makes no sense: something else is different, too".to_owned(),
     }
 }
 
 /// As text.
-pub fn describe(run: &str, found: &Identified) -> String {
+pub fn describe(run: &str, found: &Identified, others: &[Prediction]) -> String {
     let [begin_s, from_s, end_s] = found.times_s;
     let mut text = format!(
         "{run}: fitted from {begin_s:.2} to {:.2} s, predicted from {from_s:.2} to {end_s:.2} s, {} rollouts\n\n",
@@ -159,6 +180,15 @@ pub fn describe(run: &str, found: &Identified) -> String {
         ]);
     }
     let _ = write!(text, "{}", table.render());
+    for Prediction { run, of } in others {
+        let mut table = Table::new([&format!("predicted: {run}"), "before", "after", "unit"]);
+        for fit in fits(of) {
+            table.row(
+                [fit.signal, &cell(fit.before), &cell(fit.after), fit.unit].map(str::to_owned),
+            );
+        }
+        let _ = write!(text, "\n\n{}", table.render());
+    }
     let is_worse = |fit: &Fit| match (fit.before, fit.after) {
         (Some(before), Some(after)) => after > 1.1 * before,
         (Some(_), None) => true,

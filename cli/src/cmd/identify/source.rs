@@ -286,6 +286,7 @@ mod tests {
             "mass.shank",
             "mass.fork",
             "stiffness",
+            "stick",
             "delay",
         ];
         assert_eq!(names, expected);
