@@ -24,9 +24,13 @@ fn hidden_run(desk: &Desk, plan: &str) -> String {
         scale(&mut wheel["contact"]["actuator"]);
     }
     desk.write("hidden.json", document.to_string());
-    let args = ["simulate", "hidden.json", "--cycles", "2", "--rate", "100"];
+    // Steps of first order, of which there are more than there are measurements, so that their damping is no part of what is found.
+    let args = ["simulate", "hidden.json", "--cycles", "2", "--rate", "400", "--no-feed-forward"];
     desk.run(&[&args[..], &["--world-log", "hidden.csv"]].concat()).succeeds();
-    desk.read_text("hidden.csv")
+    let log = desk.read_text("hidden.csv");
+    let (heading, rows) = log.split_once('\n').unwrap();
+    let rows = rows.lines().skip(3).step_by(4).map(|row| format!("{row}\n"));
+    format!("{heading}\n{}", rows.collect::<String>())
 }
 
 /// What a real robot measures of it: encoders to 2 mrad, places to 2 mm, orientations to 2 mrad; no gains, no forces.
@@ -73,7 +77,8 @@ fn a_robot_is_identified_from_what_it_measures() {
     let run = measured(&log);
     desk.write("run.csv", &run);
     let identify = ["identify", "run.csv", "--robot", "robots/agilebot.toml"];
-    let quick = ["--fit", "friction,kp,kd.xm430_drive", "-o", "fitted.toml", "--json"];
+    // So short that it is not fitted in parts, too.
+    let quick = ["--fit", "friction,kp,kd.xm430_drive", "--to", "3", "-o", "fitted.toml", "--json"];
     let found = json(&desk.run(&[&identify[..], &quick].concat()).succeeds());
     let parameters = found["parameters"].as_array().unwrap();
     let [friction, kp, _] = HIDDEN;
