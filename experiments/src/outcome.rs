@@ -62,7 +62,7 @@ impl Check {
         Self { what, reference, asked, found, holds, why: String::new() }
     }
 
-    /// With what stops it, which is told where it does not hold.
+    /// With its cause, which is shown where it does not hold.
     pub fn because(self, why: &str) -> Self {
         let why = if self.holds == Some(false) { why.to_owned() } else { String::new() };
         Self { why, ..self }

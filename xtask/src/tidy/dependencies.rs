@@ -18,11 +18,16 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "rollwalk-studio",
         &[
+            "rollwalk-bus",
             "rollwalk-design",
+            "rollwalk-host",
             "rollwalk-multibody",
+            "rollwalk-physics",
             "rollwalk-planner",
+            "rollwalk-protocol",
             "rollwalk-robot",
             "rollwalk-shipped",
+            "rollwalk-sim-host",
         ],
     ),
     ("web-time", &[]),
