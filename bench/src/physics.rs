@@ -29,6 +29,8 @@ struct Row {
     experiment: &'static str,
     source: &'static str,
     cpu_s: f64,
+    /// Whether all that is asked holds.
+    holds: bool,
     #[serde(flatten)]
     outcome: Outcome,
 }
@@ -89,7 +91,8 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
         for chart in &outcome.charts {
             charts.push((format!("physics-{name}-{}.svg", chart.name), draw(chart)?));
         }
-        rows.push(Row { experiment: name, source, cpu_s, outcome });
+        let holds = outcome.checks.iter().all(|check| check.holds != Some(false));
+        rows.push(Row { experiment: name, source, cpu_s, holds, outcome });
     }
     if rows.is_empty() {
         return Ok(None);

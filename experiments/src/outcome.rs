@@ -19,7 +19,8 @@ pub struct Outcome {
 pub struct Check {
     /// What is measured, with its unit.
     pub what: String,
-    /// The thesis's number, or the closed form's.
+    /// The thesis's number, or the closed form's; in files `expected`, as in all tables of benchmarks.
+    #[serde(rename = "expected")]
     pub reference: String,
     /// What is asked of it, in words.
     pub asked: String,
