@@ -16,7 +16,7 @@ import { LibraryBuild } from "./project/library.ts";
 import { Playback } from "./project/playback.ts";
 import { isDark, load, type Settings } from "./project/settings.ts";
 import { Studio } from "./project/studio.ts";
-import { RobotLink } from "./robot/link.ts";
+import { RobotLink, talksToRobots } from "./robot/link.ts";
 import { runPanel } from "./robot/panel.ts";
 import { emergencyStop, playByNumber } from "./robot/stop.ts";
 import { View } from "./scene/view.ts";
@@ -59,7 +59,8 @@ export async function start(root: HTMLElement, engine: Engine) {
   const library = new LibraryBuild(studio);
   shell.tab("Library", libraryPanel(studio, library, commands.examples));
   const link = new RobotLink(studio);
-  shell.tab("Run", runPanel(studio, link, library));
+  const run = shell.tab("Run", runPanel(studio, link, library));
+  run.hidden = true;
   emergencyStop(shell.view, link);
   playByNumber(link);
   if (view) link.onChange(() => view.showLive(link.view?.poses ?? null));
@@ -78,6 +79,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   Object.assign(globalThis, { studio: { state: studio, playback, view, link } });
 
   await openFirst(studio);
+  run.hidden = !(await talksToRobots(engine));
   keepSaved(studio);
   addEventListener("hashchange", () => void openLink(studio));
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches && !navigator.webdriver) playWhenPlanned(studio, playback);

@@ -61,6 +61,7 @@ await picture("library", { theme: "light", viewport: desktop }, async (studio) =
 });
 await picture("run", { theme: "light", viewport: desktop }, async (studio) => {
   await studio.example("motions/agilebot_library.toml");
+  if (!(await studio.page.waitForSelector("#tab-run", { visible: true, timeout: 5000 }).catch(() => null))) return;
   await studio.click("#tab-run");
   await studio.button("Build library");
   await studio.button("Connect");

@@ -106,6 +106,16 @@ export class RobotLink {
   }
 }
 
+/** Whether the engine can talk to robots at all; asking so sends nothing anywhere. */
+export async function talksToRobots(engine: Engine): Promise<boolean> {
+  try {
+    await engine.request("documents", { kind: "robot", now_us: 0, robot: "leave" });
+    return true;
+  } catch {
+    return false;
+  }
+}
+
 function joined(parts: Uint8Array[]): Uint8Array {
   const all = new Uint8Array(parts.reduce((length, part) => length + part.length, 0));
   let at = 0;

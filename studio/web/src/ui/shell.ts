@@ -8,7 +8,8 @@ export type Shell = {
   viewTools: HTMLElement;
   stale: HTMLElement;
   status: HTMLElement;
-  tab(name: string, content: HTMLElement, shown?: () => void): void;
+  /** Returns the tab, so that it can be hidden. */
+  tab(name: string, content: HTMLElement, shown?: () => void): HTMLElement;
   openTab(name: string): void;
   transport: HTMLElement;
   tracks: HTMLElement;
@@ -43,8 +44,9 @@ export function buildShell(root: HTMLElement): Shell {
     if (!by) return;
     event.preventDefault();
     event.stopPropagation();
-    const at = all.findIndex((one) => one.button === document.activeElement);
-    const next = all[(at + by + all.length) % all.length];
+    const seen = all.filter((one) => !one.button.hidden);
+    const at = seen.findIndex((one) => one.button === document.activeElement);
+    const next = seen[(at + by + seen.length) % seen.length];
     openTab(next.name);
     next.button.focus();
   });
@@ -69,6 +71,7 @@ export function buildShell(root: HTMLElement): Shell {
       panels.append(content);
       all.push({ name, button, content, shown });
       openTab(all[0].name);
+      return button;
     },
   };
 }
