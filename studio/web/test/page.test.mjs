@@ -196,7 +196,8 @@ describe("the page", () => {
     const opened = await Studio.open(other, link);
     assert.equal(await opened.text(), text);
     assert.deepEqual(opened.errors, []);
-    assert.ok(!opened.requests.some((url) => url.includes("project=") && !url.startsWith(`${server.origin}/?quality=low`)));
+    assert.ok(link.startsWith(`${server.origin}/#project=`), "the query stays here");
+    assert.ok(!opened.requests.slice(1).some((url) => url.includes("project=")), "the project was sent");
     await other.close();
   });
 

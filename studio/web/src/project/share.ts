@@ -12,8 +12,10 @@ export async function linkTo(snapshot: Snapshot): Promise<string> {
   let text = "";
   for (const byte of packed) text += String.fromCharCode(byte);
   const base = btoa(text).replace(/\+/g, "-").replace(/\//g, "_").replace(/=+$/, "");
-  const page = location.href.split("#")[0];
-  return `${page}${PREFIX}${base}`;
+  // Without its query, which may hold the token of a server.
+  const page = new URL(location.href);
+  page.search = page.hash = "";
+  return `${page.href}${PREFIX}${base}`;
 }
 
 /** The project in this page's address, if there is one. */
