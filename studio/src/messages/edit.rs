@@ -73,7 +73,7 @@ pub enum Edit {
     },
     /// A parameter of the robot.
     Parameter {
-        /// As in [`Parameter::name`].
+        /// As in [`Parameter::name`](super::Parameter::name).
         name: String,
         /// Its value, in its unit.
         value: f64,
