@@ -2,7 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    board, deny, explore, fuzz, hostile, miri, mujoco, replay, sbom, shell, studio, vcan, workspace,
+    board, browsers, deny, explore, fuzz, hostile, miri, mujoco, replay, sbom, shell, studio, vcan,
+    workspace,
 };
 use clap::ValueEnum;
 
@@ -39,7 +40,7 @@ pub enum NightlyStep {
     Load,
     /// Every fuzz target for ten minutes.
     Fuzz,
-    /// The studio's engine as WebAssembly against the native one.
+    /// The studio's engine as WebAssembly against the native one; its page in real browsers.
     Studio,
     /// Random faults and combinations of them: a thousand runs on the ground, and on a stand a thousand of each.
     FaultCampaign,
@@ -63,7 +64,9 @@ impl Step for NightlyStep {
             Self::Hostile => "attacks on a simulated robot, and on files being written",
             Self::Load => "robots on a busy computer",
             Self::Fuzz => "fuzz targets, ten minutes each",
-            Self::Studio => "the studio's engine as WebAssembly against the native one",
+            Self::Studio => {
+                "the studio's engine as WebAssembly against the native one; its page in real browsers"
+            }
             Self::FaultCampaign => "fault campaign with 1,000 seeds, and 1,000 runs on the ground",
         }
     }
@@ -101,7 +104,8 @@ impl Step for NightlyStep {
                 let programs = workspace::optimised_programs()?;
                 let tests = workspace::find(&programs, "studio", "against_wasm", true)?;
                 let mut test = tests.tests(&["--ignored", "--nocapture"])?;
-                shell::run(test.env("STUDIO_WASM", wasm))
+                shell::run(test.env("STUDIO_WASM", wasm))?;
+                browsers::check(Extent::Full)
             }
             Self::FaultCampaign => {
                 let out = shell::target_folder().join("fault-campaign");

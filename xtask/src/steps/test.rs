@@ -2,8 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    bare_metal, board, cantools, debian, fuzz, hostile, miri, mujoco, programs, replay, shell,
-    tidy, toolchain, vcan, workspace,
+    bare_metal, board, browsers, cantools, debian, fuzz, hostile, miri, mujoco, programs, replay,
+    shell, tidy, toolchain, vcan, workspace,
 };
 use clap::ValueEnum;
 
@@ -22,6 +22,8 @@ pub enum TestStep {
     Build,
     /// Tools and a simulated robot with three motors on real CAN interfaces.
     Vcan,
+    /// The studio's page in Chromium and Firefox.
+    Studio,
     /// `rollwalk-protocol` and `rollwalk-firmware` for the Cortex-M4, without std.
     NoStd,
     /// Board images: size, no panics, and the emulated one against the host simulation.
@@ -54,6 +56,7 @@ impl Step for TestStep {
             Self::Doc => "documentation, warnings denied",
             Self::Build => "programs and tests of the workspace",
             Self::Vcan => "tools and a small robot on real CAN interfaces",
+            Self::Studio => "the studio's page in real browsers",
             Self::NoStd => "protocol and firmware for the Cortex-M4 (no_std)",
             Self::Board => "board images, one of them emulated",
             Self::Fuzz => "fuzz targets, a few seconds each",
@@ -77,6 +80,7 @@ impl Step for TestStep {
             }
             Self::Build => workspace::programs().map(drop),
             Self::Vcan => vcan::check(Extent::Short),
+            Self::Studio => browsers::check(Extent::Short),
             Self::NoStd => bare_metal::check(),
             Self::Board => board::check(),
             Self::Fuzz => fuzz::check(Extent::Short),
@@ -96,9 +100,9 @@ impl Step for TestStep {
         }
     }
 
-    /// The virtual machine has one processor, and a clock that does not see the load.
+    /// The virtual machine has one processor, and a clock that does not see the load. Browsers wait for the page, not for time.
     fn is_beside(&self) -> bool {
-        *self == Self::Vcan && vcan::in_virtual_machine()
+        *self == Self::Studio || *self == Self::Vcan && vcan::in_virtual_machine()
     }
 
     /// Simulated robots at serial lines play in real time.

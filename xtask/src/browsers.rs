@@ -1,0 +1,66 @@
+//! The studio's page: what is committed comes from its sources, and real browsers do with it what a user does.
+//!
+//! In `cargo xtask test` the page has the native engine of `rollwalk studio`, which is built in any case; in `nightly` it also has
+//! the engine as WebAssembly.
+
+use crate::steps::Extent;
+use crate::{debian, shell, studio, workspace};
+use std::fs;
+use std::process::Command;
+
+/// Browsers; and a display with WebGL for Firefox, which has none without one.
+const PACKAGES: [&str; 4] = ["chromium", "firefox-esr", "xvfb", "libgl1-mesa-dri"];
+
+/// Compares the committed page with its sources, and drives it in Chromium and Firefox.
+///
+/// # Errors
+/// What differs, what failed, or the command that installs what is missing.
+pub fn check(extent: Extent) -> Result<(), String> {
+    install()?;
+    shell::run(&mut npm(&["ci", "--no-audit", "--no-fund"]))?;
+    shell::run(&mut npm(&["run", "types"]))?;
+    compare_with_sources()?;
+    let programs = workspace::programs()?;
+    let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
+    shell::run(npm(&["run", "smoke"]).env("ROLLWALK", &rollwalk.path))?;
+    match extent {
+        Extent::Short => Ok(()),
+        Extent::Full => shell::run(npm(&["test"]).env("STUDIO_WASM", studio::engine()?)),
+    }
+}
+
+fn npm(args: &[&str]) -> Command {
+    let mut npm = shell::command("npm", args);
+    npm.current_dir(shell::workspace_root().join("studio/web"));
+    npm
+}
+
+fn install() -> Result<(), String> {
+    let missing = |install: String| {
+        format!("the studio's page is tested in real browsers. On Debian:\n\n    {install}")
+    };
+    debian::need(&PACKAGES).map_err(missing)?;
+    if shell::succeeds(&mut shell::command("npm", &["--version"])) {
+        return Ok(());
+    }
+    debian::need(&["nodejs", "npm"]).map_err(missing)
+}
+
+/// Builds the page elsewhere: every committed file must come out to the byte.
+fn compare_with_sources() -> Result<(), String> {
+    let built = shell::target_folder().join("studio-page");
+    let committed = shell::workspace_root().join("studio/dist");
+    let failed = |error: std::io::Error| format!("the studio's page: {error}");
+    shell::run(npm(&["run", "build", "--", "--out"]).arg(&built))?;
+    for file in fs::read_dir(&committed).map_err(failed)? {
+        let name = file.map_err(failed)?.file_name();
+        let bytes = |folder: &std::path::Path| fs::read(folder.join(&name)).map_err(failed);
+        if bytes(&built)? != bytes(&committed)? {
+            return Err(format!(
+                "studio/dist/{} is not what its sources make: cd studio/web && npm ci && npm run build, then commit it",
+                name.to_string_lossy()
+            ));
+        }
+    }
+    Ok(())
+}
