@@ -281,8 +281,9 @@ describe("the page", () => {
     assert.equal(await studio.state("link.view"), null, "nothing is connected without a click");
     await studio.button("Connect");
     await view(() => globalThis.studio.link.view?.contact);
-    await studio.button("Build library");
-    await studio.button("Flash library");
+    await studio.click(".run .flash");
+    await view(() => document.querySelector(".run .flash").textContent === "Flash library");
+    await studio.click(".run .flash");
     await view(() => globalThis.studio.link.view.library && globalThis.studio.link.view.motions.length > 1);
     // A click is not enough to arm.
     await studio.click(".hold");

@@ -63,10 +63,11 @@ await picture("run", { theme: "light", viewport: desktop }, async (studio) => {
   await studio.example("motions/agilebot_library.toml");
   if (!(await studio.page.waitForSelector("#tab-run", { visible: true, timeout: 5000 }).catch(() => null))) return;
   await studio.click("#tab-run");
-  await studio.button("Build library");
+  await studio.click(".run .flash");
   await studio.button("Connect");
   await studio.page.waitForFunction(() => globalThis.studio.link.view?.contact);
-  await studio.button("Flash library");
+  await studio.page.waitForFunction(() => document.querySelector(".run .flash").textContent === "Flash library", { timeout: 60_000 });
+  await studio.click(".run .flash");
   await studio.page.waitForFunction(() => globalThis.studio.link.view.motions.length > 1, { timeout: 60_000 });
 });
 await browser.close();

@@ -23,6 +23,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild)
     if (bytes) link.wish({ robot: "flash" }, bytes);
     else void library.build();
   });
+  flash.classList.add("flash");
   const flashNote = h("p", { class: "muted" });
   const arm = holdButton("Hold to arm", () => link.wish({ robot: "wish", intent: "arm" }));
   const disarm = button("Disarm", () => link.wish({ robot: "wish", intent: "disarm" }));
