@@ -5,6 +5,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, afterEach, before, beforeEach, describe, test } from "node:test";
 import { launch, serve, Studio, WAIT_MS } from "./harness.mjs";
+import { runRobot } from "./robot.mjs";
 
 describe("the page", () => {
   let server, browser, studio, context;
@@ -275,34 +276,8 @@ describe("the page", () => {
       t.skip("this engine does not talk to robots");
       return;
     }
-    const view = (wanted) => studio.page.waitForFunction(wanted, { timeout: WAIT_MS });
     await studio.example("motions/test_leg_library.toml");
-    await studio.click("#tab-run");
-    assert.equal(await studio.state("link.view"), null, "nothing is connected without a click");
-    await studio.button("Connect");
-    await view(() => globalThis.studio.link.view?.contact);
-    await studio.click(".run .flash");
-    await view(() => document.querySelector(".run .flash").textContent === "Flash library");
-    await studio.click(".run .flash");
-    await view(() => globalThis.studio.link.view.library && globalThis.studio.link.view.motions.length > 1);
-    // A click is not enough to arm.
-    await studio.click(".hold");
-    assert.equal(await studio.state("link.view.torque"), false);
-    await studio.page.focus(".hold");
-    await studio.page.keyboard.down(" ");
-    await view(() => globalThis.studio.link.view.torque);
-    await studio.page.keyboard.up(" ");
-    await view(() => !document.querySelector(".motions button").disabled);
-    await view(() => globalThis.studio.link.view.state === "ready");
-    const { name, code } = await studio.page.evaluate(() => globalThis.studio.link.view.motions.find((one) => one.code && one.name !== "stand"));
-    await studio.page.evaluate(() => document.activeElement.blur());
-    await studio.press(String(code));
-    await studio.page.waitForFunction((name) => globalThis.studio.link.view.playing?.name.includes(name), { timeout: WAIT_MS }, name);
-    await studio.press("Escape");
-    await view(() => !globalThis.studio.link.view.torque);
-    assert.match(await studio.page.$eval(".messages", (list) => list.innerText), /emergency stop/i);
-    await studio.button("Disconnect");
-    await view(() => !globalThis.studio.link.connected);
+    await runRobot(studio);
   });
 
   test("the report is a table with tolerances", async () => {
