@@ -128,7 +128,7 @@ function places(): HTMLElement[] {
 
 function stateOf(view: RobotView): string {
   if (!view.contact) return "The robot does not answer yet.";
-  const playing = view.playing ? `, playing ${view.playing.name}` : "";
+  const playing = view.playing ? `: ${view.playing.name}` : "";
   const fallen = view.simulated?.fallen ? " It has fallen." : "";
   return `The robot is ${view.state ?? "silent"}${playing}; torque is ${view.torque ? "on" : "off"}.${fallen}`;
 }
