@@ -1,4 +1,4 @@
-// Builds the page into ../dist, or into the folder given: node build.mjs [--out FOLDER] [--mock].
+// Builds the page into ../dist, or into the folder given: node build.mjs [--out FOLDER].
 // The same sources give the same bytes. three.js is a file of its own, so that a change of the page
 // does not change it; scripts are classic ones, because modules do not load from file://.
 import { build } from "esbuild";
@@ -12,7 +12,6 @@ const argument = (name) => {
   return at < 0 ? undefined : process.argv[at + 1];
 };
 const out = argument("--out") ?? join(here, "../dist");
-const mock = process.argv.includes("--mock");
 const common = {
   absWorkingDir: here,
   bundle: true,
@@ -67,7 +66,7 @@ const three = await build({
 });
 const page = await build({
   ...common,
-  entryPoints: [mock ? "dev/main.ts" : "src/main.ts"],
+  entryPoints: ["src/main.ts"],
   plugins: [threeFromPage, workerSource],
 });
 const css = await build({ ...common, format: undefined, entryPoints: ["src/studio.css"] });

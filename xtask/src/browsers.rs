@@ -22,10 +22,13 @@ pub fn check(extent: Extent) -> Result<(), String> {
     compare_with_sources()?;
     let programs = workspace::programs()?;
     let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
-    shell::run(npm(&["run", "smoke"]).env("ROLLWALK", &rollwalk.path))?;
     match extent {
-        Extent::Short => Ok(()),
-        Extent::Full => shell::run(npm(&["test"]).env("STUDIO_WASM", studio::engine()?)),
+        Extent::Short => shell::run(npm(&["run", "served"]).env("STUDIO_ROLLWALK", &rollwalk.path)),
+        Extent::Full => {
+            let mut all = npm(&["test"]);
+            all.env("STUDIO_ROLLWALK", &rollwalk.path).env("STUDIO_WASM", studio::engine()?);
+            shell::run(&mut all)
+        }
     }
 }
 

@@ -12,7 +12,9 @@ import { runRobot } from "./robot.mjs";
 const program = process.env.STUDIO_ROLLWALK;
 const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
 
-describe("the page that rollwalk studio serves", { skip: program ? false : "STUDIO_ROLLWALK names no program" }, () => {
+const browsers = (process.env.STUDIO_BROWSERS ?? "chromium,firefox").split(",");
+
+for (const name of browsers) describe(`the page that rollwalk studio serves, in ${name}`, { skip: program ? false : "STUDIO_ROLLWALK names no program" }, () => {
   let folder, served, browser, studio;
   before(async () => {
     folder = await mkdtemp(join(tmpdir(), "studio-"));
@@ -29,7 +31,7 @@ describe("the page that rollwalk studio serves", { skip: program ? false : "STUD
       }
       served.on("exit", () => reject(new Error(`rollwalk studio ended: ${said}`)));
     });
-    browser = await launch("chromium");
+    browser = await launch(name);
     studio = await Studio.open(browser, address);
   });
   after(async () => {
@@ -44,6 +46,15 @@ describe("the page that rollwalk studio serves", { skip: program ? false : "STUD
     await studio.press("Control", "s");
     await studio.page.waitForFunction(() => /Saved/.test(globalThis.studio.state.notice), { timeout: WAIT_MS });
     assert.match(await readFile(join(folder, path), "utf8"), /^duration_s = 1\.2/m);
+  });
+
+  test("follows an edit and undoes it", async () => {
+    const original = await studio.text();
+    await studio.edit(() => studio.type("Duration", "1.4"));
+    assert.match(await studio.text(), /^duration_s = 1\.4/m);
+    assert.equal(await studio.converged(), true);
+    await studio.edit(() => studio.press("Control", "z"));
+    assert.equal(await studio.text(), original);
   });
 
   test("a simulated robot is flashed, armed by holding, plays, and is stopped with Escape", () => runRobot(studio));
