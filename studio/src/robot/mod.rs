@@ -3,9 +3,9 @@
 //!
 //! | module | is |
 //! |---|---|
-//! | [`line`](mod@line) | a real robot: bytes of a serial port or of a relay, as frames and back |
-//! | [`simulated`] | a robot in the page: firmware, buses, servos and the ground |
-//! | [`view`] | what the page shows |
+//! | `line` | a real robot: bytes of a serial port or of a relay, as frames and back |
+//! | `simulated` | a robot in the page: firmware, buses, servos and the ground |
+//! | `view` | what the page shows |
 //!
 //! Nothing is sent before the page asks for a connection, and no torque is turned on without an intent. When the page is gone,
 //! heartbeats end, and the robot returns to SAFE by itself.
