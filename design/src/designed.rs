@@ -243,7 +243,7 @@ impl Designed {
     }
 
     /// Values brought to multiples of what can be made on either side, within their bounds: the nearest first, then those that are off
-    /// by a little more, [`ROUNDINGS`] at most.
+    /// by a little more, `ROUNDINGS` at most.
     pub fn roundings(&self, values: &[f64]) -> Vec<Vec<f64>> {
         // The nearest and the other neighbour of each parameter, with how much further that is, in steps.
         let choices: Vec<(f64, Option<(f64, f64)>)> = self
