@@ -236,61 +236,6 @@ impl Designed {
             _ => 0.01,
         }
     }
-
-    /// Values brought to multiples of what can be made, and within their bounds.
-    pub fn rounded(&self, values: &[f64]) -> Vec<f64> {
-        self.roundings(values).swap_remove(0)
-    }
-
-    /// Values brought to multiples of what can be made on either side, within their bounds: the nearest first, then those that are off
-    /// by a little more, `ROUNDINGS` at most.
-    pub fn roundings(&self, values: &[f64]) -> Vec<Vec<f64>> {
-        // The nearest and the other neighbour of each parameter, with how much further that is, in steps.
-        let choices: Vec<(f64, Option<(f64, f64)>)> = self
-            .file
-            .parameters
-            .iter()
-            .zip(values)
-            .map(|(of, value)| neighbours(of, *value))
-            .collect();
-        let mut sets = vec![(0.0, choices.iter().map(|(nearest, _)| *nearest).collect::<Vec<_>>())];
-        for (k, (_, other)) in choices.iter().enumerate() {
-            let Some((other, further)) = other else { continue };
-            let more = sets.iter().map(|(cost, set)| {
-                let mut set = set.clone();
-                set[k] = *other;
-                (cost + further, set)
-            });
-            let more: Vec<_> = more.collect();
-            sets.extend(more);
-            sets.sort_by(|a, b| a.0.total_cmp(&b.0));
-            sets.truncate(ROUNDINGS);
-        }
-        sets.into_iter().map(|(_, set)| set).collect()
-    }
-}
-
-/// Most ways in which a design is rounded.
-const ROUNDINGS: usize = 8;
-
-/// The nearest multiple of a parameter's step within its bounds; the one on the other side of a value, and how many steps further away it
-/// is.
-fn neighbours(of: &crate::file::Parameter, value: f64) -> (f64, Option<(f64, f64)>) {
-    let Some(step) = of.step else { return (value.clamp(of.min, of.max), None) };
-    // Multiples of a step of which its reciprocal is whole are decimals as they are written.
-    let multiple = |count: f64| {
-        let per = (1.0 / step).round();
-        if (per * step - 1.0).abs() < 1e-9 { count / per } else { count * step }
-    };
-    let count = (value / step).round();
-    let side = if value / step < count { -1.0 } else { 1.0 };
-    let candidates = [count, count + side, count - side].map(multiple);
-    let mut inside = candidates.into_iter().filter(|at| (of.min..=of.max).contains(at));
-    let Some(nearest) = inside.next() else { return (value.clamp(of.min, of.max), None) };
-    let off = |at: f64| (at - value).abs() / step;
-    // A value that is a multiple itself has no other side.
-    let other = inside.next().filter(|other| off(nearest) > 1e-6 && off(*other) < 1.0 + 1e-9);
-    (nearest, other.map(|other| (other, off(other) - off(nearest))))
 }
 
 /// Distance of a neighbour, in units of its parameter.

@@ -11,6 +11,7 @@
 //! | [`file`](mod@file) | design files: parameters with their bounds, beside a robot file |
 //! | [`goal`] | what a design is optimised for |
 //! | [`keep`](mod@keep) | semi-automatic changes: some parameters are given, the others keep a feature of the motions |
+//! | [`made`] | the design that can be made around one that was found |
 //! | [`optimise`](mod@optimise) | parameters with which the motions are best |
 //! | [`parameter`] | kinds of parameters |
 //! | [`plans`] | plans of all motions of a design |
@@ -24,6 +25,7 @@ pub mod duty;
 pub mod file;
 pub mod goal;
 pub mod keep;
+pub mod made;
 pub mod optimise;
 pub mod parameter;
 pub mod plans;

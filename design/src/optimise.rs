@@ -46,8 +46,19 @@ pub struct Optimised {
     pub steps: Vec<Step>,
     /// Plans of the last, on the samples of the first.
     pub plans: Plans,
+    /// The merit around the last.
+    merit: Merit,
     /// Names of motions that robots could not do which were tried on the way, with what their plans came to.
     pub lost: Vec<String>,
+}
+
+impl Optimised {
+    /// What the merit is near the last design, by its slopes there.
+    pub fn predicted(&self, designed: &Designed, values: &[f64]) -> f64 {
+        let here = &self.plans.variant.values;
+        let change = |k: usize, _| (values[k] - here[k]) / designed.unit(k);
+        self.merit.along(&DVector::from_fn(values.len(), change))
+    }
 }
 
 /// A design with the values and gradients of all quantities.
@@ -117,7 +128,7 @@ pub fn optimise(
             }
         }
     }
-    Ok(Optimised { steps, plans: here.plans, lost })
+    Ok(Optimised { steps, plans: here.plans, merit, lost })
 }
 
 /// Damped update of BFGS: the curvature stays positive.
@@ -139,6 +150,7 @@ fn values_of(point: &Point) -> Vec<Vec<f64>> {
 }
 
 /// Merit with its slopes, in units of the parameters.
+#[derive(Clone, Debug)]
 struct Merit {
     objective: f64,
     slope: DVector<f64>,
@@ -148,14 +160,18 @@ struct Merit {
 
 impl Merit {
     fn value(&self) -> f64 {
-        self.objective + EXCESS * self.kept.iter().map(|(excess, _)| excess.max(0.0)).sum::<f64>()
+        self.along(&DVector::zeros(self.slope.len()))
+    }
+
+    /// After a step, by its slopes.
+    fn along(&self, step: &DVector<f64>) -> f64 {
+        let excess = |(now, slope): &(f64, DVector<f64>)| (now + slope.dot(step)).max(0.0);
+        let kept: f64 = self.kept.iter().map(excess).sum();
+        self.objective + self.slope.dot(step) + EXCESS * kept
     }
 
     fn predicted_gain(&self, step: &DVector<f64>, curvature: &DMatrix<f64>) -> f64 {
-        let objective = self.slope.dot(step) + 0.5 * step.dot(&(curvature * step));
-        let excess =
-            |(now, slope): &(f64, DVector<f64>)| (now + slope.dot(step)).max(0.0) - now.max(0.0);
-        -objective - EXCESS * self.kept.iter().map(excess).sum::<f64>()
+        self.value() - self.along(step) - 0.5 * step.dot(&(curvature * step))
     }
 
     /// Slope of the Lagrangian.

@@ -5,7 +5,7 @@ use crate::file::Parameter;
 use crate::repair::{self, Free, Made, Outcome, Repair, Shown};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::Report;
-use rollwalk_planner::sensitivity::{NotOptimal, Optimal};
+use rollwalk_planner::sensitivity::{Design, NotOptimal, Optimal};
 use rollwalk_planner::{Editing, Options, Progress, Solution, optimise_solution};
 use rollwalk_robot::document::DocumentError;
 use std::ops::ControlFlow;
@@ -64,6 +64,26 @@ impl Plans {
     pub fn all_solved(&self) -> Result<(), Failed> {
         let lost = self.plans().find(|plan| !plan.solve.status.is_solved());
         lost.map_or(Ok(()), |plan| Err(cannot(plan)))
+    }
+
+    /// The same plans at their optima, where they have one that is found.
+    ///
+    /// # Errors
+    /// The caller stops it.
+    pub fn at_optimum(mut self, watch: &mut Watch<'_>) -> Result<Self, Failed> {
+        for solution in &mut self.solutions {
+            let Plan { robot, motion, .. } = &solution.plan;
+            let optimum = match optimal(solution, watch) {
+                Ok(optimum) => optimum,
+                Err(Failed::Interrupted) => return Err(Failed::Interrupted),
+                Err(_) => continue,
+            };
+            let progress = &mut |state: &Progress| watch(&motion.name, state);
+            let there =
+                optimum.replan(Design { robot, motion }, &[], &Options::default(), progress)?;
+            *solution = unless_interrupted(there)?;
+        }
+        Ok(self)
     }
 }
 

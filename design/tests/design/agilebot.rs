@@ -6,7 +6,7 @@ use rollwalk_design::duty::{self, Duty};
 use rollwalk_design::goal::Goal;
 use rollwalk_design::keep::keep;
 use rollwalk_design::optimise::optimise;
-use rollwalk_design::plans::{Failed, Plans};
+use rollwalk_design::plans::{Failed, Plans, optimal};
 use rollwalk_planner::Progress;
 use rollwalk_planner::families::Family;
 use rollwalk_planner::plan::Status;
@@ -123,6 +123,55 @@ fn results_are_multiples_of_what_can_be_made() {
     assert!(others.iter().all(|values| values[2..] == [0.16, 0.1, 0.07, 0.19]));
     let variant = designed.at(&rounded).unwrap();
     assert!(variant.text.contains("origin_in_parent_m = [0.19, 0.07, 0.0]"), "{}", variant.text);
+}
+
+#[test]
+fn plans_at_their_optimum_have_the_quantities_that_were_optimised() {
+    let designed = legs(&["motions/trot.toml"]);
+    let solved = planned(&designed);
+    let objective = Objective::PeakJointTorque;
+    let optimum = optimal(&solved.solutions[0], &mut on).unwrap();
+    let (at_optimum, _) = optimum.gradient(objective, &[]).unwrap();
+    let of = |plans: &Plans| {
+        objective.of_plan(&plans.solutions[0].plan, &Default::default()) / at_optimum - 1.0
+    };
+    let there = solved.clone().at_optimum(&mut on).unwrap();
+    let (of_solve, of_optimum) = (of(&solved), of(&there));
+    assert!(of_optimum.abs() < 1e-4, "{of_optimum}");
+    assert!(of_solve.abs() > 10.0 * of_optimum.abs(), "a solve leaves more: {of_solve}");
+}
+
+#[test]
+fn designs_that_can_be_made_are_within_their_bounds_or_say_by_how_much_they_are_not() {
+    let mut designed = legs(&["motions/trot.toml"]);
+    let before = planned(&designed);
+    let mut values = designed.original().to_vec();
+    values[1] += 0.0104;
+    let found = designed.plan_from(&before, &values, false, &mut on).unwrap();
+    let up = |values: &[f64]| -values[1];
+    let beyond = |bound: f64| {
+        let goal = designed.file.goal.as_mut().unwrap();
+        goal.keep = vec![(Objective::PeakJointTorque, bound)];
+        let made = designed.made(&found, &up, &mut on).unwrap();
+        let kept = designed.kept(&made);
+        assert!(made.all_hold() && kept.len() == 1);
+        (made.variant.values[1], kept[0].clone())
+    };
+    let mut beyond = beyond;
+    // What is predicted to be better comes first, though it is further away.
+    let (longer, kept) = beyond(10.0);
+    assert!((longer - 0.131).abs() < 1e-12 && kept.is_within());
+    // A bound between the two decides.
+    let (either, kept) = beyond(0.5);
+    assert!(!kept.is_within() && kept.excess() > 1.0, "{kept:?}");
+    let torques = [0.13, 0.131].map(|length| {
+        let mut values = designed.original().to_vec();
+        values[1] = length;
+        let plans = designed.plan_from(&found, &values, true, &mut on).unwrap();
+        designed.kept(&plans.at_optimum(&mut on).unwrap())[0].value
+    });
+    let least = if torques[0] < torques[1] { 0.13 } else { 0.131 };
+    assert!((either - least).abs() < 1e-12, "{either} of {torques:?}");
 }
 
 #[test]

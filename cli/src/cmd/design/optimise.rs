@@ -4,9 +4,8 @@ use super::outcome::{Folder, Outcome};
 use super::{Shown, plan_original, read, report};
 use crate::{Exit, output};
 use miette::miette;
-use rollwalk_design::designed::Designed;
 use rollwalk_design::optimise;
-use rollwalk_design::plans::{Plans, Repaired, Watch};
+use rollwalk_design::plans::Repaired;
 use std::cell::RefCell;
 use std::path::PathBuf;
 
@@ -15,7 +14,7 @@ use std::path::PathBuf;
 /// What is best stands in the design file's `[goal]`: quantities to minimise, and bounds to keep. Several motions are optimised
 /// at once (thesis 2.5.3). A robot that cannot do a motion as it is designed is repaired first, by the smallest changes with
 /// which it can; without `[goal]` that is all. Writes what `rollwalk design edit` writes, with a row for every step of the design.
-/// The exit code is 3 if no design within the bounds can do the motions.
+/// The exit code is 3 if no design within the bounds can do the motions, or a quantity under `keep` is beyond its bound.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -73,25 +72,17 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     shown.borrow_mut().now("again");
     let last = found.as_ref().map_or(&start, |found| &found.plans);
-    let after = made(&designed, last, watch)?;
+    let predicted = |values: &[f64]| {
+        // Of a repaired design the nearest comes first.
+        found.as_ref().map_or(0.0, |found| found.predicted(&designed, values))
+    };
+    let after = designed.made(last, &predicted, watch).map_err(report)?;
     drop(shown);
     let mut outcome = Outcome::new("optimise", &designed, Some(&before), &after)?;
     outcome.repairs = repairs;
+    outcome.kept = designed.kept(&after);
     if let Some(found) = found {
         (outcome.steps, outcome.lost) = (found.steps, found.lost);
     }
     folder.write(&outcome, Some(&before), &after)
-}
-
-/// The design in steps that can be made: the nearest of which the motions hold, or the nearest if there is none.
-fn made(designed: &Designed, found: &Plans, watch: &mut Watch<'_>) -> miette::Result<Plans> {
-    let mut nearest = None;
-    for values in designed.roundings(&found.variant.values) {
-        let plans = designed.plan_from(found, &values, true, watch).map_err(report)?;
-        if plans.all_hold() {
-            return Ok(plans);
-        }
-        nearest.get_or_insert(plans);
-    }
-    Ok(nearest.expect("there is at least one"))
 }

@@ -5,6 +5,7 @@ use crate::output::{self, Table};
 use crate::{Exit, played};
 use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
+use rollwalk_design::made::Kept;
 use rollwalk_design::optimise::Step;
 use rollwalk_design::plans::Plans;
 use rollwalk_design::repair;
@@ -121,7 +122,9 @@ impl Place<'_> {
                 "{text}\nwrote {robot}, with motions, plans, figures and report.md beside it"
             ))?;
         }
-        Ok(if outcome.motions.iter().all(|of| of.holds) { Exit::Ok } else { Exit::DoesNotHold })
+        let holds = outcome.motions.iter().all(|of| of.holds);
+        let is_kept = outcome.kept.iter().all(Kept::is_within);
+        Ok(if holds && is_kept { Exit::Ok } else { Exit::DoesNotHold })
     }
 
     /// A motion file that names the robot file beside it.
@@ -157,6 +160,9 @@ pub struct Outcome {
     /// Of `keep`: how far the feature is from what it was, by hand and kept.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub drifts: Vec<(&'static str, Drift)>,
+    /// Of `optimise`: what the goal keeps.
+    #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "bounds")]
+    pub kept: Vec<Kept>,
     /// Of `optimise`: the designs on the way.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "steps")]
     pub steps: Vec<Step>,
@@ -166,6 +172,28 @@ pub struct Outcome {
     /// Designs on the way that could not do a motion.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lost: Vec<String>,
+}
+
+/// A quantity of a motion with its bound, as in JSON.
+#[derive(Serialize)]
+struct Bounded<'a> {
+    motion: &'a str,
+    quantity: &'static str,
+    unit: &'static str,
+    value: f64,
+    bound: f64,
+    is_within: bool,
+}
+
+fn bounds<S: serde::Serializer>(kept: &[Kept], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(kept.iter().map(|of| Bounded {
+        motion: &of.motion,
+        quantity: of.quantity.name,
+        unit: of.quantity.unit,
+        value: of.value,
+        bound: of.bound,
+        is_within: of.is_within(),
+    }))
 }
 
 fn steps<S: serde::Serializer>(steps: &[Step], serializer: S) -> Result<S::Ok, S::Error> {
@@ -279,6 +307,7 @@ impl Outcome {
             mass_kg: [before.map(mass_kg), Some(mass_kg(after))],
             motions: motions.collect::<miette::Result<_>>()?,
             drifts: Vec::new(),
+            kept: Vec::new(),
             steps: Vec::new(),
             repairs: Vec::new(),
             lost: Vec::new(),
@@ -331,6 +360,23 @@ impl Outcome {
                 simulated(after),
                 simulated(before)
             ));
+        }
+        if !self.kept.is_empty() {
+            let mut table = Table::new(["kept", "after", "bound", "unit", ""]);
+            for of in &self.kept {
+                let beyond = match of.is_within() {
+                    true => "within".to_owned(),
+                    false => format!("beyond by {:.2} %", of.excess() * 100.0),
+                };
+                table.row([
+                    format!("{}, {}", of.quantity.name, of.motion),
+                    digits(of.value),
+                    digits(of.bound),
+                    of.quantity.unit.to_owned(),
+                    beyond,
+                ]);
+            }
+            parts.push(table.render());
         }
         if !self.drifts.is_empty() {
             let mut table = Table::new(["change of", "mean", "largest", "unit"]);
