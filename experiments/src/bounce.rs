@@ -128,7 +128,7 @@ fn contact(
         center: Vector3::zeros(),
         radius_m: 0.0,
         tip: Tip::Sphere,
-        normal: Normal { stiffness_n_m, damping_n_s_m, ramp_m: 0.0 },
+        normal: Normal { stiffness_n_m, damping_n_s_m, ramp_m: 0.0, pulls: true },
         friction: Friction { model: Model::Linear, coefficient, stick_n_s_m },
         resistance: Resistance::default(),
         ground: Arc::new(Plane::level()),

@@ -80,7 +80,12 @@ fn scene(solid: &Arc<dyn Ground>, motions: Option<&[Motion]>) -> (Assembly, usiz
             bodies: [node, bunny],
             point: Vector3::zeros(),
             solid: Arc::clone(solid),
-            normal: Normal { stiffness_n_m: CONTACT_N_M, damping_n_s_m: 0.1, ramp_m: 1e-3 },
+            normal: Normal {
+                stiffness_n_m: CONTACT_N_M,
+                damping_n_s_m: 0.1,
+                ramp_m: 1e-3,
+                pulls: true,
+            },
             friction: Friction {
                 model: Model::Tanh,
                 coefficient: 0.5,

@@ -22,7 +22,12 @@ const CONTACT_N_M: f64 = 1e3;
 fn chain(count: usize) -> System {
     let mut assembly = Assembly::default();
     let touching = Touching {
-        normal: Normal { stiffness_n_m: CONTACT_N_M, damping_n_s_m: 1e-3, ramp_m: 0.0 },
+        normal: Normal {
+            stiffness_n_m: CONTACT_N_M,
+            damping_n_s_m: 1e-3,
+            ramp_m: 0.0,
+            pulls: true,
+        },
         coefficient: 0.5,
         step_s: STEP_S,
         ground: Arc::new(Plane::level()),

@@ -76,6 +76,7 @@ fn restitution(points: usize, share: f64) -> f64 {
                 stiffness_n_m: share * STIFFNESS_N_M,
                 damping_n_s_m: share * DAMPING_N_S_M,
                 ramp_m: 0.0,
+                pulls: true,
             },
             friction: Friction { model: Model::Linear, coefficient: 0.0, stick_n_s_m: 0.0 },
             resistance: Resistance::default(),

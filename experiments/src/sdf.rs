@@ -82,7 +82,12 @@ fn fall(watch: &dyn Watch, what: Falls, steps: usize) -> Option<Lies> {
     let mut assembly = Assembly::default();
     let nodes = what(&mut assembly);
     let touching = Touching {
-        normal: Normal { stiffness_n_m: CONTACT_N_M, damping_n_s_m: 0.05, ramp_m: 1e-4 },
+        normal: Normal {
+            stiffness_n_m: CONTACT_N_M,
+            damping_n_s_m: 0.05,
+            ramp_m: 1e-4,
+            pulls: true,
+        },
         coefficient: 0.6,
         step_s: STEP_S,
         ground: Arc::new(grid(30)),

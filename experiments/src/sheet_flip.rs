@@ -29,7 +29,12 @@ fn scene() -> (Assembly, Cloth, Handles) {
     let lies_m = -MASS_KG / (COUNT * COUNT) as f64 * 9.81 / CONTACT_N_M;
     let cloth = Cloth::add(&mut assembly, Vector3::z() * lies_m, EDGE_M, COUNT, MASS_KG, 1.0);
     let touching = Touching {
-        normal: Normal { stiffness_n_m: CONTACT_N_M, damping_n_s_m: 1e-3, ramp_m: 0.0 },
+        normal: Normal {
+            stiffness_n_m: CONTACT_N_M,
+            damping_n_s_m: 1e-3,
+            ramp_m: 0.0,
+            pulls: true,
+        },
         coefficient: 0.5,
         step_s: STEP_S,
         ground: Arc::new(Plane::level()),

@@ -53,7 +53,7 @@ fn throw(velocity: Vector3<f64>, friction: f64) -> Option<Throw> {
         center: Vector3::zeros(),
         radius_m: RADIUS_M,
         tip: Tip::Sphere,
-        normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 0.5, ramp_m: 1e-3 },
+        normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 0.5, ramp_m: 1e-3, pulls: true },
         friction: Friction { model: Model::Tanh, coefficient: friction, stick_n_s_m: 10.0 },
         resistance: Resistance::default(),
         ground: Arc::new(Plane::level()),

@@ -27,7 +27,7 @@ fn slide([friction, speed_m_s]: [f64; 2]) -> Option<Rollout> {
             center: Vector3::new(x, y, -0.03),
             radius_m: 0.0,
             tip: Tip::Sphere,
-            normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 4.0, ramp_m: 1e-3 },
+            normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 4.0, ramp_m: 1e-3, pulls: true },
             // The smooth model: where the linear one sticks, nothing depends on the coefficient.
             friction: Friction { model: Model::Tanh, coefficient: friction, stick_n_s_m: 30.0 },
             resistance: Resistance::default(),

@@ -25,7 +25,7 @@ fn report(name: &str, motion: Motion) -> Result<(), StepError> {
             center,
             radius_m: 0.0,
             tip: Tip::Sphere,
-            normal: Normal { stiffness_n_m: 2e3, damping_n_s_m: 1.0, ramp_m: 1e-3 },
+            normal: Normal { stiffness_n_m: 2e3, damping_n_s_m: 1.0, ramp_m: 1e-3, pulls: true },
             friction: Friction { model: Model::Linear, coefficient: 0.4, stick_n_s_m: 50.0 },
             resistance: Resistance::default(),
             ground: Arc::clone(&ground),

@@ -53,7 +53,7 @@ fn scene() -> (System, usize) {
             center: Vector3::new(x, y, -0.025),
             radius_m: 0.0,
             tip: Tip::Sphere,
-            normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 1.0, ramp_m: 1e-3 },
+            normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 1.0, ramp_m: 1e-3, pulls: true },
             friction: Friction { model: Model::Linear, coefficient: 0.5, stick_n_s_m: 20.0 },
             resistance: Resistance::default(),
             ground: Arc::clone(&ground),

@@ -101,7 +101,12 @@ fn chain(count: usize) {
                 center: Vector3::new(side(0), side(1), -0.05),
                 radius_m: 0.0,
                 tip: Tip::Sphere,
-                normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 1e-3, ramp_m: 1e-4 },
+                normal: Normal {
+                    stiffness_n_m: 1e3,
+                    damping_n_s_m: 1e-3,
+                    ramp_m: 1e-4,
+                    pulls: true,
+                },
                 friction: FRICTION,
                 resistance: Resistance::default(),
                 ground: level(),

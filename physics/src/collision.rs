@@ -69,15 +69,19 @@ impl Collision {
         if gap_m >= 0.0 {
             return None;
         }
-        let Normal { stiffness_n_m: stiffness, damping_n_s_m, ramp_m } = self.normal;
-        let (damping, damping_slope) = if -gap_m < ramp_m {
+        let Normal { stiffness_n_m: stiffness, damping_n_s_m, ramp_m, .. } = self.normal;
+        let (mut damping, damping_slope) = if -gap_m < ramp_m {
             (damping_n_s_m * -gap_m / ramp_m, -damping_n_s_m / ramp_m)
         } else {
             (damping_n_s_m, 0.0)
         };
         let spring = -stiffness * gap_m;
         let approach = normal.dot(velocity);
-        let normal_n = spring - damping * approach;
+        let mut normal_n = spring - damping * approach;
+        let mut normal_by_gap = -stiffness - damping_slope * approach;
+        if self.normal.lets_go(normal_n) {
+            (normal_n, normal_by_gap, damping) = (0.0, 0.0, 0.0);
+        }
         let sliding = velocity - normal * approach;
         let mut friction = self.friction.force(&sliding, spring);
         if tame {
@@ -85,8 +89,7 @@ impl Collision {
         }
         let approach_by_place = velocity.transpose() * curvature;
         let sliding_by_place = -(curvature * approach + normal * approach_by_place);
-        let normal_by_place = gradient.transpose() * (-stiffness - damping_slope * approach)
-            - approach_by_place * damping;
+        let normal_by_place = gradient.transpose() * normal_by_gap - approach_by_place * damping;
         let across = Matrix3::identity() - normal * normal.transpose();
         Some(Law {
             force: normal * normal_n + friction.force,
@@ -222,7 +225,7 @@ mod tests {
             bodies: [0, 1],
             point: Vector3::new(0.02, -0.01, -0.1),
             solid,
-            normal: Normal { stiffness_n_m: 200.0, damping_n_s_m: 3.0, ramp_m: 0.02 },
+            normal: Normal { stiffness_n_m: 200.0, damping_n_s_m: 3.0, ramp_m: 0.02, pulls: true },
             friction: Friction { model, coefficient: 0.7, stick_n_s_m: 5.0 },
         }
     }

@@ -100,6 +100,7 @@ impl SoftBody {
                     stiffness_n_m: contact.stiffness_n_m3 * area_m2,
                     damping_n_s_m: contact.damping_n_s_m3 * area_m2,
                     ramp_m: contact.ramp_m,
+                    pulls: true,
                 },
                 friction: Friction { stick_n_s_m, ..contact.friction },
                 resistance: Resistance::default(),

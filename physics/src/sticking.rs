@@ -21,8 +21,8 @@ use nalgebra::Vector3;
 const FIRM: f64 = 30.0;
 /// Share of its limit up to which friction of a rigid body is found.
 const ACCURACY: f64 = 1e-6;
-/// Rounds of a step.
-const ROUNDS: usize = 20;
+/// Most rounds of a step: a box that tumbles over its corners takes some forty.
+const ROUNDS: usize = 60;
 
 /// The contacts with hybrid friction, and which of them are held.
 #[derive(Debug)]

@@ -192,7 +192,7 @@ mod tests {
             center: Vector3::zeros(),
             radius_m: 0.02,
             tip: Tip::Sphere,
-            normal: Normal { stiffness_n_m, damping_n_s_m: 100.0, ramp_m: 0.0 },
+            normal: Normal { stiffness_n_m, damping_n_s_m: 100.0, ramp_m: 0.0, pulls: true },
             friction: Friction { model: Model::Linear, coefficient: 0.4, stick_n_s_m: 200.0 },
             resistance: Resistance::default(),
             ground: Arc::new(ground),

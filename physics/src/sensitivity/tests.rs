@@ -56,7 +56,7 @@ fn a_mass_on_a_wall_has_the_derivatives_of_an_independent_calculation() {
         center: Vector3::zeros(),
         radius_m: 0.0,
         tip: Tip::Sphere,
-        normal: Normal { stiffness_n_m: 900.0, damping_n_s_m: 2.0, ramp_m: 0.0 },
+        normal: Normal { stiffness_n_m: 900.0, damping_n_s_m: 2.0, ramp_m: 0.0, pulls: true },
         friction: Friction { model: Model::Linear, coefficient: 0.0, stick_n_s_m: 1.0 },
         resistance: Resistance::default(),
         ground: Arc::new(Plane::level()),

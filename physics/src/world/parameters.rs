@@ -68,6 +68,7 @@ impl Parameters {
                 stiffness_n_m,
                 damping_n_s_m: DAMPING_S * stiffness_n_m,
                 ramp_m: 0.6 * DEPTH_M,
+                pulls: true,
             },
             friction: Model::Linear,
             stick_n_s_m: quarter_n / CREEP_M_S,

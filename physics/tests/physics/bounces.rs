@@ -17,7 +17,7 @@ fn point(body: usize, center: Vector3<f64>, stiffness_n_m: f64, damping_n_s_m: f
         center,
         radius_m: 0.0,
         tip: Tip::Sphere,
-        normal: Normal { stiffness_n_m, damping_n_s_m, ramp_m: 0.0 },
+        normal: Normal { stiffness_n_m, damping_n_s_m, ramp_m: 0.0, pulls: true },
         friction: Friction { model: Model::Linear, coefficient: 0.4, stick_n_s_m: 20.0 },
         resistance: Resistance::default(),
         ground: Arc::new(Plane::level()),

@@ -86,7 +86,7 @@ fn a_point_on_an_incline_creeps_as_its_friction_model_says() {
     ];
     for (model, expected) in closed {
         let ground = Plane::rising(angle_rad);
-        let normal = Normal { stiffness_n_m: 2e4, damping_n_s_m: 30.0, ramp_m: 3e-4 };
+        let normal = Normal { stiffness_n_m: 2e4, damping_n_s_m: 30.0, ramp_m: 3e-4, pulls: true };
         let friction = Friction { model, coefficient, stick_n_s_m };
         let forces: Vec<Box<dyn Force>> = vec![Box::new(point(normal, friction, ground))];
         let motion = Motion::at(ground.normal * (-load / 2e4));
@@ -102,7 +102,7 @@ fn a_point_on_an_incline_creeps_as_its_friction_model_says() {
 /// The largest speed upwards after the first contact, against the reference and the closed form without gravity.
 #[test]
 fn a_bounce_keeps_what_the_scheme_and_the_damping_leave_of_it() {
-    let normal = Normal { stiffness_n_m: 1e3, damping_n_s_m: 5.0, ramp_m: 0.0 };
+    let normal = Normal { stiffness_n_m: 1e3, damping_n_s_m: 5.0, ramp_m: 0.0, pulls: true };
     let friction = Friction { model: Model::Linear, coefficient: 0.0, stick_n_s_m: 1.0 };
     // BDF1 eats most of a rebound: reference values of another implementation. BDF2 against the closed form
     // exp(−π k_d / √(4 k_n m − k_d²)) of the speed at the impact.
@@ -130,7 +130,7 @@ fn a_bounce_keeps_what_the_scheme_and_the_damping_leave_of_it() {
 #[test]
 fn a_step_does_not_jump_through_ground_that_was_far() {
     let load = 2e3;
-    let normal = Normal { stiffness_n_m: 1e5, damping_n_s_m: 0.0, ramp_m: 0.0 };
+    let normal = Normal { stiffness_n_m: 1e5, damping_n_s_m: 0.0, ramp_m: 0.0, pulls: true };
     let friction = Friction { model: Model::Linear, coefficient: 0.0, stick_n_s_m: 1.0 };
     let forces: Vec<Box<dyn Force>> = vec![Box::new(point(normal, friction, Plane::level()))];
     // At rest, but about to fall by half a metre in a step.
@@ -153,7 +153,7 @@ fn particle_on_incline(
 ) -> System {
     let load = 9.81 * angle_rad.cos();
     let ground = Plane::rising(angle_rad);
-    let normal = Normal { stiffness_n_m: 2e4, damping_n_s_m: 30.0, ramp_m: 3e-4 };
+    let normal = Normal { stiffness_n_m: 2e4, damping_n_s_m: 30.0, ramp_m: 3e-4, pulls: true };
     let friction = Friction { model, coefficient: 0.5, stick_n_s_m: 50.0 };
     let mut assembly = Assembly::default();
     let motion = Motion { velocity, ..Motion::at(ground.normal * (-load / 2e4)) };
@@ -166,7 +166,7 @@ fn particle_on_incline(
 fn box_on_incline(model: Model, angle_rad: f64, velocity: Vector3<f64>, scheme: Scheme) -> System {
     let ground = Plane::rising(angle_rad);
     let load = 9.81 * angle_rad.cos();
-    let normal = Normal { stiffness_n_m: 5e3, damping_n_s_m: 8.0, ramp_m: 3e-4 };
+    let normal = Normal { stiffness_n_m: 5e3, damping_n_s_m: 8.0, ramp_m: 3e-4, pulls: true };
     let friction = Friction { model, coefficient: 0.5, stick_n_s_m: 50.0 };
     let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), -angle_rad).into_inner();
     let mut assembly = Assembly::default();

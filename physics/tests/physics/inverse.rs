@@ -33,7 +33,7 @@ fn thrown(points: &[Vector3<f64>], radius_m: f64, motion: Motion) -> System {
             center,
             radius_m,
             tip: Tip::Sphere,
-            normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 4.0, ramp_m: 1e-3 },
+            normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 4.0, ramp_m: 1e-3, pulls: true },
             friction: Friction { model: Model::Tanh, coefficient: 0.4, stick_n_s_m: 30.0 },
             resistance: Resistance::default(),
             ground: Arc::clone(&ground),

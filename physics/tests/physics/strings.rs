@@ -99,7 +99,7 @@ fn cloth_lies_on_a_solid_of_a_grid() {
             center: Vector3::zeros(),
             radius_m: 0.0,
             tip: Tip::Sphere,
-            normal: Normal { stiffness_n_m, damping_n_s_m: 0.05, ramp_m: 1e-4 },
+            normal: Normal { stiffness_n_m, damping_n_s_m: 0.05, ramp_m: 1e-4, pulls: true },
             friction: Friction { model: Model::Linear, coefficient: 0.6, stick_n_s_m: 5.0 },
             resistance: Resistance::default(),
             ground: Arc::clone(&ground),

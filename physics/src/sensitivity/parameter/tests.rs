@@ -52,7 +52,7 @@ fn scene(model: Model, law: Law) -> Scene {
             center: Vector3::new(0.0, 0.01, -0.02),
             radius_m: 0.09,
             tip: tips[body],
-            normal: Normal { stiffness_n_m: 500.0, damping_n_s_m: 3.0, ramp_m: 0.02 },
+            normal: Normal { stiffness_n_m: 500.0, damping_n_s_m: 3.0, ramp_m: 0.02, pulls: true },
             friction: Friction { model, ..FRICTION },
             resistance: Resistance { constant: 0.02, per_speed_s_m: 0.05 },
             ground: Arc::clone(&ground),
