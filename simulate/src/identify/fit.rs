@@ -1,5 +1,5 @@
-//! The search: first where the run begins, then the quantities over a short horizon, then all together over growing horizons, and
-//! what the data tell of each.
+//! The search: from several numbers where the run begins and the quantities over a short horizon, then from the best all together over
+//! growing horizons, and what the data tell of each.
 
 use super::outcome::{Found, Identified, Stage, Unfit, Verdict};
 use super::parts::{self, Told};
@@ -27,12 +27,14 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { held_out: 0.25, steps_max: 2400, iterations: 25 }
+        Self { held_out: 0.25, steps_max: 2400, iterations: 40 }
     }
 }
 
-/// Steps of the world a second: fewest, most, and those of a recording with few rows.
+/// Steps at which measurements are taken, a second: fewest, most, and those of a recording with few rows.
 const RATES_HZ: [f64; 3] = [100.0, 300.0, 120.0];
+/// Fewest steps of the world a second: at 120 a foot that lands has an error as large as 3 % of kp.
+const STEPS_HZ: f64 = 200.0;
 /// Share of a value above which its deviation is too large to write it down, and deviation of a delay, s.
 const VAGUE: f64 = 0.25;
 const VAGUE_DELAY_S: f64 = 5e-3;
@@ -45,6 +47,8 @@ const EXPECTED: f64 = 1.0;
 const ABSURD: f64 = 3.0;
 /// Shares of the coefficient of friction that are tried where nothing slips: what sticks has no derivative.
 const FRICTIONS: [f64; 6] = [0.75, 0.55, 0.4, 0.3, 0.2, 1.5];
+/// Stiffness and friction of contacts, by those that a simulation has, from which a search begins, too.
+const FIRMNESS: f64 = 4.0;
 /// Largest change of a parameter in an iteration.
 const MOST: f64 = 0.3;
 /// Improvement of an iteration that is too small to go on, as a share: a run has some 10,000 residuals, and a deviation of a parameter
@@ -70,20 +74,14 @@ pub fn identify(
     let until = replay.steps - (replay.steps as f64 * options.held_out) as usize;
     let mut search = Search::new(&replay, &file, quantities, options, goes_on);
     let quarter = (until / 4).max(((SHORTEST_S / 2.0) / replay.step_s) as usize).min(until);
-    let first = search.minimise("where the run begins", quarter, false, true);
-    search.check()?;
     let quarter_s = quarter as f64 * replay.step_s;
-    let mut ends = first.is_some();
-    let at_first = search.at.clone();
-    if !ends {
-        return Err(Unfit::Falls(quarter_s));
-    }
-    search.look_for_friction(quarter);
-    ends &= search.minimise("quantities", quarter, true, false).is_some();
+    let at_first = search.begin(quarter);
+    search.check()?;
+    let Some(at_first) = at_first else { return Err(Unfit::Falls(quarter_s)) };
     let mut horizon = quarter;
-    for steps in [quarter, (quarter + until) / 2, until] {
+    for steps in [(quarter + until) / 2, until] {
         search.look_for_friction(steps);
-        if !ends || search.minimise("everything", steps, true, true).is_none() {
+        if search.minimise("everything", steps, true, true).is_none() {
             break;
         }
         horizon = steps;
@@ -145,7 +143,7 @@ pub fn identify(
         };
         [of(0, until), of(until, replay.steps)]
     };
-    let [fitted_before, predicted_before] = compare(&file, &at_first.start);
+    let [fitted_before, predicted_before] = compare(&file, &at_first);
     let [fitted_after, predicted_after] = compare(&model, &at_end);
     search.check()?;
     let begin_s = replay.recording.span_s[0];
@@ -205,7 +203,8 @@ pub(super) fn replay(
     let start = Start::of(&recording, file);
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     let steps = steps.min(options.steps_max);
-    Ok(Replay { recording: Arc::new(recording), start, step_s, steps, ground })
+    let parts = (step_s * STEPS_HZ).ceil() as usize;
+    Ok(Replay { recording: Arc::new(recording), start, step_s, parts, steps, ground })
 }
 
 /// Where a search is.
@@ -343,6 +342,58 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
             }
         }
         Some(fit)
+    }
+
+    /// Fits a short run from several numbers of what is fitted along, and goes on from the best: how firm contacts are and when commands
+    /// come is unknown by factors, over which the sum of squares has several minima. Returns where the run begins with the numbers of
+    /// the file; none if the robot falls with them.
+    fn begin(&mut self, steps: usize) -> Option<Vec<f64>> {
+        let begins = "where the run begins";
+        self.minimise(begins, steps, false, true)?;
+        let file = self.at.start.clone();
+        let mut best = (f64::INFINITY, self.at.clone());
+        for quantities in self.starts() {
+            self.at = At { quantities, start: file.clone() };
+            if self.minimise(begins, steps, false, true).is_none() {
+                continue;
+            }
+            self.look_for_friction(steps);
+            self.minimise("quantities", steps, true, false);
+            let Some(fit) = self.minimise("everything", steps, true, true) else { continue };
+            let cost = fit.costs[fit.costs.len() - 1];
+            if cost < best.0 {
+                best = (cost, self.at.clone());
+            }
+        }
+        self.at = best.1;
+        Some(file)
+    }
+
+    /// Parameters from which a search begins: those of the file, contacts [`FIRMNESS`] times as firm, and another delay, in all
+    /// combinations of those that are fitted.
+    fn starts(&self) -> Vec<Vec<f64>> {
+        let commands = self.replay.recording.drives.iter();
+        let interval_s = commands.filter_map(|drive| drive.target_rad.interval_s()).next();
+        let mut starts = vec![vec![0.0; self.all.len()]];
+        for &open in &self.open {
+            let quantity = &self.all[open];
+            let value = quantity.value(self.file);
+            let other = match quantity.kind {
+                Kind::Stiffness | Kind::Stick => Some(FIRMNESS * value),
+                // Drives that hold each command until the next one are half of that time ahead of lines between them.
+                Kind::Delay => interval_s.map(|interval_s| value - 0.5 * interval_s),
+                _ => None,
+            };
+            let Some(other) = other else { continue };
+            let moved = |start: &Vec<f64>| {
+                let mut start = start.clone();
+                start[open] = quantity.to_parameter(value, other);
+                start
+            };
+            let more: Vec<_> = starts.iter().map(moved).collect();
+            starts.extend(more);
+        }
+        starts
     }
 
     /// Tries other coefficients of friction, one of which may slip where that of the file does not.

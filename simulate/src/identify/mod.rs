@@ -8,7 +8,7 @@
 //! | [`quantity`] | what can be fitted, in one list |
 //! | `start` | the state in which the recording begins |
 //! | `rollout` | the run simulated again, and what it misses |
-//! | [`fit`] | the search, in three phases over growing horizons; other runs predicted |
+//! | [`fit`] | the search, from several beginnings over growing horizons; other runs predicted |
 //! | [`outcome`] | what it says and finds, or why it finds nothing |
 //! | `parts` | how far parts of the run disagree |
 //! | [`quality`] | noise of the measurements, and the error of a simulated run against them |

@@ -25,12 +25,13 @@ pub struct Model {
 
 impl Model {
     /// The robot as its file says, stepped and held together so that neither passes for a gain: backward Euler damps a joint at 120 Hz as
-    /// a quarter less of its kd would, and bearings that give way tilt the body by as much as its drives do. Contacts stay as stiff as
-    /// its weight makes them, also when masses change.
+    /// a quarter less of its kd would, and bearings that give way tilt the body by as much as its drives do. Contacts do not pull, because
+    /// a run in which they do jumps with its numbers; they stay as stiff as its weight makes them, also when masses change.
     pub fn new(robot: &Robot) -> Self {
         let mut parameters = Parameters::new(robot);
         parameters.settings.scheme = Scheme::Bdf2;
         parameters.joint_n_m *= FIRMER;
+        parameters.normal.pulls = false;
         Self { robot: robot.clone(), parameters, delay_s: 0.0 }
     }
 }
@@ -339,6 +340,11 @@ impl Quantity {
     /// The value to which a parameter of the search stands, from that of the file: logarithms, but for the delay.
     pub(super) fn of_parameter(&self, file: f64, parameter: f64) -> f64 {
         if self.kind == Kind::Delay { file + DELAY_S * parameter } else { file * parameter.exp() }
+    }
+
+    /// The parameter of a value.
+    pub(super) fn to_parameter(&self, file: f64, value: f64) -> f64 {
+        if self.kind == Kind::Delay { (value - file) / DELAY_S } else { (value / file).ln() }
     }
 
     /// Change of the value by the parameter.

@@ -67,6 +67,8 @@ pub(super) struct Replay {
     pub recording: Arc<Recording>,
     pub start: Start,
     pub step_s: f64,
+    /// Steps of the world in each.
+    pub parts: usize,
     /// Steps of the whole recording.
     pub steps: usize,
     pub ground: Arc<dyn Ground>,
@@ -124,8 +126,9 @@ impl Replay {
         }
         let mut recorder = Recorder::new(world.system(), parameters);
         let servos: Vec<Law> = model.robot.channels().map(|channel| servo(&channel)).collect();
-        for step in 1..=steps {
-            let time_s = begin_s + step as f64 * self.step_s - model.delay_s;
+        let part_s = self.step_s / self.parts as f64;
+        for part in 1..=steps * self.parts {
+            let time_s = begin_s + part as f64 * part_s - model.delay_s;
             for (channel, (servo, drive)) in servos.iter().zip(&self.recording.drives).enumerate() {
                 let law = Law {
                     position_rad: drive.target_rad.at(time_s)[0],
@@ -135,7 +138,7 @@ impl Replay {
                 };
                 world.set_law(channel, law);
             }
-            world.system_mut().step_recorded(self.step_s, &mut recorder).ok()?;
+            world.system_mut().step_recorded(part_s, &mut recorder).ok()?;
             if fall_watch.look(&world).is_some() {
                 return None;
             }
@@ -159,6 +162,7 @@ impl Replay {
         let mut misses = Vec::new();
         for step in 1..=steps {
             let time_s = recording.span_s[0] + step as f64 * self.step_s;
+            let at = step * self.parts;
             let mut add = |signal, number, residual| {
                 misses.push(Miss { signal, number, step, residual });
             };
@@ -167,7 +171,7 @@ impl Replay {
                 if !drive.rad.is_empty() {
                     if let Some(angle_rad) = drive.rad.seen(time_s, half_s) {
                         let zero = if is_joint { 0.0 } else { self.start.wheel_rad[channel] };
-                        let residual = Residual::angle(rollout, step, motor, angle_rad - zero, 1.0);
+                        let residual = Residual::angle(rollout, at, motor, angle_rad - zero, 1.0);
                         add(
                             if is_joint { Signal::Joint } else { Signal::Wheel },
                             channel,
@@ -175,7 +179,7 @@ impl Replay {
                         );
                     }
                 } else if let Some(speed_rad_s) = drive.rad_s.seen(time_s, half_s) {
-                    let residual = Residual::speed(rollout, step, motor, speed_rad_s, 1.0);
+                    let residual = Residual::speed(rollout, at, motor, speed_rad_s, 1.0);
                     add(Signal::Speed, channel, residual);
                 }
             }
@@ -183,12 +187,12 @@ impl Replay {
             if let Some(place) = Recording::vector_at(recording.position_m.as_ref(), time_s, half_s)
             {
                 for (number, axis) in axes.into_iter().enumerate() {
-                    let residual = origin_residual(rollout, step, &in_body, &place, axis);
+                    let residual = origin_residual(rollout, at, &in_body, &place, axis);
                     add(Signal::Position, number, residual);
                 }
             }
             if let Some(turned) = recording.orientation_at(time_s, half_s) {
-                let residuals = Residual::orientation(rollout, step, 0, &turned, 1.0);
+                let residuals = Residual::orientation(rollout, at, 0, &turned, 1.0);
                 for (number, residual) in residuals.into_iter().enumerate() {
                     add(Signal::Orientation, number, residual);
                 }
@@ -196,7 +200,7 @@ impl Replay {
             if let Some(rate) = Recording::vector_at(recording.gyro_rad_s.as_ref(), time_s, half_s)
             {
                 for (number, axis) in axes.into_iter().enumerate() {
-                    let residual = Residual::gyroscope(rollout, step, 0, &axis, rate[number], 1.0);
+                    let residual = Residual::gyroscope(rollout, at, 0, &axis, rate[number], 1.0);
                     add(Signal::Gyro, number, residual);
                 }
             }

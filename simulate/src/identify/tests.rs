@@ -15,7 +15,9 @@ use rollwalk_physics::motor::Law;
 use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::sync::Arc;
 
+/// Of a row, and steps of the world in it, as many as a fit takes.
 const STEP_S: f64 = 1.0 / 120.0;
+const PARTS: usize = 2;
 
 fn agilebot() -> Robot {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml");
@@ -43,26 +45,34 @@ fn recording(model: &Model, steps: usize, mut noise: impl FnMut() -> f64) -> Rec
     let mut drives: Vec<[Vec<(f64, f64)>; 5]> = vec![Default::default(); servos.len()];
     let mut place: [Vec<(f64, f64)>; 3] = Default::default();
     let mut turned: [Vec<(f64, f64)>; 4] = Default::default();
+    // Angle and speed that a channel is commanded in a row.
+    let commanded = |channel: usize, kind: &Channel<'_>, row: usize| {
+        let time_s = row as f64 * STEP_S;
+        let (phase, rate) = (channel as f64, 5.0 + channel as f64 % 3.0);
+        match kind {
+            Channel::Joint(_) => [
+                nominal[channel] + 0.12 * ((rate * time_s + phase).sin() - phase.sin()),
+                0.12 * rate * (rate * time_s + phase).cos(),
+            ],
+            Channel::Wheel(..) => {
+                [0.0, if ((time_s / 0.4) as u32).is_multiple_of(2) { 6.0 } else { -6.0 }]
+            }
+        }
+    };
     for step in 0..=steps {
         let time_s = step as f64 * STEP_S;
-        for (channel, kind) in robot.channels().enumerate() {
-            let (phase, rate) = (channel as f64, 5.0 + channel as f64 % 3.0);
-            let law = match kind {
-                Channel::Joint(_) => Law {
-                    position_rad: nominal[channel]
-                        + 0.12 * ((rate * time_s + phase).sin() - phase.sin()),
-                    speed_rad_s: 0.12 * rate * (rate * time_s + phase).cos(),
-                    ..servos[channel]
-                },
-                Channel::Wheel(..) => Law {
-                    speed_rad_s: if ((time_s / 0.4) as u32).is_multiple_of(2) { 6.0 } else { -6.0 },
-                    ..servos[channel]
-                },
-            };
-            world.set_law(channel, law);
-        }
-        if step > 0 {
-            world.step(STEP_S).unwrap();
+        for part in if step == 0 { 0..=0 } else { 1..=PARTS } {
+            for (channel, kind) in robot.channels().enumerate() {
+                let before = commanded(channel, &kind, step.saturating_sub(1));
+                let now = commanded(channel, &kind, step);
+                let share = part as f64 / PARTS as f64;
+                let between = |k: usize| before[k] + share * (now[k] - before[k]);
+                let [position_rad, speed_rad_s] = if part == 0 { now } else { [0, 1].map(between) };
+                world.set_law(channel, Law { position_rad, speed_rad_s, ..servos[channel] });
+            }
+            if part > 0 {
+                world.step(STEP_S / PARTS as f64).unwrap();
+            }
         }
         for (channel, shaft) in world.shafts().enumerate() {
             let law = world.law(channel);
