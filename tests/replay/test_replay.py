@@ -525,6 +525,22 @@ class Words(unittest.TestCase):
         self.assertEqual([run["feed_forward"] for run in measure.deciding(of_servos)], ["offset"])
         self.assertEqual(len(list(measure.deciding(of_servos[:2]))), 2)
 
+    def test_a_retargeted_motion_has_its_row_without_a_plan_file(self):
+        run = {"planned": {"forward_m": 0.1}, "goals": ["forward_m"], "ours": {"forward_m": 0.09}, "mujoco": {"forward_m": 0.1}, "fell_at_s": {"ours": None, "mujoco": None}}
+        result = {"motion": "pace", "robot": "agilebot", "stiffness": 0.2, "before": run, "after": run}
+        self.assertIn("| `pace` of agilebot | 0.2 of it | 0.900 | 0.900 | 1.000 | 1.000 |", tables.retargeted([result]))
+
+    def test_what_motions_disagree_about_is_a_deviation(self):
+        told = lambda *all: [{"fitted": value, "deviation": deviation} for value, deviation in all]
+        # Variance of 9 and 11: 2, of which 1 is their own.
+        together = tables._together(told((9.0, 1.0), (11.0, 1.0)))
+        self.assertAlmostEqual(together["fitted"], 10.0)
+        self.assertAlmostEqual(together["deviation"], math.sqrt(1.0 + 1.0))
+        # Those that agree are known better, one that was not told does not count.
+        together = tables._together(told((10.0, 1.0), (10.0, 1.0), (99.0, None)))
+        self.assertAlmostEqual(together["deviation"], math.sqrt(0.5))
+        self.assertIsNone(tables._together(told((10.0, 1.0)))["deviation"])
+
     def test_tables_and_words_count_what_holds(self):
         results = []
         for motion, fed, bare, marked, fell in [
