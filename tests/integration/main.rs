@@ -27,6 +27,7 @@ mod servo_lines;
 mod signed;
 mod simulated;
 mod solver_options;
+mod studio;
 mod torques;
 mod urdf;
 

@@ -2,7 +2,9 @@
 
 use crate::studio::Server;
 use crate::studio::desk::Desk;
+use crate::studio::relay::Relay;
 use crate::{Exit, output};
+use rollwalk_bus::name::BusName;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
@@ -10,13 +12,14 @@ use std::process::{Command, Stdio};
 ///
 /// The page comes from this program and plans with it; nothing leaves this computer. The address that is printed has a token
 /// that page and engine ask for: keep it to yourself. Files are changed when you save in the page, and only those that were
-/// opened here. Ctrl-C ends the studio.
+/// opened here. With --bus the page can play a robot on that bus, once you press Connect there. Ctrl-C ends the studio.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk studio                                  the robots and motions that ship
   rollwalk studio motions/walk.toml                a motion, with the robot that it names
   rollwalk studio my_library.toml --port 8080 --no-open
+  rollwalk studio motions/agilebot_library.toml --bus can:can0    # a robot on a bus of this computer
 
 docs/studio.md describes what it does and who can reach it.")]
 pub struct Args {
@@ -26,6 +29,9 @@ pub struct Args {
     /// Port on 127.0.0.1 [default: any that is free].
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     port: u16,
+    /// A robot's link that the page may use: sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
+    #[arg(long, value_name = "BUS")]
+    bus: Option<BusName>,
     /// Print the address, and open no browser.
     #[arg(long)]
     no_open: bool,
@@ -33,7 +39,8 @@ pub struct Args {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let server = Server::bind(args.port, Desk::open(&args.files)?)?;
+    let relay = args.bus.clone().map(Relay::new).transpose()?;
+    let server = Server::bind(args.port, Desk::open(&args.files)?, relay)?;
     let address = server.address();
     output::print(&format!("the studio is at {address}"))?;
     if !args.no_open && !browse(&address) {

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 /// Maximum number of our frames in flight: enough to keep a bus busy, few enough to keep none stale.
-const DEPTH: usize = 3;
+pub const DEPTH: usize = 3;
 
 /// Which controller.
 #[derive(clap::Args)]
@@ -45,6 +45,16 @@ pub fn cannot_open(error: OpenError) -> Report {
     miette!(help = error.help, "{}", error.what)
 }
 
+/// Opens a bus for this thread, and sends nothing.
+///
+/// # Errors
+/// The bus does not exist or cannot be used; the error names the command to type.
+pub fn live(bus: &BusName) -> Result<Live, OpenError> {
+    // This thread sends heartbeats; where it is not permitted, `rollwalk doctor` says so.
+    priority::raise();
+    open::open(bus, DEPTH).map(Live::new)
+}
+
 /// A session on a bus of this computer.
 pub type LiveSession = Session<Interruptible>;
 
@@ -52,17 +62,15 @@ impl LinkArgs {
     /// Opens the bus and sends nothing.
     ///
     /// # Errors
-    /// The bus does not exist or cannot be used; the error names the command to type.
+    /// As [`live`].
     pub fn live(&self) -> Result<Live, OpenError> {
-        // This thread sends heartbeats; where it is not permitted, `rollwalk doctor` says so.
-        priority::raise();
-        open::open(&self.bus, DEPTH).map(Live::new)
+        live(&self.bus)
     }
 
     /// Opens the bus; Ctrl-C interrupts its waits.
     ///
     /// # Errors
-    /// As [`live`](Self::live).
+    /// As [`live`].
     pub fn open(&self) -> miette::Result<Interruptible> {
         interrupt::listen();
         let live = self.live().map_err(cannot_open)?;

@@ -1,5 +1,7 @@
 //! The page of the studio, carried in the program: what `studio/dist/` has.
 
+use rollwalk_bus::name::BusName;
+
 /// A file of the page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Asset<'a> {
@@ -38,14 +40,20 @@ pub fn file(name: &str) -> Option<Asset<'static>> {
     FILES.iter().find(|(known, _)| *known == name).map(|(_, asset)| *asset)
 }
 
-/// The page itself, which reads in its head that its engine is here. Its policy for scripts and connections is in the answer's head, where
+/// The page itself, which reads in its head that its engine is here, and which bus it may have. Its policy for scripts and
+/// connections is in the answer's head, where
 /// it also names this port.
-pub fn page(token: &str) -> String {
+pub fn page(token: &str, bus: Option<&BusName>) -> String {
     let lines =
         PAGE.lines().filter(|line| !line.contains("http-equiv=\"Content-Security-Policy\""));
     let page: String = lines.flat_map(|line| [line, "\n"]).collect();
-    let told = format!(
+    let mut told = format!(
         "{CHARSET}\n<meta name=\"engine\" content=\"websocket\">\n<meta name=\"token\" content=\"{token}\">"
     );
+    if let Some(bus) = bus {
+        // A device may be called anything.
+        let bus = bus.to_string().replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;");
+        told += &format!("\n<meta name=\"relay\" content=\"{bus}\">");
+    }
     page.replacen(CHARSET, &told, 1)
 }

@@ -27,6 +27,11 @@ pub enum Reply {
         /// `Sec-WebSocket-Key`.
         key: String,
     },
+    /// A WebSocket to the bus, with the browser's key.
+    Link {
+        /// `Sec-WebSocket-Key`.
+        key: String,
+    },
     /// Nothing, with an HTTP status.
     Refused(u16),
 }
@@ -54,11 +59,14 @@ impl Gate {
         let (path, query) = head.target.split_once('?').unwrap_or((&head.target, ""));
         match path {
             "/" if self.knows_token(query) => Reply::Page,
-            "/engine" if self.knows_token(query) && head.origin.is_some() => match &head.key {
-                Some(key) => Reply::Engine { key: key.clone() },
-                None => Reply::Refused(400),
-            },
-            "/" | "/engine" => Reply::Refused(403),
+            "/engine" | "/link" if self.knows_token(query) && head.origin.is_some() => {
+                match (path, head.key.clone()) {
+                    (_, None) => Reply::Refused(400),
+                    ("/link", Some(key)) => Reply::Link { key },
+                    (_, Some(key)) => Reply::Engine { key },
+                }
+            }
+            "/" | "/engine" | "/link" => Reply::Refused(403),
             _ => match assets::file(path.trim_start_matches('/')) {
                 Some(asset) => Reply::File(asset),
                 None => Reply::Refused(404),

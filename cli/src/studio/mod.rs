@@ -2,12 +2,14 @@
 //!
 //! It listens on 127.0.0.1. Who wants the page or the engine must know a token that only the printed address has, and requests
 //! that another site makes in the user's browser are refused by their `Host` and `Origin` ([`gate`]). Every connection has a
-//! thread; every WebSocket a session of its own ([`socket`]). Files are those of the command line ([`desk`]).
+//! thread; every WebSocket to the engine a session of its own ([`socket`]). Files are those of the command line ([`desk`]). A bus
+//! of the command line is one page's at a time ([`relay`]).
 
 mod assets;
 pub mod desk;
 mod gate;
 mod http;
+pub mod relay;
 mod socket;
 #[cfg(test)]
 mod tests;
@@ -17,13 +19,14 @@ use assets::Asset;
 use desk::Desk;
 use gate::{Gate, Reply};
 use miette::{IntoDiagnostic, WrapErr};
+use relay::Relay;
 use std::io;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-/// Most connections at a time: a page has three engines and loads four files.
+/// Most connections at a time: a page has four engines and a bus, and loads four files.
 const CONNECTIONS_MAX: usize = 32;
 
 /// A server that has not begun.
@@ -35,22 +38,23 @@ pub struct Server {
 struct Shared {
     gate: Gate,
     desk: Desk,
+    relay: Option<Relay>,
     connections: AtomicUsize,
 }
 
 impl Server {
-    /// Takes a port, any free one for 0.
+    /// Takes a port, any free one for 0. With a relay, a page can talk to its bus.
     ///
     /// # Errors
     /// The port is taken.
-    pub fn bind(port: u16, desk: Desk) -> miette::Result<Self> {
+    pub fn bind(port: u16, desk: Desk, relay: Option<Relay>) -> miette::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
             .into_diagnostic()
             .wrap_err_with(|| format!("port {port} of this computer cannot be used"))?;
         let port = listener.local_addr().into_diagnostic()?.port();
         let gate = Gate { port, token: hex(&keys::random::<16>()?) };
         let connections = AtomicUsize::new(0);
-        Ok(Self { listener, shared: Arc::new(Shared { gate, desk, connections }) })
+        Ok(Self { listener, shared: Arc::new(Shared { gate, desk, relay, connections }) })
     }
 
     /// Where the page is.
@@ -88,7 +92,8 @@ impl Shared {
         let Some(head) = http::read(&mut stream)? else { return http::refuse(stream, 400) };
         match self.gate.reply(&head) {
             Reply::Page => {
-                let page = assets::page(&self.gate.token);
+                let bus = self.relay.as_ref().map(Relay::bus);
+                let page = assets::page(&self.gate.token, bus);
                 let asset = Asset { kind: "text/html; charset=utf-8", bytes: page.as_bytes() };
                 http::send(stream, &asset, self.gate.port)
             }
@@ -98,6 +103,14 @@ impl Shared {
                 socket::serve(stream, head.rest, &self.desk);
                 Ok(())
             }
+            Reply::Link { key } => match &self.relay {
+                Some(relay) => {
+                    http::upgrade(&mut stream, &key)?;
+                    relay.serve(stream, head.rest);
+                    Ok(())
+                }
+                None => http::refuse(stream, 404),
+            },
             Reply::Refused(status) => http::refuse(stream, status),
         }
     }

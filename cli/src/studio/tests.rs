@@ -1,7 +1,10 @@
 //! The server as browsers, other sites and other programs meet it.
 
+mod relayed;
+
 use super::Server;
 use super::desk::Desk;
+use super::relay::Relay;
 use crate::inputs::Source;
 use crate::planning::plan_all;
 use serde_json::{Value, json};
@@ -20,7 +23,11 @@ struct Running {
 }
 
 fn start(files: &[PathBuf]) -> Running {
-    let server = Server::bind(0, Desk::open(files).unwrap()).unwrap();
+    start_with(files, None)
+}
+
+fn start_with(files: &[PathBuf], relay: Option<Relay>) -> Running {
+    let server = Server::bind(0, Desk::open(files).unwrap(), relay).unwrap();
     let address = server.address();
     thread::spawn(|| server.run());
     let (port, token) =
@@ -53,10 +60,11 @@ impl Running {
 
     fn socket(
         &self,
+        path: &str,
         origin: &str,
         token: &str,
     ) -> Result<WebSocket<TcpStream>, Box<tungstenite::Error>> {
-        let address = format!("ws://127.0.0.1:{}/engine?token={token}", self.port);
+        let address = format!("ws://127.0.0.1:{}/{path}?token={token}", self.port);
         let mut request = address.into_client_request().unwrap();
         request.headers_mut().insert("Origin", origin.parse().unwrap());
         match tungstenite::client(request, self.connect()) {
@@ -67,7 +75,11 @@ impl Running {
     }
 
     fn own(&self) -> WebSocket<TcpStream> {
-        self.socket(&format!("http://127.0.0.1:{}", self.port), &self.token).unwrap()
+        self.own_at("engine")
+    }
+
+    fn own_at(&self, path: &str) -> WebSocket<TcpStream> {
+        self.socket(path, &format!("http://127.0.0.1:{}", self.port), &self.token).unwrap()
     }
 }
 
@@ -150,7 +162,7 @@ fn a_page_of_another_site_has_no_engine() {
         (&own, ""),
         (&own, "ffffffffffffffffffffffffffffffff"),
     ] {
-        match server.socket(origin, token) {
+        match server.socket("engine", origin, token) {
             Err(error) => assert!(error.to_string().contains("403"), "{error}"),
             Ok(_) => panic!("{origin} with `{token}` was let in"),
         }

@@ -1,0 +1,196 @@
+//! A bus of this computer for the page: a WebSocket at one end, frames at the other ([`traffic`]).
+//!
+//! The page is the robot's host, and nothing is added to what it sends. Its heartbeats end with it, and the robot returns to
+//! SAFE by its own timeouts. One page has the bus at a time; it is open only as long.
+
+mod traffic;
+
+use crate::link::{DEPTH, cannot_open, live};
+use crate::output;
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_bus::name::BusName;
+use rollwalk_bus::open::{self, OpenError};
+use rollwalk_bus::port::Live;
+use std::convert::Infallible;
+use std::io::ErrorKind;
+use std::net::TcpStream;
+use std::sync::{Mutex, TryLockError};
+use std::thread;
+use std::time::{Duration, Instant};
+use traffic::Traffic;
+use tungstenite::protocol::frame::coding::CloseCode;
+use tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
+use tungstenite::{Error, Message, WebSocket};
+
+/// Most bytes of a message of the page, and of those that wait for it: it takes nothing any more.
+const MESSAGE_MAX: usize = 64 * 1024;
+const UNREAD_MAX: usize = 1024 * 1024;
+/// Longest wait for a frame of the bus before the page is looked at, µs; and while frames wait for a busy bus.
+const LOOK_US: u64 = 2_000;
+const BUSY_US: u64 = 200;
+/// Most frames of the bus in one message, so that a busy bus does not keep the page waiting.
+const FRAMES_MAX: usize = 64;
+/// How long a port that was closed may still be in use: its listening thread sees it then.
+const CLOSING: Duration = Duration::from_millis(200);
+/// How long a page may take to answer a farewell.
+const FAREWELL: Duration = Duration::from_secs(1);
+/// Most bytes of a farewell in words (RFC 6455, 5.5).
+const REASON_MAX: usize = 123;
+
+/// The bus that pages may have.
+pub struct Relay {
+    bus: BusName,
+    taken: Mutex<()>,
+}
+
+/// Why a page has the bus no more.
+enum End {
+    /// It went away.
+    Gone,
+    /// It never had it, in words.
+    Refused(String),
+    /// Something is wrong, in words.
+    Trouble(String),
+}
+
+impl Relay {
+    /// A relay to a bus that can be opened. Nothing is sent to it.
+    ///
+    /// # Errors
+    /// It does not exist or cannot be used; the error names the command to type.
+    pub fn new(bus: BusName) -> miette::Result<Self> {
+        // This thread goes on to serve: no real-time priority for it.
+        open::open(&bus, DEPTH).map_err(cannot_open)?;
+        Ok(Self { bus, taken: Mutex::new(()) })
+    }
+
+    /// The bus, as the user names it.
+    pub fn bus(&self) -> &BusName {
+        &self.bus
+    }
+
+    /// Serves a page until it goes away. `rest` are bytes that came with its request.
+    pub fn serve(&self, stream: TcpStream, rest: Vec<u8>) {
+        let config = WebSocketConfig::default()
+            .max_message_size(Some(MESSAGE_MAX))
+            .max_frame_size(Some(MESSAGE_MAX))
+            .max_write_buffer_size(UNREAD_MAX);
+        let mut socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(config));
+        let Self { bus, .. } = self;
+        match self.relay(&mut socket) {
+            End::Gone => output::say(format_args!(
+                "the page has left {bus}: without its heartbeats the robot returns to SAFE by itself"
+            )),
+            End::Refused(why) => farewell(&mut socket, &why),
+            End::Trouble(why) => {
+                output::say(format_args!("{bus}: {why}"));
+                farewell(&mut socket, &why);
+            }
+        }
+    }
+
+    /// Serves a page as long as it has the bus.
+    fn relay(&self, socket: &mut WebSocket<TcpStream>) -> End {
+        let Self { bus, taken } = self;
+        let _taken = match taken.try_lock() {
+            Ok(taken) => taken,
+            // What a page that panicked left behind is closed.
+            Err(TryLockError::Poisoned(taken)) => taken.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                return End::Refused(format!("another page has {bus}: disconnect there"));
+            }
+        };
+        match self.open() {
+            Ok(mut live) => {
+                output::say(format_args!("a page has {bus}"));
+                let Err(end) = pass_on(socket, &mut live, bus);
+                end
+            }
+            Err(OpenError { what, help }) => End::Trouble(format!("{what}: {help}")),
+        }
+    }
+
+    /// Opens the bus; once more after a moment if another page has just left it.
+    fn open(&self) -> Result<Live, OpenError> {
+        live(&self.bus).or_else(|_| {
+            thread::sleep(CLOSING);
+            live(&self.bus)
+        })
+    }
+}
+
+/// Passes frames on, and says on the terminal when something is wrong with the bus; ends only by an error.
+fn pass_on(
+    socket: &mut WebSocket<TcpStream>,
+    bus: &mut Live,
+    name: &BusName,
+) -> Result<Infallible, End> {
+    let gone = |_| End::Gone;
+    let lost = |error: LinkError| End::Trouble(error.to_string());
+    let (mut traffic, mut complains) = (Traffic::default(), false);
+    socket.get_ref().set_nonblocking(true).map_err(gone)?;
+    loop {
+        while let Some(message) = unless_it_blocks(socket.read())? {
+            match message {
+                Message::Binary(bytes) => traffic
+                    .page_sent(bus.now_us(), &bytes)
+                    .map_err(|misuse| End::Trouble(misuse.to_string()))?,
+                Message::Ping(_) | Message::Pong(_) => {}
+                Message::Close(_) => return Err(End::Gone),
+                Message::Text(_) | Message::Frame(_) => {
+                    return Err(End::Trouble(traffic::Misuse::NoFrames.to_string()));
+                }
+            }
+        }
+        let mut wait_us = LOOK_US;
+        while let Some(frame) = traffic.for_bus(bus.now_us()) {
+            match bus.send(&frame) {
+                Ok(()) => traffic.sent(),
+                Err(LinkError::Busy) => {
+                    wait_us = BUSY_US;
+                    break;
+                }
+                Err(error) => return Err(lost(error)),
+            }
+        }
+        let complaint = bus.complaint();
+        if complaint.is_some() != complains {
+            complains = complaint.is_some();
+            output::say(complaint.unwrap_or_else(|| format!("{name}: all is well again")));
+        }
+        let mut until_us = bus.now_us() + wait_us;
+        for _ in 0..FRAMES_MAX {
+            let Some(frame) = bus.receive(until_us).map_err(lost)? else { break };
+            traffic.bus_sent(&frame);
+            until_us = 0;
+        }
+        let sent = match traffic.for_page() {
+            Some(packets) => socket.send(Message::binary(packets)),
+            None => socket.flush(),
+        };
+        unless_it_blocks(sent)?;
+    }
+}
+
+/// What a socket did; `None` where it would have to wait.
+fn unless_it_blocks<T>(outcome: tungstenite::Result<T>) -> Result<Option<T>, End> {
+    match outcome {
+        Ok(done) => Ok(Some(done)),
+        Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => Ok(None),
+        Err(_) => Err(End::Gone),
+    }
+}
+
+/// Closes a socket with the reason in words, cut to what a closing frame carries.
+fn farewell(socket: &mut WebSocket<TcpStream>, why: &str) {
+    let reason = why[..why.floor_char_boundary(REASON_MAX)].to_owned();
+    let frame = CloseFrame { code: CloseCode::Policy, reason: reason.into() };
+    let stream = socket.get_ref();
+    let waits = stream.set_nonblocking(false).and(stream.set_read_timeout(Some(FAREWELL)));
+    if waits.is_err() || socket.close(Some(frame)).is_err() {
+        return;
+    }
+    // Until the browser has heard it: a connection with unread bytes is reset, and the words with it.
+    let end = Instant::now() + FAREWELL;
+    while Instant::now() < end && socket.read().is_ok() {}
+}

@@ -1,0 +1,186 @@
+//! A robot behind `rollwalk studio --bus`: a page connects, and plays it. The page here is a session of ours.
+
+use crate::desk;
+use crate::simulated::{Robot, desk_with_library_file};
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_host::session::Session;
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::serial::{Deframer, Packet};
+use rollwalk_protocol::wire::{Node, State, Status};
+use rollwalk_tests::Desk;
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{BufRead, BufReader, ErrorKind};
+use std::net::TcpStream;
+use std::process::{Child, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Error, Message, WebSocket};
+
+/// What `rollwalk studio` says on the side.
+const SAID: &str = "studio.said";
+/// Far longer than anything takes.
+const LONG: Duration = Duration::from_secs(60);
+const LONG_US: u64 = LONG.as_micros() as u64;
+
+/// A studio; ended when dropped.
+struct Studio {
+    program: Child,
+    address: String,
+}
+
+impl Studio {
+    fn start(desk: &Desk, bus: &str) -> Self {
+        let mut command = desk.command(&["studio", "--no-open", "--bus", bus]);
+        let said = File::create(desk.path(SAID)).expect("a file");
+        let mut program =
+            command.stdout(Stdio::piped()).stderr(said).spawn().expect("the studio starts");
+        let mut line = String::new();
+        let stdout = program.stdout.take().expect("its output");
+        BufReader::new(stdout).read_line(&mut line).expect("its address");
+        let address = line.trim().strip_prefix("the studio is at http://").expect("its address");
+        Self { address: address.to_owned(), program }
+    }
+
+    fn page(&self) -> Page {
+        let (server, query) = self.address.split_once('/').expect("an address");
+        let address = format!("ws://{server}/link{query}");
+        let mut request = address.into_client_request().expect("a request");
+        let origin = format!("http://{server}").parse().expect("an origin");
+        request.headers_mut().insert("Origin", origin);
+        let stream = TcpStream::connect(server).expect("the studio listens");
+        let (socket, _) = tungstenite::client(request, stream).expect("it lets its page in");
+        Page {
+            socket,
+            deframer: Deframer::default(),
+            frames: VecDeque::new(),
+            started: Instant::now(),
+        }
+    }
+}
+
+impl Drop for Studio {
+    fn drop(&mut self) {
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+/// A page's end of the relay.
+struct Page {
+    socket: WebSocket<TcpStream>,
+    deframer: Deframer,
+    frames: VecDeque<Frame>,
+    started: Instant,
+}
+
+impl LinkBus for Page {
+    fn now_us(&self) -> u64 {
+        self.started.elapsed().as_micros() as u64
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
+        let packet = Packet::Link(*frame).encode().expect("a frame of the link");
+        let sent = self.socket.send(Message::binary(packet.to_vec()));
+        sent.map_err(|error| LinkError::Down(error.to_string()))
+    }
+
+    fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
+        loop {
+            if let Some(frame) = self.frames.pop_front() {
+                return Ok(Some(frame));
+            }
+            // Not none, which would be for ever.
+            let wait_us = deadline_us.saturating_sub(self.now_us()).max(1);
+            let wait = Some(Duration::from_micros(wait_us));
+            self.socket.get_ref().set_read_timeout(wait).expect("a timeout");
+            match self.socket.read() {
+                Ok(Message::Binary(bytes)) => {
+                    for &byte in &bytes {
+                        if let Some(Packet::Link(frame)) =
+                            self.deframer.push(byte).and_then(Packet::decode)
+                        {
+                            self.frames.push_back(frame);
+                        }
+                    }
+                }
+                Ok(Message::Close(why)) => {
+                    return Err(LinkError::Down(why.expect("a reason").reason.to_string()));
+                }
+                Ok(_) => {}
+                Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => {
+                    if self.now_us() >= deadline_us {
+                        return Ok(None);
+                    }
+                }
+                Err(error) => return Err(LinkError::Down(error.to_string())),
+            }
+        }
+    }
+}
+
+/// Waits until the studio has said this.
+fn says(desk: &Desk, words: &str) {
+    let start = Instant::now();
+    while !desk.read_text(SAID).contains(words) {
+        assert!(start.elapsed() < LONG, "{words:?} is not in {}", desk.read_text(SAID));
+        sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn a_robot_is_flashed_armed_played_and_stopped_through_the_studio() {
+    let desk = desk_with_library_file();
+    desk.run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    let library = desk.read("legbot.rwl");
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let mut robot = Robot::start(&desk, &bus);
+    let studio = Studio::start(&desk, &bus);
+    let node = Node::new(1).expect("a node");
+
+    let mut session = Session::connect_alone(studio.page(), node).expect("it answers");
+    session.flash(&library, |_| {}).expect("it takes the library");
+    session.arm().expect("it can be armed");
+    session.wait_for_state(State::Ready, LONG_US).expect("it stands");
+    session.select(2).expect("it has this motion");
+    session.wait_for_state(State::Playing, LONG_US).expect("it plays");
+    // The page crashes: heartbeats end, and the robot returns to SAFE by itself.
+    drop(session);
+    says(&desk, "the page has left sim:");
+    // Once the robot takes that host for gone.
+    let start = Instant::now();
+    let mut session = loop {
+        match Session::connect_alone(studio.page(), node) {
+            Ok(session) => break session,
+            Err(error) => assert!(start.elapsed() < LONG, "{error}"),
+        }
+    };
+    let is_safe = |status: &Status| (status.state == State::TorqueOff).then_some(true);
+    session.wait_until("SAFE without torque", LONG_US, is_safe).expect("it returns");
+
+    session.clear().expect("the lost host is forgiven");
+    session.arm().expect("it can be armed again");
+    session.wait_for_state(State::Ready, LONG_US).expect("it stands");
+    session.select(2).expect("it has this motion");
+    session.wait_for_state(State::Playing, LONG_US).expect("it plays");
+    session.estop().expect("it stops");
+    session.wait_for_state(State::EStopped, LONG_US).expect("it has stopped");
+    // The robot's computer goes: page and terminal are told.
+    robot.stop();
+    let error = session.run_for(LONG_US).expect_err("there is no bus");
+    assert!(error.to_string().contains("the simulated robot"), "{error}");
+    says(&desk, "hung up");
+    let mut page = studio.page();
+    let error = page.receive(LONG_US).expect_err("there is no robot");
+    assert!(error.to_string().contains("no simulated robot at"), "{error}");
+}
+
+#[test]
+fn a_bus_that_cannot_be_opened_is_an_error_at_the_start() {
+    let desk = desk();
+    let run = |bus| desk.run(&["studio", "--no-open", "--bus", bus]);
+    run("sim:nobody.sock")
+        .fails(1, &["no simulated robot at nobody.sock", "start one: rollwalk-sim"]);
+    run("can0").fails(2, &["`can0` is no bus", "such as can:can0"]);
+}
