@@ -22,14 +22,15 @@ pub fn check(extent: Extent) -> Result<(), String> {
     compare_with_sources()?;
     let programs = workspace::programs()?;
     let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
-    match extent {
-        Extent::Short => shell::run(npm(&["run", "served"]).env("STUDIO_ROLLWALK", &rollwalk.path)),
-        Extent::Full => {
-            let mut all = npm(&["test"]);
-            all.env("STUDIO_ROLLWALK", &rollwalk.path).env("STUDIO_WASM", studio::engine()?);
-            shell::run(&mut all)
-        }
+    let simulator = workspace::find(&programs, "tests", "rollwalk-sim-under-test", false)?;
+    let mut tests = match extent {
+        Extent::Short => npm(&["run", "served"]),
+        Extent::Full => npm(&["test"]),
+    };
+    if extent == Extent::Full {
+        tests.env("STUDIO_WASM", studio::engine()?);
     }
+    shell::run(tests.env("STUDIO_ROLLWALK", &rollwalk.path).env("STUDIO_SIM", &simulator.path))
 }
 
 fn npm(args: &[&str]) -> Command {

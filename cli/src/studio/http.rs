@@ -145,6 +145,8 @@ pub fn upgrade(stream: &mut TcpStream, key: &str) -> io::Result<()> {
         "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
     );
     stream.write_all(head.as_bytes())?;
+    // Bytes that follow an answer must not wait until the browser has acknowledged it, which takes 40 ms.
+    stream.set_nodelay(true)?;
     // A page may be quiet for hours.
     stream.set_read_timeout(None)
 }

@@ -1,15 +1,16 @@
-// A simulated robot on the Run tab, from connecting to leaving, as a person does it. The project at hand has a library.
+// A robot on the Run tab, from connecting to leaving, as a person does it. The project at hand has a library.
 import assert from "node:assert/strict";
 import { WAIT_MS } from "./harness.mjs";
 
-export async function runRobot(studio) {
+export async function runRobot(studio, place = "simulated") {
   const until = (wanted, argument) => studio.page.waitForFunction(wanted, { timeout: WAIT_MS }, argument);
   await studio.click("#tab-run");
   assert.equal(await studio.state("link.view"), null, "nothing is connected without a click");
+  await studio.page.select("#place", place);
   await studio.button("Connect");
   await until(() => globalThis.studio.link.view?.contact);
-  await studio.click(".run .flash");
-  await until(() => document.querySelector(".run .flash").textContent === "Flash library");
+  if ((await studio.page.$eval(".run .flash", (button) => button.textContent)) === "Build library") await studio.click(".run .flash");
+  await until(() => document.querySelector(".run .flash").textContent === "Flash library" && !document.querySelector(".run .flash").disabled);
   await studio.click(".run .flash");
   await until(() => globalThis.studio.link.view.library && globalThis.studio.link.view.motions.length > 1);
   // A click is not enough to arm.

@@ -1,8 +1,10 @@
-// The page that `rollwalk studio` serves, with the native engine. STUDIO_ROLLWALK is the program.
+// The page that `rollwalk studio` serves, with the native engine, and a robot on a bus of this computer. STUDIO_ROLLWALK and
+// STUDIO_SIM are the programs.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { cp, mkdtemp, readFile } from "node:fs/promises";
+import { access, cp, mkdtemp, readFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
+import { setTimeout as delay } from "node:timers/promises";
 import { dirname, join } from "node:path";
 import { after, before, describe, test } from "node:test";
 import { fileURLToPath } from "node:url";
@@ -10,16 +12,22 @@ import { launch, Studio, WAIT_MS } from "./harness.mjs";
 import { runRobot } from "./robot.mjs";
 
 const program = process.env.STUDIO_ROLLWALK;
+const simulator = process.env.STUDIO_SIM;
 const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
 
 const browsers = (process.env.STUDIO_BROWSERS ?? "chromium,firefox").split(",");
 
-for (const name of browsers) describe(`the page that rollwalk studio serves, in ${name}`, { skip: program ? false : "STUDIO_ROLLWALK names no program" }, () => {
-  let folder, served, browser, studio;
+for (const name of browsers) describe(`the page that rollwalk studio serves, in ${name}`, { skip: program && simulator ? false : "STUDIO_ROLLWALK and STUDIO_SIM name no programs" }, () => {
+  let folder, robot, served, browser, studio;
   before(async () => {
     folder = await mkdtemp(join(tmpdir(), "studio-"));
     for (const part of ["motions", "robots"]) await cp(join(root, part), join(folder, part), { recursive: true });
-    served = spawn(program, ["studio", "motions/test_leg_library.toml", "--no-open"], { cwd: folder });
+    robot = spawn(simulator, ["robots/test_leg.toml", "--on", "stand", "--bus", "sim:robot.sock"], { cwd: folder, stdio: "ignore" });
+    while (await access(join(folder, "robot.sock")).then(() => false, () => true)) {
+      assert.equal(robot.exitCode, null, "the simulated robot ended");
+      await delay(10);
+    }
+    served = spawn(program, ["studio", "motions/test_leg_library.toml", "--no-open", "--bus", "sim:robot.sock"], { cwd: folder });
     let said = "";
     const address = await new Promise((resolve, reject) => {
       for (const stream of [served.stdout, served.stderr]) {
@@ -37,6 +45,7 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
   after(async () => {
     await browser?.close();
     served?.kill();
+    robot?.kill();
   });
 
   test("opens the files of the command line, and saves them in place", async () => {
@@ -58,6 +67,21 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
   });
 
   test("a simulated robot is flashed, armed by holding, plays, and is stopped with Escape", () => runRobot(studio));
+
+  test("a robot on a bus of this computer is flashed, armed, plays, and is stopped", () => runRobot(studio, "relay"));
+
+  test("a second page is told that the first has the bus", async () => {
+    await studio.button("Connect");
+    await studio.page.waitForFunction(() => globalThis.studio.link.view?.contact, { timeout: WAIT_MS });
+    const other = await Studio.open(browser, studio.page.url());
+    await other.click("#tab-run");
+    await other.page.select("#place", "relay");
+    await other.button("Connect");
+    await other.page.waitForFunction(() => /another page has sim:robot.sock/.test(document.querySelector(".steps .note").textContent), { timeout: WAIT_MS });
+    assert.equal(await other.state("link.connected"), false);
+    await other.page.close();
+    assert.equal(await studio.state("link.connected"), true);
+  });
 
   test("no error on the console", () => assert.deepEqual(studio.errors, []));
 });

@@ -1,9 +1,9 @@
-// A connection with a robot: asks the engine what to send, sends it, and hands over what arrives, sixty times a second.
+// A connection with a robot: asks the engine what to send, sends it, and hands over what arrives, as soon as it does and sixty times a second.
 // Nothing is sent before `connect`, which a person asks for. When the page is gone, heartbeats end, and the robot returns
 // to SAFE by itself.
 
 import type { Place, RobotRequest, RobotView } from "../contract.ts";
-import type { Engine } from "../engine/engine.ts";
+import { Cancelled, type Engine } from "../engine/engine.ts";
 import type { Studio } from "../project/studio.ts";
 import { openPort, type Port } from "./port.ts";
 
@@ -45,18 +45,24 @@ export class RobotLink {
     this.#tell();
     try {
       const port = await openPort(place, baud, {
-        bytes: (bytes) => this.#arrived.push(bytes),
+        bytes: (bytes) => {
+          this.#arrived.push(bytes);
+          void this.#tick();
+        },
         lost: (why) => this.#end(why),
       });
       this.#port = port;
       await this.ask({ robot: "connect", place, files: documents.files(), file, node: NODE });
+      // The port may have been lost since.
+      if (!this.connected) return;
       this.#timer = new Worker(URL.createObjectURL(new Blob([TIMER], { type: "text/javascript" })));
       this.#timer.onmessage = () => void this.#tick();
     } catch (error) {
-      this.#end((error as Error).name === "NotFoundError" ? "No port was chosen." : (error as Error).message);
+      this.#fail(error as Error);
+    } finally {
+      this.connecting = false;
+      this.#tell();
     }
-    this.connecting = false;
-    this.#tell();
   }
 
   /** An order or a library; the answer is the robot as it is then. */
@@ -74,7 +80,7 @@ export class RobotLink {
   }
 
   async #tick() {
-    if (this.#busy || !this.connected) return;
+    if (this.#busy || !this.#timer) return;
     this.#busy = true;
     const arrived = joined(this.#arrived.splice(0));
     try {
@@ -84,9 +90,15 @@ export class RobotLink {
         this.#end("");
       }
     } catch (error) {
-      this.#end((error as Error).message);
+      this.#fail(error as Error);
     }
     this.#busy = false;
+  }
+
+  #fail(error: Error) {
+    // What was under way when the connection ended says nothing new.
+    if (error instanceof Cancelled) return;
+    this.#end(error.name === "NotFoundError" ? "No port was chosen." : error.message);
   }
 
   #end(why: string) {

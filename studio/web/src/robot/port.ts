@@ -66,7 +66,8 @@ function openRelay(heard: Heard): Promise<Port> {
   socket.binaryType = "arraybuffer";
   let closed = false;
   return new Promise((resolve, reject) => {
-    socket.onopen = () =>
+    socket.onopen = () => {
+      socket.onclose = ({ reason }) => closed || heard.lost(reason || "the relay of rollwalk studio was closed");
       resolve({
         send: (bytes) => socket.send(bytes as Uint8Array<ArrayBuffer>),
         async close() {
@@ -74,8 +75,8 @@ function openRelay(heard: Heard): Promise<Port> {
           socket.close();
         },
       });
+    };
     socket.onmessage = ({ data }) => heard.bytes(new Uint8Array(data));
-    socket.onerror = () => reject(new Error("the relay of rollwalk studio does not answer"));
-    socket.onclose = () => closed || heard.lost("the relay of rollwalk studio was closed");
+    socket.onclose = () => reject(new Error("the relay of rollwalk studio does not answer"));
   });
 }

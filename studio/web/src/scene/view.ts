@@ -15,6 +15,10 @@ import { Stage } from "./stage.ts";
 
 const GHOSTS = 4;
 const AGILEBOT_HEIGHT_M = 0.29;
+/** Shortest time between pictures of a connected robot that are drawn in software: its heartbeats need the processor too. */
+const LIVE_MS = 100;
+/** Changes of poses that nobody sees, m and quaternions. */
+const UNSEEN = 1e-4;
 
 export class View {
   readonly stage: Stage;
@@ -34,6 +38,8 @@ export class View {
   #last: { grip: Grip; to: Moved; upwards: boolean } | null = null;
   /** Poses of a connected robot. */
   #live: Float32Array | null = null;
+  /** When the next of them may be drawn. */
+  #liveFrom_ms = 0;
 
   constructor(
     host: HTMLElement,
@@ -109,7 +115,10 @@ export class View {
   /** Poses of the robot at the other end of a link, in place of the plan's; null shows the plan again. */
   showLive(poses: number[][] | null) {
     if (!poses && !this.#live) return;
-    this.#live = poses && poses.length > 0 ? Float32Array.from(poses.flat()) : null;
+    const live = poses && poses.length > 0 ? Float32Array.from(poses.flat()) : null;
+    if (live && this.#live && (performance.now() < this.#liveFrom_ms || !differ(live, this.#live))) return;
+    this.#liveFrom_ms = performance.now() + (this.stage.low ? LIVE_MS : 0);
+    this.#live = live;
     const planned = this.#live === null;
     if (this.#overlays) this.#overlays.group.visible = planned && this.studio.shown !== null;
     if (this.#paths) this.#paths.group.visible = planned;
@@ -240,6 +249,10 @@ export class View {
     this.#gesture = null;
     this.#buildHandles();
   }
+}
+
+function differ(a: Float32Array, b: Float32Array): boolean {
+  return a.length !== b.length || a.some((value, index) => Math.abs(value - b[index]) > UNSEEN);
 }
 
 /** Height of the robot's body as it stands, against that of AgileBot: arrows and handles are made to fit. */
