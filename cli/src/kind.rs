@@ -8,6 +8,7 @@ use rollwalk_planner::plan;
 use rollwalk_robot::urdf;
 use std::fmt;
 use std::path::Path;
+use toml_edit::Document;
 
 /// The kinds of files that commands read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -230,6 +231,33 @@ impl Kind {
             let (found, wanted, help) = (found.name(), self.name(), found.use_for());
             Err(miette!(help = help, "{path} is {found}, not {wanted}"))
         })
+    }
+
+    /// Rejects a text that is none of the documents that the studio edits. A TOML file that cannot be parsed may be one.
+    ///
+    /// # Errors
+    /// It is something else.
+    pub fn expect_document(path: &Path, text: &str) -> miette::Result<()> {
+        const DOCUMENTS: [Kind; 4] = [Kind::Robot, Kind::Motion, Kind::Library, Kind::Design];
+        // Keys that only these have, also where no table has the name.
+        const KEYS: [&str; 5] = ["link", "footfalls", "motion", "motions", "parameter"];
+        let is_toml = path.extension().is_some_and(|extension| extension == "toml");
+        let is_document =
+            |document: Document<&str>| KEYS.iter().any(|key| document.as_table().contains_key(key));
+        let (what, help) = match Self::of(text) {
+            Some(kind) if DOCUMENTS.contains(&kind) => return Ok(()),
+            Some(kind) => (kind.name(), kind.use_for()),
+            None if is_toml && Document::parse(text).map_or(true, is_document) => return Ok(()),
+            None => (
+                "something else",
+                "without a file, `rollwalk studio` has the robots and motions that ship",
+            ),
+        };
+        let path = path.display();
+        Err(miette!(
+            help = help,
+            "the studio opens robot, motion, library and design files (TOML), and {path} is {what}"
+        ))
     }
 
     /// Turns the error of a reader of this kind into a report: that the file is of another kind, if it

@@ -15,10 +15,17 @@ use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::Report;
 use rollwalk_planner::{ACCEPTED_LEVEL, Options, Progress, Settings, Solution, optimise_solution};
 use rollwalk_robot::Robot;
+use serde::Deserialize;
 use std::ops::ControlFlow;
 
 /// Where answers go: JSON and bytes, of which most answers have none. Breaks off a solve.
 pub type Tell<'t> = dyn FnMut(&str, &[u8]) -> ControlFlow<()> + 't;
+
+/// A request of which only the number is known.
+#[derive(Deserialize)]
+struct Numbered {
+    seq: u64,
+}
 
 /// The engine's memory between requests.
 #[derive(Debug, Default)]
@@ -39,8 +46,10 @@ impl Session {
         let request: Request = match serde_json::from_str(json) {
             Ok(request) => request,
             Err(why) => {
+                // Who asked is told, if the number at least can be read.
+                let seq = serde_json::from_str(json).map_or(0, |Numbered { seq }| seq);
                 let help = "requests are those of studio/src/messages.rs";
-                let _ = say(tell, 0, &error(format!("not a request: {why}"), help), &[]);
+                let _ = say(tell, seq, &error(format!("not a request: {why}"), help), &[]);
                 return;
             }
         };

@@ -239,7 +239,7 @@ fn requests_that_cannot_be_served_say_why() {
         (plan(0.0), "frames at 0 Hz"),
         (plan(1e9), "frames at 1000000000 Hz"),
     ] {
-        let answer = Page::default().ask_anyhow(request);
+        let answer = Page::default().ask(request).json;
         assert_eq!(answer["kind"], "error");
         assert!(answer["message"].as_str().unwrap().contains(message), "{answer}");
         assert_ne!(answer["help"], "");
@@ -252,20 +252,6 @@ fn requests_that_cannot_be_served_say_why() {
             .unwrap()
             .contains("`../robots/agilbot.toml`, which motions/walk.toml names")
     );
-}
-
-impl Page {
-    /// As [`Page::ask`], of a request that may have no number.
-    fn ask_anyhow(&mut self, request: Value) -> Value {
-        let mut last = Value::Null;
-        let mut with_seq = request;
-        with_seq["seq"] = json!(1);
-        self.session.request(&with_seq.to_string(), &[], &mut |json, _| {
-            last = serde_json::from_str(json).unwrap();
-            ControlFlow::Continue(())
-        });
-        last
-    }
 }
 
 #[test]

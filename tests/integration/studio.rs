@@ -177,6 +177,22 @@ fn a_robot_is_flashed_armed_played_and_stopped_through_the_studio() {
 }
 
 #[test]
+fn only_what_the_page_edits_is_opened() {
+    let desk = desk();
+    desk.write("README.md", "# A robot\n");
+    desk.write("servos.toml", "[[servo]]\nname = \"s\"\n");
+    desk.write("plan.json", "{\"format\": \"rollwalk-plan\"}");
+    let run = |file| desk.run(&["studio", file, "--no-open"]);
+    for (file, what, help) in [
+        ("README.md", "README.md is something else", "without a file"),
+        ("servos.toml", "servos.toml is something else", "without a file"),
+        ("plan.json", "plan.json is a plan", "`rollwalk report`"),
+    ] {
+        run(file).fails(1, &["robot, motion, library and design files (TOML)", what, help]);
+    }
+}
+
+#[test]
 fn a_bus_that_cannot_be_opened_is_an_error_at_the_start() {
     let desk = desk();
     let run = |bus| desk.run(&["studio", "--no-open", "--bus", bus]);

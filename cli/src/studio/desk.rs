@@ -35,7 +35,7 @@ impl Desk {
     /// Opens files with all that they name.
     ///
     /// # Errors
-    /// A file that the user named cannot be read.
+    /// A file that the user named cannot be read, or is none that the studio edits.
     pub fn open(paths: &[PathBuf]) -> miette::Result<Self> {
         let mut desk = Self { sheets: Mutex::default(), motion: None, library: None };
         let mut open: Vec<(PathBuf, Named)> =
@@ -52,6 +52,9 @@ impl Desk {
                 // The engine says what is missing, and who names it.
                 Err(_) => continue,
             };
+            if named == Named::ByUser {
+                Kind::expect_document(&path, &text)?;
+            }
             let Mentions { is_motion, is_library, files } = mentions(&text);
             if named == Named::ByUser {
                 desk.motion = desk.motion.or_else(|| is_motion.then(|| name.clone()));

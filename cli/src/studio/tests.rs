@@ -226,6 +226,16 @@ fn files_of_the_command_line_are_opened_and_saved_and_no_others() {
 }
 
 #[test]
+fn a_document_with_faults_is_opened_to_be_mended() {
+    let folder = tempfile::tempdir().unwrap();
+    for text in ["name = ", "footfalls.all = \"stance\"", "link = []"] {
+        let path = folder.path().join("mine.toml");
+        fs::write(&path, text).unwrap();
+        assert!(Desk::open(&[path]).is_ok(), "{text}");
+    }
+}
+
+#[test]
 fn a_solve_can_be_cancelled_and_the_next_request_is_answered() {
     let server = start(&[]);
     let mut socket = server.own();
