@@ -5,7 +5,6 @@
 //! file of that base name, and the same among the files that ship.
 
 use crate::messages::{Answer, Fault, File};
-use crate::sliders::{self, Slider};
 use rollwalk_planner::motion::Motion;
 use rollwalk_robot::document::DocumentError;
 use rollwalk_robot::{Robot, Solid};
@@ -37,8 +36,6 @@ pub struct Project<'f> {
     pub motion_file: Found<'f>,
     /// The robot file.
     pub robot_file: Found<'f>,
-    /// Numbers of the robot that are worth a slider.
-    pub sliders: Vec<Slider>,
 }
 
 impl<'f> Documents<'f> {
@@ -64,8 +61,7 @@ impl<'f> Documents<'f> {
             Robot::with_parts_from_toml(path, text).map_err(|error| faults(text, &error))?;
         let Found { path, text } = motion_file;
         let motion = Motion::from_toml(path, text, &robot).map_err(|error| faults(text, &error))?;
-        let sliders = sliders::sliders(self, robot_file.path, robot_file.text);
-        Ok(Project { robot, parts, motion, motion_file, robot_file, sliders })
+        Ok(Project { robot, parts, motion, motion_file, robot_file })
     }
 
     /// Reads and validates a robot file.

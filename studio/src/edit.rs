@@ -22,18 +22,19 @@ pub struct Known<'k> {
     pub motion: &'k Motion,
 }
 
-/// The text of a document after an edit. `parameters` are those of the robot that the text describes.
+/// The text of a document after an edit. `known` is asked by edits of what the motion is, `parameters`, which are those of the
+/// robot that the text describes, by edits of one.
 ///
 /// # Errors
 /// The text is no TOML, or the edit does not fit it.
-pub fn edited(
+pub fn edited<'k>(
     text: &str,
     edit: &Edit,
-    known: Result<Known<'_>, Answer>,
-    parameters: &[sliders::Slider],
+    known: impl FnOnce() -> Result<Known<'k>, Answer>,
+    parameters: impl FnOnce() -> Vec<sliders::Slider>,
 ) -> Result<String, Answer> {
     if let Edit::Parameter { name, value } = edit {
-        return sliders::set(text, parameters, name, *value);
+        return sliders::set(text, &parameters(), name, *value);
     }
     let mut document: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| {
         refused(format!("this is not TOML: {}", error.message()), "correct the text first")
@@ -53,9 +54,9 @@ pub fn edited(
             everywhere::replace(document.as_table_mut(), key, *from, *value)?;
         }
         Edit::Gait { gait, duty } => footfalls::gait(&mut document, gait, *duty),
-        Edit::Footfalls { stance } => footfalls::rows(&mut document, known?.robot, stance)?,
+        Edit::Footfalls { stance } => footfalls::rows(&mut document, known()?.robot, stance)?,
         Edit::Swing { end_effector, from, to, stance } => {
-            let known = known?;
+            let known = known()?;
             let painted = footfalls::painted(known.motion, *end_effector, [*from, *to], *stance)?;
             footfalls::rows(&mut document, known.robot, &painted)?;
         }

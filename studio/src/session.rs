@@ -4,7 +4,7 @@
 //! starts nothing, with one exception: while something is dragged, a step starts from the step before, as long as its
 //! constraints hold; else the drag would leave the neighbourhood of the last good plan.
 
-use crate::documents::{self, Documents, Project};
+use crate::documents::{self, Documents, Found, Project};
 use crate::edit::{self, Known};
 use crate::messages::{Answer, Done, Edit, File, From, Opened, Request, TableForm, Told, Wanted};
 use crate::robot::{self, Connection};
@@ -13,9 +13,10 @@ use rollwalk_planner::export::Table;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::Report;
-use rollwalk_planner::{ACCEPTED_LEVEL, Options, Progress, Settings, Solution, optimise_solution};
+use rollwalk_planner::{Editing, Options, Progress, Settings, Solution, optimise_solution};
 use rollwalk_robot::Robot;
 use serde::Deserialize;
+use std::cell::LazyCell;
 use std::ops::ControlFlow;
 
 /// Where answers go: JSON and bytes, of which most answers have none. Breaks off a solve.
@@ -27,13 +28,20 @@ struct Numbered {
     seq: u64,
 }
 
+/// Something that is dragged: each step starts from the last one whose constraints hold.
+#[derive(Debug)]
+struct Drag {
+    iterations: usize,
+    editing: Editing,
+}
+
 /// The engine's memory between requests.
 #[derive(Debug, Default)]
 pub struct Session {
     /// The last good plan.
     good: Option<Solution>,
-    /// The last step of a drag whose constraints hold.
-    near: Option<Solution>,
+    /// A drag that began at it.
+    drag: Option<Drag>,
     /// What the page shows.
     shown: Option<Plan>,
     /// The robot that the page talks to.
@@ -79,7 +87,8 @@ impl Session {
                 Done::Text { text: text.to_owned() }
             }
             Wanted::Open { files, motion } => {
-                Done::Opened(opened(&Documents::new(&files).project(&motion)?))
+                let documents = Documents::new(&files);
+                Done::Opened(opened(&documents, &documents.project(&motion)?))
             }
             Wanted::Amend { files, motion, path, edit } => {
                 amend(&Documents::new(&files), &motion, &path, &edit)?
@@ -114,7 +123,7 @@ impl Session {
                 let solution = Solution::from_json("the solution", &text);
                 let solution =
                     solution.map_err(|why| error(why.to_string(), "plan from scratch"))?;
-                (self.good, self.near) = (Some(solution), None);
+                (self.good, self.drag) = (Some(solution), None);
                 Done::Kept {}
             }
             Wanted::Library { files, library } => {
@@ -147,9 +156,10 @@ impl Session {
             let help = format!("`frames_hz` is {least} to {most}");
             return Err(error(format!("frames at {frames_hz} Hz"), help));
         }
-        let project = Documents::new(files).project(motion)?;
+        let documents = Documents::new(files);
+        let project = documents.project(motion)?;
         if from == From::Scratch {
-            (self.good, self.near) = (None, None);
+            (self.good, self.drag) = (None, None);
         }
         let mut watch = |state: &Progress| progress(&Answer::progress(state, &project.motion.name));
         let Project { robot, motion, .. } = &project;
@@ -158,13 +168,11 @@ impl Session {
         let good = in_full && status.is_solved();
         let plan = solution.plan.clone();
         if good {
-            (self.good, self.near) = (Some(solution), None);
-        } else if !in_full && plan.solve.worst_level <= ACCEPTED_LEVEL {
-            self.near = Some(solution);
+            (self.good, self.drag) = (Some(solution), None);
         }
         let (frames, bytes) = frames::frames(&plan, frames_hz);
         let planned = Done::Planned {
-            opened: opened(&project),
+            opened: opened(&documents, &project),
             solve: outcome::solve(&plan, &project, in_full),
             frames,
             converged: in_full && status == Status::Converged,
@@ -176,34 +184,52 @@ impl Session {
 
     /// Plans from the plan at hand, or from scratch if that is none or one of another robot. Steps of a drag are not refined.
     fn solve(
-        &self,
+        &mut self,
         robot: &Robot,
         motion: &Motion,
         iterations: Option<usize>,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Solution {
-        if let Some(near) = self.near.as_ref().or(self.good.as_ref()) {
-            let mut settings = Settings::default();
-            settings.iterations = iterations.unwrap_or(settings.iterations);
-            let options = Options { settings, refine: iterations.is_none(), ..Options::default() };
-            if let Ok(solution) = near.replan(robot, motion, &options, progress) {
-                return solution;
+        let near = match iterations {
+            Some(iterations) => {
+                self.drag(iterations).map(|editing| editing.replan(robot, motion, progress))
             }
+            None => {
+                let near = self.drag.as_ref().map(|drag| drag.editing.last());
+                near.or(self.good.as_ref())
+                    .map(|near| near.replan(robot, motion, &Options::default(), progress))
+            }
+        };
+        if let Some(Ok(solution)) = near {
+            return solution;
         }
         optimise_solution(robot, motion, &Options::default(), progress)
+    }
+
+    /// The drag with steps of so many iterations; it begins at the good plan, of which there may be none.
+    fn drag(&mut self, iterations: usize) -> Option<&mut Editing> {
+        if self.drag.as_ref().is_none_or(|drag| drag.iterations != iterations) {
+            let settings = Settings { iterations, ..Settings::default() };
+            let options = Options { settings, refine: false, ..Options::default() };
+            let last = self.drag.take().map(|drag| drag.editing.last().clone());
+            let begin = last.or_else(|| self.good.clone())?;
+            self.drag = Some(Drag { iterations, editing: Editing::new(begin, &options) });
+        }
+        self.drag.as_mut().map(|drag| &mut drag.editing)
     }
 }
 
 /// The text of a document after an edit. A change of footfalls that brings faults is refused.
 fn amend(documents: &Documents<'_>, motion: &str, path: &str, edit: &Edit) -> Result<Done, Answer> {
     let found = documents.find(path).ok_or_else(|| documents::missing("document", path, ""))?;
-    let before = documents.project(motion);
-    let sliders = sliders::sliders(documents, found.path, found.text);
-    let known = match &before {
+    // Of a drag of a number, which has neither, every step comes through here.
+    let before = LazyCell::new(|| documents.project(motion));
+    let known = || match &*before {
         Ok(Project { robot, motion, .. }) => Ok(Known { robot, motion }),
         Err(answer) => Err(answer.clone()),
     };
-    let text = edit::edited(found.text, edit, known, &sliders)?;
+    let sliders = || sliders::sliders(documents, found.path, found.text);
+    let text = edit::edited(found.text, edit, known, sliders)?;
     let mut files = documents.files().to_vec();
     files.retain(|file| file.path != found.path);
     files.push(File { path: found.path.to_owned(), text: text.clone() });
@@ -213,7 +239,7 @@ fn amend(documents: &Documents<'_>, motion: &str, path: &str, edit: &Edit) -> Re
         Ok(_) => Vec::new(),
     };
     let of_footfalls = matches!(edit, Edit::Footfalls { .. } | Edit::Swing { .. });
-    if of_footfalls && before.is_ok() && !faults.is_empty() {
+    if of_footfalls && !faults.is_empty() && before.is_ok() {
         return Err(Answer::Faults { faults });
     }
     Ok(Done::Amended { text, faults })
@@ -223,13 +249,11 @@ fn error(message: impl Into<String>, help: impl Into<String>) -> Answer {
     Answer::Error { message: message.into(), help: help.into() }
 }
 
-fn opened(project: &Project<'_>) -> Box<Opened> {
+fn opened(documents: &Documents<'_>, project: &Project<'_>) -> Box<Opened> {
+    let Found { path, text } = project.robot_file;
+    let sliders = sliders::sliders(documents, path, text).into_iter().map(|slider| slider.shown);
     Box::new(Opened {
-        scene: scene::scene(
-            &project.robot,
-            &project.parts,
-            project.sliders.iter().map(|slider| slider.shown.clone()).collect(),
-        ),
+        scene: scene::scene(&project.robot, &project.parts, sliders.collect()),
         motion: motion_view::view(&project.motion, &project.robot),
         read: [project.motion_file, project.robot_file].map(|file| file.path.to_owned()),
     })

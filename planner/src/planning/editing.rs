@@ -23,6 +23,7 @@ use crate::solve::{Begin, Method, Outcome, Point, Progress, Settings, Solver};
 use crate::start;
 use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
+use std::fmt;
 use std::ops::ControlFlow;
 
 /// Iterations after which an edit is no small one. Of edits by 10 mm half take two or three.
@@ -48,6 +49,12 @@ pub struct Editing {
     /// The last solution that converged, not refined, so that its samples are those that are asked for.
     solution: Solution,
     kept: Option<Kept>,
+}
+
+impl fmt::Debug for Editing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Editing").field("solution", &self.solution).finish_non_exhaustive()
+    }
 }
 
 /// What one solve leaves for the next.

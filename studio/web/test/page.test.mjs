@@ -136,6 +136,15 @@ describe("the page", () => {
     assert.deepEqual(await studio.state("state.motion.targets.0"), target);
   });
 
+  test("a new plan is drawn without linking a program", async () => {
+    const programs = () => studio.page.evaluate(() => globalThis.studio.view.stage.renderer.info.programs.map((one) => one.id));
+    await studio.edit(() => studio.type("Forward", "0.11"));
+    const before = await programs();
+    await studio.edit(() => studio.type("Forward", "0.1"));
+    await studio.page.evaluate(() => globalThis.studio.view.stage.draw());
+    assert.deepEqual(await programs(), before);
+  });
+
   test("the goal is dragged by its name like a slider", async () => {
     const label = await studio.box(".panels .field .field-label");
     await studio.edit(() => studio.drag({ x: label.x + 5, y: label.y + 5 }, { x: label.x - 15, y: label.y + 5 }));

@@ -4,7 +4,7 @@
 import { ConeGeometry, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial, Object3D, Plane, Raycaster, RingGeometry, SphereGeometry, Vector2, Vector3 } from "three";
 import type { MotionView, Target } from "../contract.ts";
 import type { Frames } from "../project/frames.ts";
-import { dispose, lineGeometry } from "./lines.ts";
+import { dispose, lineGeometry, shared } from "./lines.ts";
 import type { Palette } from "./palette.ts";
 import type { Stage } from "./stage.ts";
 
@@ -164,9 +164,9 @@ function placeOf(target: Target, motion: MotionView, frames: Frames | null, feet
 function marker(at: Vector3, color: number, selected: boolean, scale: number): Group {
   const group = new Group();
   const over = { color, depthTest: false, transparent: true };
-  const ball = new Mesh(new SphereGeometry(selected ? 0.018 : 0.012, 20, 14), new MeshBasicMaterial(over));
-  const stem = new Line(lineGeometry([0, 0, 0, 0, 0, -at.z]), new LineBasicMaterial({ ...over, opacity: 0.7 }));
-  const foot = new Mesh(new RingGeometry(0.014, 0.019, 24), new MeshBasicMaterial({ ...over, opacity: 0.7 }));
+  const ball = new Mesh(new SphereGeometry(selected ? 0.018 : 0.012, 20, 14), shared(MeshBasicMaterial, over));
+  const stem = new Line(lineGeometry([0, 0, 0, 0, 0, -at.z]), shared(LineBasicMaterial, { ...over, opacity: 0.7 }));
+  const foot = new Mesh(new RingGeometry(0.014, 0.019, 24), shared(MeshBasicMaterial, { ...over, opacity: 0.7 }));
   foot.position.z = -at.z + 0.003;
   ball.scale.setScalar(scale);
   foot.scale.setScalar(scale);
@@ -179,9 +179,9 @@ function marker(at: Vector3, color: number, selected: boolean, scale: number): G
 function flag(palette: Palette, turn_rad: number, scale: number): Group {
   const group = new Group();
   const over = { color: palette.accent, transparent: true, depthWrite: false };
-  const ring = new Mesh(new RingGeometry(0.028, 0.036, 36), new MeshBasicMaterial(over));
+  const ring = new Mesh(new RingGeometry(0.028, 0.036, 36), shared(MeshBasicMaterial, over));
   ring.position.z = 0.004;
-  const nose = new Mesh(new ConeGeometry(0.014, 0.035, 3), new MeshBasicMaterial(over));
+  const nose = new Mesh(new ConeGeometry(0.014, 0.035, 3), shared(MeshBasicMaterial, over));
   nose.rotation.z = -Math.PI / 2;
   nose.scale.z = 0.05;
   nose.position.set(0.058, 0, 0.004);

@@ -3,7 +3,7 @@
 import { CircleGeometry, Group, Line, LineBasicMaterial, LineDashedMaterial, Mesh, MeshBasicMaterial } from "three";
 import type { Scene } from "../contract.ts";
 import type { Frames } from "../project/frames.ts";
-import { dispose, lineGeometry } from "./lines.ts";
+import { dispose, lineGeometry, shared } from "./lines.ts";
 import { footColour, type Palette } from "./palette.ts";
 
 export class Paths {
@@ -19,10 +19,10 @@ export class Paths {
     const path = rows.flatMap((row) => frames.com(row));
     const shadow = rows.flatMap((row) => [...frames.com(row).slice(0, 2), 0.003]);
     // It runs inside the robot: drawn over everything.
-    const line = new Line(lineGeometry(path), new LineBasicMaterial({ color: palette.com, depthTest: false, transparent: true }));
+    const line = new Line(lineGeometry(path), shared(LineBasicMaterial, { color: palette.com, depthTest: false, transparent: true }));
     line.renderOrder = 9;
     this.com.add(line);
-    const dashes = new LineDashedMaterial({ color: palette.com, dashSize: 0.012, gapSize: 0.01, transparent: true, opacity: 0.6 });
+    const dashes = shared(LineDashedMaterial, { color: palette.com, dashSize: 0.012, gapSize: 0.01, transparent: true, opacity: 0.6 });
     const projected = new Line(lineGeometry(shadow), dashes);
     projected.computeLineDistances();
     this.com.add(projected);
@@ -30,7 +30,7 @@ export class Paths {
     scene.end_effectors.forEach((_, foot) => {
       const color = footColour(foot, dark);
       const points = rows.flatMap((row) => lifted(frames.position(row, foot)));
-      this.feet.add(new Line(lineGeometry(points), new LineBasicMaterial({ color })));
+      this.feet.add(new Line(lineGeometry(points), shared(LineBasicMaterial, { color })));
       this.#footprints(frames, foot, color);
     });
   }
@@ -44,7 +44,7 @@ export class Paths {
     for (let index = 1; index < frames.header.count; index++) {
       const row = frames.row(index);
       if (!frames.contact(row, foot) || frames.contact(frames.row(index - 1), foot)) continue;
-      const mark = new Mesh(new CircleGeometry(0.011, 20), new MeshBasicMaterial({ color, transparent: true, opacity: 0.75, depthWrite: false }));
+      const mark = new Mesh(new CircleGeometry(0.011, 20), shared(MeshBasicMaterial, { color, transparent: true, opacity: 0.75, depthWrite: false }));
       mark.position.set(...lifted(frames.position(row, foot)));
       this.feet.add(mark);
     }
