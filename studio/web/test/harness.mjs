@@ -82,6 +82,7 @@ export class Studio {
     });
     page.on("pageerror", (error) => studio.errors.push(String(error)));
     page.on("request", (request) => studio.requests.push(request.url()));
+    await options.before?.(page);
     await page.goto(url);
     await studio.settled();
     return studio;

@@ -1,19 +1,13 @@
 // The page that `rollwalk studio` serves, with the native engine, and a robot on a bus of this computer. STUDIO_ROLLWALK and
 // STUDIO_SIM are the programs.
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
-import { access, cp, mkdtemp, readFile } from "node:fs/promises";
+import { cp, mkdtemp, readFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
-import { setTimeout as delay } from "node:timers/promises";
-import { dirname, join } from "node:path";
+import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
-import { fileURLToPath } from "node:url";
 import { launch, Studio, WAIT_MS } from "./harness.mjs";
+import { program, root, serveStudio, simulator, startRobot } from "./programs.mjs";
 import { runRobot } from "./robot.mjs";
-
-const program = process.env.STUDIO_ROLLWALK;
-const simulator = process.env.STUDIO_SIM;
-const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
 
 const browsers = (process.env.STUDIO_BROWSERS ?? "chromium,firefox").split(",");
 
@@ -22,25 +16,10 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
   before(async () => {
     folder = await mkdtemp(join(tmpdir(), "studio-"));
     for (const part of ["motions", "robots"]) await cp(join(root, part), join(folder, part), { recursive: true });
-    robot = spawn(simulator, ["robots/test_leg.toml", "--on", "stand", "--bus", "sim:robot.sock"], { cwd: folder, stdio: "ignore" });
-    while (await access(join(folder, "robot.sock")).then(() => false, () => true)) {
-      assert.equal(robot.exitCode, null, "the simulated robot ended");
-      await delay(10);
-    }
-    served = spawn(program, ["studio", "motions/test_leg_library.toml", "--no-open", "--bus", "sim:robot.sock"], { cwd: folder });
-    let said = "";
-    const address = await new Promise((resolve, reject) => {
-      for (const stream of [served.stdout, served.stderr]) {
-        stream.on("data", (data) => {
-          said += data;
-          const found = /http:\S+/.exec(said);
-          if (found) resolve(found[0]);
-        });
-      }
-      served.on("exit", () => reject(new Error(`rollwalk studio ended: ${said}`)));
-    });
+    robot = await startRobot(folder, "sim:robot.sock");
+    served = await serveStudio(folder, ["motions/test_leg_library.toml", "--bus", "sim:robot.sock"]);
     browser = await launch(name);
-    studio = await Studio.open(browser, address);
+    studio = await Studio.open(browser, served.address);
   });
   after(async () => {
     await browser?.close();

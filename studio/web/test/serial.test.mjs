@@ -1,0 +1,101 @@
+// The page at serial ports: a controller's line, and a CAN adapter that speaks SLCAN. Simulated robots are at their other ends, and
+// the page is that of `rollwalk studio`. STUDIO_ROLLWALK and STUDIO_SIM are the programs.
+import assert from "node:assert/strict";
+import { mkdtemp } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, describe, test } from "node:test";
+import { launch, Studio, WAIT_MS } from "./harness.mjs";
+import { fakeSerial, serialLine, slcanAdapter } from "./line.mjs";
+import { program, root, serveStudio, simulator, startRobot } from "./programs.mjs";
+import { runRobot } from "./robot.mjs";
+
+describe("a robot at a serial port", { skip: program && simulator ? false : "STUDIO_ROLLWALK and STUDIO_SIM name no programs" }, () => {
+  let served, browser, studio, line, adapter;
+  const robots = [];
+  /** What the cable leads to. */
+  let far;
+  const from = (end) => (bytes) => {
+    // The page may be closed already.
+    if (far && far === end()) studio.page.evaluate((bytes) => globalThis.fakeSerial.arrive(bytes), [...bytes]).catch(() => {});
+  };
+  const until = (wanted, argument) => studio.page.waitForFunction(wanted, { timeout: WAIT_MS }, argument);
+  const trouble = (words) => until((words) => document.querySelector(".steps .note").textContent.includes(words), words);
+  const set = (change) => studio.page.evaluate((change) => void Object.assign(globalThis.fakeSerial, change), change);
+  const fake = (name) => studio.page.evaluate((name) => globalThis.fakeSerial[name], name);
+  before(async () => {
+    const folder = await mkdtemp(join(tmpdir(), "studio-"));
+    line = await serialLine(from(() => line));
+    robots.push(await startRobot(root, `serial:${line.device}`));
+    robots.push(await startRobot(root, `sim:${join(folder, "robot.sock")}`));
+    adapter = await slcanAdapter(join(folder, "robot.sock"), from(() => adapter));
+    served = await serveStudio(root, ["motions/test_leg_library.toml"]);
+    browser = await launch("chromium");
+    studio = await Studio.open(browser, served.address, {
+      async before(page) {
+        await page.exposeFunction("serialOut", (bytes) => void far.send(Buffer.from(bytes)));
+        await page.evaluateOnNewDocument(fakeSerial);
+      },
+    });
+  });
+  after(async () => {
+    await browser?.close();
+    for (const one of [line, adapter]) one?.close();
+    for (const one of [served, ...robots]) one?.kill();
+  });
+
+  test("on its line is flashed, armed, plays, and is stopped, whatever pieces bytes arrive in", async () => {
+    far = line;
+    await runRobot(studio, "serial");
+    assert.equal(await fake("isOpen"), false);
+    assert.equal(await fake("baud"), 115_200);
+  });
+
+  test("behind an SLCAN adapter is flashed, armed, plays, and is stopped", async () => {
+    far = adapter;
+    await runRobot(studio, "slcan");
+    assert.equal(await fake("isOpen"), false);
+  });
+
+  test("is gone when its adapter is pulled out, and found again", async () => {
+    far = line;
+    await studio.page.select("#place", "serial");
+    for (const again of [false, true]) {
+      await studio.button("Connect");
+      await until(() => globalThis.studio.link.view?.contact);
+      if (again) break;
+      await studio.page.evaluate(() => globalThis.fakeSerial.lose());
+      await trouble("the serial port was lost: The device has been lost.");
+      assert.equal(await studio.state("link.connected"), false);
+      await until(() => !globalThis.fakeSerial.isOpen);
+    }
+    assert.equal(await studio.page.$eval(".steps .note", (note) => note.textContent), "");
+  });
+
+  test("can be left in the middle of a transfer", async () => {
+    await studio.button("Clear faults");
+    await until(() => globalThis.studio.link.view.state === "disarmed");
+    // Nothing answers any more, so that it stays in the middle.
+    far = { send() {} };
+    await studio.click(".run .flash");
+    await until(() => globalThis.studio.link.view.transfer);
+    await studio.button("Disconnect");
+    await until(() => !globalThis.studio.link.connected && !globalThis.fakeSerial.isOpen);
+  });
+
+  test("is not there where the user chooses no port, or the port cannot be opened", async () => {
+    far = line;
+    await set({ refusal: "NotFoundError" });
+    await studio.button("Connect");
+    await trouble("No port was chosen.");
+    await set({ refusal: null, failure: "Failed to open serial port." });
+    await studio.button("Connect");
+    await trouble("Failed to open serial port.");
+    assert.equal(await studio.state("link.connected"), false);
+    await set({ failure: null });
+    await studio.button("Connect");
+    await until(() => globalThis.studio.link.view?.contact);
+  });
+
+  test("no error on the console", () => assert.deepEqual(studio.errors, []));
+});
