@@ -47,14 +47,14 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
   test("on its line is flashed, armed, plays, and is stopped, whatever pieces bytes arrive in", async () => {
     far = line;
     await runRobot(studio, "serial");
-    assert.equal(await fake("isOpen"), false);
+    await until(() => !globalThis.fakeSerial.isOpen);
     assert.equal(await fake("baud"), 115_200);
   });
 
   test("behind an SLCAN adapter is flashed, armed, plays, and is stopped", async () => {
     far = adapter;
     await runRobot(studio, "slcan");
-    assert.equal(await fake("isOpen"), false);
+    await until(() => !globalThis.fakeSerial.isOpen);
   });
 
   test("is gone when its adapter is pulled out, and found again", async () => {
