@@ -69,35 +69,26 @@ impl Collision {
         if gap_m >= 0.0 {
             return None;
         }
-        let Normal { stiffness_n_m: stiffness, damping_n_s_m, ramp_m, .. } = self.normal;
-        let (mut damping, damping_slope) = if -gap_m < ramp_m {
-            (damping_n_s_m * -gap_m / ramp_m, -damping_n_s_m / ramp_m)
-        } else {
-            (damping_n_s_m, 0.0)
-        };
-        let spring = -stiffness * gap_m;
-        let approach = normal.dot(velocity);
-        let mut normal_n = spring - damping * approach;
-        let mut normal_by_gap = -stiffness - damping_slope * approach;
-        if self.normal.lets_go(normal_n) {
-            (normal_n, normal_by_gap, damping) = (0.0, 0.0, 0.0);
-        }
-        let sliding = velocity - normal * approach;
-        let mut friction = self.friction.force(&sliding, spring);
+        let opening = normal.dot(velocity);
+        let press = self.normal.press(gap_m, opening);
+        let sliding = velocity - normal * opening;
+        let mut friction = self.friction.force(&sliding, press.spring_n);
         if tame {
             friction = friction.secant(&sliding);
         }
-        let approach_by_place = velocity.transpose() * curvature;
-        let sliding_by_place = -(curvature * approach + normal * approach_by_place);
-        let normal_by_place = gradient.transpose() * normal_by_gap - approach_by_place * damping;
+        let opening_by_place = velocity.transpose() * curvature;
+        let sliding_by_place = -(curvature * opening + normal * opening_by_place);
+        let press_by_place =
+            gradient.transpose() * press.by_gap + opening_by_place * press.by_opening;
         let across = Matrix3::identity() - normal * normal.transpose();
         Some(Law {
-            force: normal * normal_n + friction.force,
-            by_place: normal * normal_by_place
-                + curvature * normal_n
+            force: normal * press.force_n + friction.force,
+            by_place: normal * press_by_place
+                + curvature * press.force_n
                 + friction.by_sliding * sliding_by_place
-                - friction.by_normal * gradient.transpose() * stiffness,
-            by_velocity: friction.by_sliding * across - normal * normal.transpose() * damping,
+                - friction.by_normal * gradient.transpose() * self.normal.stiffness_n_m,
+            by_velocity: friction.by_sliding * across
+                + normal * normal.transpose() * press.by_opening,
         })
     }
 
@@ -234,8 +225,11 @@ mod tests {
     fn a_collision_has_its_derivatives() {
         let grid = Grid::of(&BALL, Vector3::repeat(-0.5), 0.05, [21; 3]).unwrap();
         for solid in [Arc::new(BALL) as Arc<dyn Ground>, Arc::new(grid)] {
-            for model in [Model::Linear, Model::Tanh] {
-                let force = collision(Arc::clone(&solid), model);
+            for (model, pulls) in
+                [(Model::Linear, true), (Model::Tanh, true), (Model::Linear, false)]
+            {
+                let mut force = collision(Arc::clone(&solid), model);
+                force.normal.pulls = pulls;
                 agrees_at(&force, 20, |now| {
                     // The point 1 cm deep.
                     let (place, _) = now[0].point(&force.point);

@@ -3,6 +3,7 @@
 //! The contact point of a wheel is the point of its rim that is deepest for the ground's normal at its centre; that of a
 //! foot is the deepest point of a sphere. Both move over the body as it turns, and all derivatives know that.
 
+mod normal;
 mod place;
 
 use crate::force::{By, Derivative, Force, Held, View, Wrench};
@@ -13,10 +14,12 @@ use crate::motion::Motion;
 use crate::sensitivity::parameter::OfContact;
 use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6x3, RowVector3, Vector3};
+pub(crate) use normal::Press;
 use place::{Place, across};
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
 
+pub use normal::Normal;
 pub use place::Tip;
 
 /// Speed at which rolling resistance has three quarters of its size, m/s.
@@ -26,28 +29,6 @@ const RESISTANCE_SPEED_M_S: f64 = 0.01;
 const REACH_M: f64 = 0.02;
 /// Gap beyond which one is not expected to touch within a step, besides what it moves, m.
 const FAR_M: f64 = 0.005;
-
-/// Stiffness and damping along the normal.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Normal {
-    /// Stiffness k_n, N/m.
-    pub stiffness_n_m: f64,
-    /// Damping k_d, N·s/m.
-    pub damping_n_s_m: f64,
-    /// Depth over which the damping comes in, m. A damping that jumps at the surface leaves steps without any solution;
-    /// 0 is such a jump, for comparisons with closed forms.
-    pub ramp_m: f64,
-    /// Whether damping may be more than the spring, and pull at what leaves. It then grows with the distance, so that a step can have
-    /// several solutions, of which rounding decides: a rollout jumps with its parameters.
-    pub pulls: bool,
-}
-
-impl Normal {
-    /// Whether a contact lets go, rather than to pull with so much.
-    pub(crate) fn lets_go(&self, normal_n: f64) -> bool {
-        normal_n < 0.0 && !self.pulls
-    }
-}
 
 /// Resistance along the rolling direction, as a share of the normal force: c_rr s(v) + c_v v.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -123,16 +104,6 @@ impl Contact {
         touch
     }
 
-    /// Damping at a gap, N·s/m, and its derivative by the gap.
-    fn damping(&self, gap_m: f64) -> (f64, f64) {
-        let Normal { damping_n_s_m: damping, ramp_m, .. } = self.normal;
-        if -gap_m < ramp_m {
-            (damping * -gap_m / ramp_m, -damping / ramp_m)
-        } else {
-            (damping, 0.0)
-        }
-    }
-
     /// Share of the normal force that resists rolling, at a rolling velocity, and its derivative.
     fn resistance(&self, speed_m_s: f64) -> (f64, f64) {
         let Resistance { constant, per_speed_s_m } = self.resistance;
@@ -149,13 +120,9 @@ impl Contact {
         held: Option<&Held>,
     ) -> (Vector3<f64>, f64, bool) {
         let Surface { gap_m, normal, .. } = place.surface;
-        let spring = -self.normal.stiffness_n_m * gap_m;
-        let approach = normal.dot(velocity);
-        let normal_n = match spring - self.damping(gap_m).0 * approach {
-            pull_n if self.normal.lets_go(pull_n) => 0.0,
-            normal_n => normal_n,
-        };
-        let mut sliding = velocity - normal * approach;
+        let opening = normal.dot(velocity);
+        let Press { spring_n: spring, force_n, .. } = self.normal.press(gap_m, opening);
+        let mut sliding = velocity - normal * opening;
         let mut along = Vector3::zeros();
         if let (Tip::Blade { .. }, Some(axis)) = (self.tip, place.axis) {
             let (across, _, _) = across(&axis, &normal);
@@ -164,7 +131,7 @@ impl Contact {
             along = ahead * -(spring * self.resistance(ahead.dot(velocity)).0);
         }
         let friction = self.friction.held_force(held, &sliding, spring);
-        (normal * normal_n + friction.force + along, spring, friction.slips)
+        (normal * force_n + friction.force + along, spring, friction.slips)
     }
 
     /// Where it is, at a motion of its body.
@@ -195,16 +162,10 @@ impl Contact {
         }
         let velocity = spot.velocity + shift * gain;
         let stiffness = self.normal.stiffness_n_m;
-        let spring = -stiffness * gap_m;
-        let (damping, damping_slope) = self.damping(gap_m);
-        let approach = normal.dot(&velocity);
-        let mut normal_n = spring - damping * approach;
-        let mut by_gap = -stiffness - damping_slope * approach - damping * gain;
-        if self.normal.lets_go(normal_n) {
-            (normal_n, by_gap) = (0.0, 0.0);
-        }
-        let mut force = normal * normal_n;
-        let mut by_shift = normal * normal.transpose() * by_gap;
+        let press = self.normal.press(gap_m, normal.dot(&velocity));
+        let spring = press.spring_n;
+        let mut force = normal * press.force_n;
+        let mut by_shift = normal * normal.transpose() * (press.by_gap + press.by_opening * gain);
         let across = match blade {
             Some(across) => across * across.transpose(),
             None => Matrix3::identity() - normal * normal.transpose(),
@@ -232,9 +193,10 @@ impl Contact {
             return None;
         }
         let velocity = body.velocity + body.spin.cross(&place.arm);
-        let spring = -self.normal.stiffness_n_m * gap_m;
-        let approach = normal.dot(&velocity);
-        let mut sliding = velocity - normal * approach;
+        let opening = normal.dot(&velocity);
+        let press = self.normal.press(gap_m, opening);
+        let spring = press.spring_n;
+        let mut sliding = velocity - normal * opening;
         // Directions, and the derivative of what resists along a blade or about a rim by its share of the load.
         let (mut ahead, mut axis, mut speed) = (Vector3::zeros(), Vector3::zeros(), 0.0);
         match (self.tip, place.axis) {
@@ -256,23 +218,14 @@ impl Contact {
             force = ahead * -by;
             moment = axis * -(self.radius_m * by);
         };
-        let lets_go = self.normal.lets_go(spring - self.damping(gap_m).0 * approach);
+        let [by_stiffness, by_damping, by_ramp] = self.normal.press_by(gap_m, opening);
         match number {
             OfContact::Stiffness => {
                 resist(-gap_m * self.resistance(speed).0);
-                force +=
-                    (if lets_go { Vector3::zeros() } else { normal } + friction.by_normal) * -gap_m;
+                force += normal * by_stiffness - friction.by_normal * gap_m;
             }
-            OfContact::Damping if lets_go => {}
-            OfContact::Damping => {
-                let ramp =
-                    if -gap_m < self.normal.ramp_m { -gap_m / self.normal.ramp_m } else { 1.0 };
-                force = normal * (-ramp * approach);
-            }
-            OfContact::Ramp if -gap_m < self.normal.ramp_m && !lets_go => {
-                force = normal * (self.damping(gap_m).0 / self.normal.ramp_m * approach);
-            }
-            OfContact::Ramp => {}
+            OfContact::Damping => force = normal * by_damping,
+            OfContact::Ramp => force = normal * by_ramp,
             OfContact::Friction => force = friction.by_coefficient,
             OfContact::Stick => force = friction.by_stick,
             OfContact::Resistance => resist(spring * (speed / RESISTANCE_SPEED_M_S).tanh()),
@@ -351,18 +304,16 @@ impl Force for Contact {
         };
         let still = RowVector3::zeros();
         let gap_by = [place.gap_by_position, place.gap_by_rotation, still, still];
-        let (approach, approach_by) = normal.dot(&velocity);
+        let (opening, opening_by) = normal.dot(&velocity);
         let stiffness = self.normal.stiffness_n_m;
-        let spring = -stiffness * gap_m;
-        let (damping, damping_slope) = self.damping(gap_m);
-        let lets_go = self.normal.lets_go(spring - damping * approach);
-        let normal_n = if lets_go { 0.0 } else { spring - damping * approach };
+        let press = self.normal.press(gap_m, opening);
+        let spring = press.spring_n;
 
         // What slides, and for a blade what resists along it.
         let mut sliding = Varied {
-            value: velocity.value - normal.value * approach,
+            value: velocity.value - normal.value * opening,
             by: [0, 1, 2, 3]
-                .map(|k| velocity.by[k] - normal.by[k] * approach - normal.value * approach_by[k]),
+                .map(|k| velocity.by[k] - normal.by[k] * opening - normal.value * opening_by[k]),
         };
         let mut along = Varied { value: Vector3::zeros(), by: [none; 4] };
         let axis =
@@ -394,16 +345,12 @@ impl Force for Contact {
             friction = friction.secant(&sliding.value);
         }
 
-        let force = normal.value * normal_n + friction.force + along.value;
+        let force = normal.value * press.force_n + friction.force + along.value;
         let lever = skew(&place.arm);
         for (k, part) in PARTS.into_iter().enumerate() {
-            let normal_by = if lets_go {
-                RowVector3::zeros()
-            } else {
-                gap_by[k] * (-stiffness - damping_slope * approach) - approach_by[k] * damping
-            };
-            let force_by = normal.value * normal_by
-                + normal.by[k] * normal_n
+            let press_by = gap_by[k] * press.by_gap + opening_by[k] * press.by_opening;
+            let force_by = normal.value * press_by
+                + normal.by[k] * press.force_n
                 + friction.by_sliding * sliding.by[k]
                 + friction.by_normal * (gap_by[k] * -stiffness)
                 + along.by[k];

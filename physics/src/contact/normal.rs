@@ -1,0 +1,115 @@
+//! The force along the normal of a contact: a spring, and damping that comes in with depth.
+
+/// Stiffness and damping along the normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Normal {
+    /// Stiffness k_n, N/m.
+    pub stiffness_n_m: f64,
+    /// Damping k_d, N·s/m.
+    pub damping_n_s_m: f64,
+    /// Depth over which the damping comes in, m. A damping that jumps at the surface leaves steps without any solution;
+    /// 0 is such a jump, for comparisons with closed forms.
+    pub ramp_m: f64,
+    /// Whether the contact may pull: damping exceeds the spring where a body leaves fast. The pull grows with depth, so that a
+    /// step can have several solutions, and a rollout jumps with its parameters. Where it may not, the force along the normal is 0
+    /// instead; friction and rolling resistance go by the spring in either case.
+    pub pulls: bool,
+}
+
+/// The force along the normal at a gap and at the rate at which the gap opens.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Press {
+    /// Of the spring alone, by which friction and rolling resistance go, N.
+    pub spring_n: f64,
+    /// Of spring and damping, N.
+    pub force_n: f64,
+    /// Its derivative by the gap, N/m.
+    pub by_gap: f64,
+    /// Its derivative by the rate at which the gap opens, N·s/m.
+    pub by_opening: f64,
+}
+
+impl Normal {
+    /// The force at a gap below 0, and at a rate at which it opens, m/s.
+    pub(crate) fn press(&self, gap_m: f64, opening_m_s: f64) -> Press {
+        let (share, share_slope) = self.damping_share(gap_m);
+        let spring_n = -self.stiffness_n_m * gap_m;
+        let force_n = spring_n - self.damping_n_s_m * share * opening_m_s;
+        if self.lets_go(force_n) {
+            return Press { spring_n, force_n: 0.0, by_gap: 0.0, by_opening: 0.0 };
+        }
+        Press {
+            spring_n,
+            force_n,
+            by_gap: -self.stiffness_n_m - self.damping_n_s_m * share_slope * opening_m_s,
+            by_opening: -self.damping_n_s_m * share,
+        }
+    }
+
+    /// Derivatives of that force by stiffness, damping and ramp.
+    pub(crate) fn press_by(&self, gap_m: f64, opening_m_s: f64) -> [f64; 3] {
+        let (share, share_slope) = self.damping_share(gap_m);
+        let damping_n = self.damping_n_s_m * share * opening_m_s;
+        if self.lets_go(-self.stiffness_n_m * gap_m - damping_n) {
+            return [0.0; 3];
+        }
+        // On the ramp the share goes as the inverse of the ramp.
+        let by_ramp = if share_slope == 0.0 { 0.0 } else { damping_n / self.ramp_m };
+        [-gap_m, -share * opening_m_s, by_ramp]
+    }
+
+    fn lets_go(&self, force_n: f64) -> bool {
+        force_n < 0.0 && !self.pulls
+    }
+
+    /// Share of the damping at a gap, and its derivative by the gap, 1/m.
+    fn damping_share(&self, gap_m: f64) -> (f64, f64) {
+        let ramp_m = self.ramp_m;
+        if -gap_m < ramp_m { (-gap_m / ramp_m, -1.0 / ramp_m) } else { (1.0, 0.0) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NORMAL: Normal =
+        Normal { stiffness_n_m: 200.0, damping_n_s_m: 3.0, ramp_m: 0.02, pulls: true };
+
+    /// On the ramp and below it, approaching, leaving, and leaving so fast that the damping exceeds the spring.
+    #[test]
+    fn the_force_has_its_derivatives() {
+        let mut pulled = 0;
+        for pulls in [true, false] {
+            let normal = Normal { pulls, ..NORMAL };
+            for gap_m in [-0.01, -0.03] {
+                for opening_m_s in [-1.0, 0.5, 4.0] {
+                    let force = |normal: Normal, gap_m, opening_m_s| {
+                        normal.press(gap_m, opening_m_s).force_n
+                    };
+                    let h = 1e-6;
+                    let by = |change: &dyn Fn(f64) -> f64| (change(h) - change(-h)) / (2.0 * h);
+                    let press = normal.press(gap_m, opening_m_s);
+                    let Normal { stiffness_n_m, damping_n_s_m, ramp_m, .. } = normal;
+                    let numbers = normal.press_by(gap_m, opening_m_s);
+                    let stiffness = |x| Normal { stiffness_n_m: stiffness_n_m + x, ..normal };
+                    let damping = |x| Normal { damping_n_s_m: damping_n_s_m + x, ..normal };
+                    let ramp = |x| Normal { ramp_m: ramp_m + x, ..normal };
+                    for (exact, difference) in [
+                        (press.by_gap, by(&|x| force(normal, gap_m + x, opening_m_s))),
+                        (press.by_opening, by(&|x| force(normal, gap_m, opening_m_s + x))),
+                        (numbers[0], by(&|x| force(stiffness(x), gap_m, opening_m_s))),
+                        (numbers[1], by(&|x| force(damping(x), gap_m, opening_m_s))),
+                        (numbers[2], by(&|x| force(ramp(x), gap_m, opening_m_s))),
+                    ] {
+                        let bound = 1e-7 * (1.0 + exact.abs());
+                        assert!((exact - difference).abs() < bound, "{exact} {difference}");
+                    }
+                    assert!(pulls || press.force_n >= 0.0, "{press:?}");
+                    pulled += usize::from(press.force_n < 0.0);
+                }
+            }
+        }
+        assert!(pulled == 2, "{pulled}");
+    }
+}
