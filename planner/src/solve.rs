@@ -70,6 +70,9 @@ pub struct Iteration {
     pub progress: Progress,
     /// Status of the solve if it has ended.
     pub ended: Option<Status>,
+    /// By how much the energy differs from what its quadratic model had at the end of the step; infinite without a step. It is
+    /// what the rows depart from their linearisation, and about what the next step can gain.
+    pub mismatch: f64,
     /// Whether the energy is nearly minimal for the present multipliers with a constraint violated, so that the
     /// multipliers should be shifted.
     pub nearly_flat: bool,
@@ -77,6 +80,14 @@ pub struct Iteration {
     pub no_better: usize,
     /// Whether they are so many that the solve leads nowhere.
     pub exhausted: bool,
+}
+
+/// What a step did to the energy.
+struct Stepped {
+    /// Relative decrease; 0 without a step.
+    decrease: f64,
+    /// As in [`Iteration`].
+    mismatch: f64,
 }
 
 /// Outcome of a solve.
@@ -192,7 +203,7 @@ impl<'a> Solver<'a> {
     /// Linearises the rows and takes one step.
     pub fn iterate(&mut self) -> Iteration {
         self.iteration += 1;
-        let decrease = self.step();
+        let Stepped { decrease, mismatch } = self.step();
         let progress = self.progress();
         let level = progress.worst_level;
         let ended = self.end_without_step(level);
@@ -202,6 +213,7 @@ impl<'a> Solver<'a> {
             return Iteration {
                 progress,
                 ended,
+                mismatch,
                 nearly_flat: false,
                 no_better: 0,
                 exhausted: false,
@@ -215,12 +227,11 @@ impl<'a> Solver<'a> {
         let exhausted = self.no_better >= MOST_NO_BETTER;
         let ended = (exhausted && level <= ACCEPTED_LEVEL).then_some(Status::Converged);
         let no_better = self.no_better;
-        Iteration { progress, ended, nearly_flat, no_better, exhausted }
+        Iteration { progress, ended, mismatch, nearly_flat, no_better, exhausted }
     }
 
-    /// Increases the damping until the step lowers the energy about as predicted, and takes it; returns the relative
-    /// decrease.
-    fn step(&mut self) -> f64 {
+    /// Increases the damping until the step lowers the energy about as predicted, and takes it.
+    fn step(&mut self) -> Stepped {
         let Point { unknowns, rows } = &mut self.point;
         self.system.differentiate(unknowns, rows, &self.shifts);
         self.normal.assemble(rows, &self.shifts, self.system.penalty());
@@ -234,7 +245,9 @@ impl<'a> Solver<'a> {
                 continue;
             };
             if ratio > 1e-3 {
-                let decrease = (energy - trial.energy) / energy.max(f64::MIN_POSITIVE);
+                let gain = energy - trial.energy;
+                let decrease = gain / energy.max(f64::MIN_POSITIVE);
+                let mismatch = (gain / ratio - gain).abs();
                 self.step_length = trial.step.iter().map(|d| d * d).sum::<f64>().sqrt();
                 self.energy = trial.energy;
                 self.trials.spare.push(std::mem::replace(&mut self.point, trial.point).rows);
@@ -244,7 +257,7 @@ impl<'a> Solver<'a> {
                 } else if ratio < 0.25 {
                     self.damping *= 3.0;
                 }
-                return decrease;
+                return Stepped { decrease, mismatch };
             }
             self.trials.spare.push(trial.point.rows);
             if energy - trial.energy > -1e-13 * energy {
@@ -253,7 +266,7 @@ impl<'a> Solver<'a> {
             rejected = true;
             self.damping = (self.damping * 6.0).max(DAMPING_FELT);
         }
-        0.0
+        Stepped { decrease: 0.0, mismatch: f64::INFINITY }
     }
 
     /// Resets damping that has reached its limit, because with new multipliers a less damped step may succeed. After

@@ -78,8 +78,8 @@ impl Editing {
     /// Plans the motion of an edited robot, or an edited motion.
     ///
     /// The plan is as good as that of [`replan_solution`](super::replan_solution): constraints are met to the same part of their
-    /// tolerances, and the iterations end when one changes the costs by less than [`Settings::flat`]. It is the same within what
-    /// these leave open; its last digits depend on the edits before. As there it is refined if that is among the options, and
+    /// tolerances, and the iterations end when one changes the costs by less than [`Settings::flat`], or the next could not. It is the same
+    /// within what these leave open; its last digits depend on the edits before. As there it is refined if that is among the options, and
     /// its outcome is in its solve summary. One that did not converge is not where the next edit starts.
     ///
     /// # Errors
@@ -150,7 +150,7 @@ impl Editing {
     }
 }
 
-/// Iterates until one hardly changes the costs with all constraints met.
+/// Iterates until one hardly changes the costs with all constraints met, or the next one could not.
 ///
 /// A solve from scratch waits for the whole energy to be flat. Near an optimum that is mostly inequalities which the step has
 /// taken into the smoothing of ψ and which push nothing: Newton's method leaves an eighth of their cubic part each time, and
@@ -180,7 +180,9 @@ fn until_costs_are_flat(
             break status;
         }
         let before = std::mem::replace(&mut cost, state.cost);
-        let is_flat = (state.cost - before).abs() < settings.flat * state.cost;
+        // Where the quadratic model was right, another iteration would only confirm it.
+        let change = iteration.mismatch.min((state.cost - before).abs());
+        let is_flat = change < settings.flat * state.cost;
         if is_flat && state.worst_level <= settings.target_level {
             break Status::Converged;
         }
