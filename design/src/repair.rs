@@ -35,6 +35,9 @@ const STEPS: usize = 30;
 const ROUNDS: usize = 8;
 const IN_VAIN: usize = 2;
 const LESS: f64 = 0.7;
+/// Part of the pull that is left after a round in vain. Against a pull, multipliers hardly move a flaw of the second order, such as a
+/// tilt, whose slope vanishes where it is cured.
+const FADES: f64 = 0.1;
 /// Iterations of a plan of a design that may be able to do its motion.
 const ITERATIONS: usize = 60;
 /// Distance of the neighbours from which derivatives are taken, units.
@@ -266,6 +269,9 @@ impl<E> Work<'_, '_, E> {
             }
             let pressed: Result<Vec<_>, _> =
                 short.iter().map(|short| short.pressed(&mut self.iterated())).collect();
+            if in_vain > 0 {
+                self.pull *= FADES;
+            }
             match pressed {
                 Ok(pressed) => short = pressed,
                 Err(NotOptimal::NoOptimum { .. }) => break,

@@ -4,8 +4,9 @@ use super::*;
 use rollwalk_planner::motion::{Subject, Target};
 use rollwalk_planner::optimise;
 use rollwalk_planner::start::Start;
+use rollwalk_robot::Contact;
 use std::convert::Infallible;
-use std::f64::consts::FRAC_1_SQRT_2;
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 use std::fs;
 use std::path::Path;
 
@@ -112,6 +113,30 @@ fn of_six_coordinates_two_change_by_half_as_much() {
         assert!((change - expected).abs() < 0.03, "{changes_mm:?}");
     }
     assert!((changes_mm[5] - changes_mm[2] - 1e3 * HANGS_M).abs() < 0.02, "{changes_mm:?}");
+}
+
+#[test]
+fn the_car_is_repaired_by_untilting_its_front_wheels() {
+    let tilt = Free {
+        name: "tilt".into(),
+        original: FRAC_PI_4,
+        bounds: [0.0, 1.0],
+        unit: 0.1,
+        symbol: "rad",
+    };
+    let made = |values: &[f64]| {
+        let mut robot = robot("car_tilted");
+        let (sine, cosine) = values[0].sin_cos();
+        for (wheel, side) in robot.end_effectors.iter_mut().zip([1.0, -1.0]) {
+            let Contact::ActuatedWheel { axis_in_link, .. } = &mut wheel.contact else { panic!() };
+            *axis_in_link = [0.0, cosine, side * sine].into();
+        }
+        let motions = vec![motion("car_drive", &robot)];
+        Made { robot, motions }
+    };
+    let found = repaired(&[tilt], &made, &mut on);
+    drives(&found);
+    assert_eq!(found.values, [0.0]);
 }
 
 #[test]
