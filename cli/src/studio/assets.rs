@@ -40,9 +40,8 @@ pub fn file(name: &str) -> Option<Asset<'static>> {
     FILES.iter().find(|(known, _)| *known == name).map(|(_, asset)| *asset)
 }
 
-/// The page itself, which reads in its head that its engine is here, and which bus it may have. Its policy for scripts and
-/// connections is in the answer's head, where
-/// it also names this port.
+/// The page itself. Two elements in its head say that its engine is this program, and which bus it may use. The policy for its
+/// scripts and connections is a header of the answer, because it names this port.
 pub fn page(token: &str, bus: Option<&BusName>) -> String {
     let lines =
         PAGE.lines().filter(|line| !line.contains("http-equiv=\"Content-Security-Policy\""));
