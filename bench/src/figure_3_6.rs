@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_physics::ground::Plane;
 use rollwalk_planner::plan::Status;
 use rollwalk_planner::{Options, optimise};
-use rollwalk_simulate::{Script, play};
+use rollwalk_simulate::{Control, Script, play};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
     program.say(&format!("{}: {:?}", motion.name, plan.solve.status));
     let script = Script::new(&plan, true);
     let options = rollwalk_simulate::Options {
-        feed_forward: true,
+        control: Control::FeedForward,
         cycles: 1,
         rate_hz: RATE_HZ,
         ground: Arc::new(Plane::level()),

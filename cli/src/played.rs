@@ -4,20 +4,20 @@ use crate::interrupt;
 use miette::IntoDiagnostic;
 use rollwalk_physics::ground::Plane;
 use rollwalk_planner::plan::Plan;
-use rollwalk_simulate::{Options, Outcome};
+use rollwalk_simulate::{Control, Options, Outcome};
 use std::sync::Arc;
 
 /// Steps of the world per second, and periods of motions that repeat.
 const RATE_HZ: u32 = 120;
 const PERIODS: usize = 5;
 
-/// Plays a plan on level ground, open loop; ends early after Ctrl-C.
+/// Plays a plan on level ground; ends early after Ctrl-C.
 ///
 /// # Errors
 /// A step of the world has no solution.
-pub fn play(plan: &Plan, feed_forward: bool) -> miette::Result<Outcome> {
+pub fn play(plan: &Plan, control: Control) -> miette::Result<Outcome> {
     let options = Options {
-        feed_forward,
+        control,
         cycles: PERIODS,
         rate_hz: RATE_HZ,
         ground: Arc::new(Plane::level()),

@@ -29,6 +29,7 @@ mod jacobian;
 mod kinematics;
 pub mod rotation;
 mod standing;
+mod state;
 mod tree;
 
 pub use centroidal::{about_com, centroidal_momentum_matrix};
@@ -37,6 +38,7 @@ pub use contact::{ContactMotion, RimContact};
 pub use frames::{Configuration, Frames};
 pub use kinematics::Kinematics;
 pub use standing::{Standing, StandingContact};
+pub use state::{State, turn_base};
 pub use tree::{Tree, Wheel};
 
 /// Index in ν of the first component of the base's linear velocity.

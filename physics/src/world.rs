@@ -19,6 +19,7 @@ use crate::system::{StepError, StepReport, System};
 use crate::touch::Touch;
 use build::Build;
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::{State, Tree};
 use rollwalk_robot::{Channel, Robot};
 use std::ops::Range;
 use std::sync::Arc;
@@ -214,6 +215,25 @@ impl World {
     pub fn base(&self) -> (Vector3<f64>, Matrix3<f64>) {
         let body = &self.system.motions()[0];
         (body.position - body.rotation * self.root_center, body.rotation)
+    }
+
+    /// Pose and velocity in the generalised velocities of a tree of the same robot.
+    pub fn state(&self, tree: &Tree) -> State {
+        let (base_position_m, world_from_body) = self.base();
+        let base = &self.system.motions()[0];
+        let (_, base_velocity) = base.point(&-self.root_center);
+        let joints = tree.robot().joints.len();
+        let mut velocity: Vec<f64> =
+            base_velocity.iter().chain(base.spin.iter()).copied().collect();
+        velocity.extend(self.shafts().take(joints).map(|[_, speed_rad_s, _]| speed_rad_s));
+        velocity.extend(tree.wheels().iter().map(|wheel| {
+            let motions = self.system.motions();
+            let body = self.wheels[wheel.end_effector].expect("a wheel that spins is a body");
+            let axis = motions[wheel.link].rotation * wheel.axis_in_link;
+            axis.dot(&(motions[body].spin - motions[wheel.link].spin))
+        }));
+        let joint_rad = self.shafts().take(joints).map(|[angle_rad, ..]| angle_rad).collect();
+        State { base_position_m, world_from_body, joint_rad, velocity }
     }
 
     /// Centre of mass of the robot, m, and its velocity, m/s.

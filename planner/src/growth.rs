@@ -74,13 +74,13 @@ pub fn per_cycle(plan: &Plan) -> Option<Growth> {
     }
     let tree = Tree::new(&plan.robot);
     let spline = PlanSpline::new(plan);
-    let mut kinematics = Kinematics::new(&tree, &spline.rates(0.0, &tree).configuration());
+    let mut kinematics = Kinematics::new(&tree, &spline.rates(0.0, &tree).state.configuration());
     let step_s = plan.motion.duration_s / INSTANTS as f64;
     let instants: Option<Vec<_>> = (0..INSTANTS)
         .map(|k| {
             let time_s = (k as f64 + 0.5) * step_s;
             let rates = spline.rates(time_s, &tree);
-            kinematics.update(&tree, &rates.configuration(), &rates.velocity);
+            kinematics.update(&tree, &rates.state.configuration(), &rates.state.velocity);
             instant(plan, &tree, &kinematics, &spline, time_s)
         })
         .collect();

@@ -31,6 +31,7 @@ mod test_plans;
 #[cfg(test)]
 mod test_robots;
 pub mod torque;
+pub mod whole_body;
 
 pub use planning::{
     Editing, Options, ReplanError, Search, Solution, TransitionError, candidates, optimise,

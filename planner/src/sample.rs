@@ -176,8 +176,13 @@ impl PlanSpline {
     /// State of the robot at a time, in the plan's world frame. Wheel and motor speeds are instantaneous; a contact
     /// flag between two samples is set when both of them are in stance.
     pub fn sample(&self, plan_time_s: f64) -> Sample {
-        let (time_s, periods) = self.within(plan_time_s);
-        Sample { time_s: plan_time_s, ..self.state(time_s, &self.placement.repeated(periods)) }
+        let (time_s, _) = self.within(plan_time_s);
+        Sample { time_s: plan_time_s, ..self.state(time_s, &self.placement(plan_time_s)) }
+    }
+
+    /// Where the period of a time lies from the first one; other motions have but one.
+    pub(crate) fn placement(&self, plan_time_s: f64) -> Placement {
+        self.placement.repeated(self.within(plan_time_s).1)
     }
 
     /// State of the robot at a time of the splines, moved by `placement`.

@@ -61,15 +61,25 @@ impl InverseDynamics {
     pub fn new(plan: &Plan) -> Self {
         let tree = tree(&plan.robot);
         let spline = PlanSpline::new(plan);
-        let kinematics = Kinematics::new(&tree, &spline.rates(0.0, &tree).configuration());
+        let kinematics = Kinematics::new(&tree, &spline.rates(0.0, &tree).state.configuration());
         Self { tree, spline, kinematics }
+    }
+
+    /// The robot with turning wheels and rotors.
+    pub(crate) fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    /// The plan as a function of time.
+    pub(crate) fn spline(&self) -> &PlanSpline {
+        &self.spline
     }
 
     /// Torques and forces at a time of the plan. A periodic motion repeats, any other holds its ends.
     pub fn at(&mut self, plan_time_s: f64) -> Actuation {
         let (tree, kinematics) = (&self.tree, &mut self.kinematics);
         let rates = self.spline.rates(plan_time_s, tree);
-        kinematics.update(tree, &rates.configuration(), &rates.velocity);
+        kinematics.update(tree, &rates.state.configuration(), &rates.state.velocity);
         kinematics.accelerate(tree, &rates.acceleration);
         let mut generalised = vec![0.0; tree.dofs()];
         let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);

@@ -4,6 +4,7 @@
 //! | module | is |
 //! |---|---|
 //! | [`script`] | a plan as the state in which it begins and the control law of each motor at any time |
+//! | [`control`] | setpoints of the plan for the servos, open loop, or a controller that sees the robot |
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
 //! | [`outcome`] | ways, turns, falls, slip and forces |
 //! | [`log`] | a run as a table, a line for each step |
@@ -13,6 +14,7 @@
 //!
 //! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
 
+pub mod control;
 pub mod identify;
 pub mod judgement;
 pub mod log;
@@ -21,6 +23,7 @@ pub mod retarget;
 pub mod run;
 pub mod script;
 
+pub use control::Control;
 pub use judgement::PlannedWay;
 pub use outcome::Outcome;
 pub use run::{Moment, Options, play};

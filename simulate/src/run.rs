@@ -1,5 +1,6 @@
-//! A plan played in the world, open loop.
+//! A plan played in the world.
 
+use crate::control::{Control, Controller};
 use crate::outcome::{Outcome, Tracker};
 use crate::script::Script;
 use nalgebra::{Rotation3, Vector3};
@@ -13,8 +14,8 @@ use std::sync::Arc;
 /// How a plan is played.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Whether the planned torques go on top of the servos' own.
-    pub feed_forward: bool,
+    /// What turns the plan into what motors do.
+    pub control: Control,
     /// Periods of a motion that repeats.
     pub cycles: usize,
     /// Steps of the world per second, about: a motion is a whole number of them.
@@ -51,16 +52,20 @@ pub fn play(
     options: &Options,
     mut goes_on: impl FnMut(&Moment<'_>) -> bool,
 ) -> Result<Outcome, StepError> {
-    let script = Script::new(plan, options.feed_forward);
+    let script = Script::new(plan, options.control != Control::Servos);
     let parameters = Parameters::new(&plan.robot);
     let (mut world, world_from_plan) = begin(&script, &options.ground, &parameters);
     let mut tracker = Tracker::new(&script, &world, &options.ground, world_from_plan.inverse());
     let step_s = step_s(&script, options.rate_hz);
     let (beats, total) = beats(&script, options.cycles, step_s);
     let total_s = total as f64 * step_s;
+    let mut controller =
+        Controller::new(&script, options.control, &world, &world_from_plan, step_s);
+    let mut from_s = 0.0;
     for (done, beat) in (1..).zip(beats) {
-        // The law at the end of the step is the one that acts in it.
-        for (channel, law) in script.laws(beat.time_s).into_iter().enumerate() {
+        let done_s = done as f64 * step_s;
+        let time_s = if script.repeats() { done_s } else { beat.time_s };
+        for (channel, law) in controller.laws([from_s, time_s], &world).into_iter().enumerate() {
             world.set_law(channel, law);
         }
         let heading_rad = heading_rad(&world.base().1);
@@ -68,12 +73,13 @@ pub fn play(
         let report = world.step(step_s)?;
         tracker.add(&world, step_s, &report);
         let moment = Moment {
-            done_s: done as f64 * step_s,
+            done_s,
             all_s: total_s,
             motion_s: beat.time_s,
             has_fallen: tracker.has_fallen(),
             world: &world,
         };
+        from_s = time_s;
         if !goes_on(&moment) || tracker.has_fallen() {
             break;
         }

@@ -3,17 +3,13 @@
 
 use super::{PlanSpline, Spline};
 use crate::motion::Ends;
-use nalgebra::{DVector, Matrix3, Vector3};
+use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
-use rollwalk_multibody::{Configuration, Tree, rotation};
+use rollwalk_multibody::{State, Tree, rotation};
 
 /// Pose, velocity and acceleration of the robot.
 pub(crate) struct Rates {
-    base_position_m: Vector3<f64>,
-    world_from_body: Matrix3<f64>,
-    joint_rad: Vec<f64>,
-    /// ν of the tree.
-    pub velocity: Vec<f64>,
+    pub state: State,
     /// ν̇ of the tree.
     pub acceleration: Vec<f64>,
 }
@@ -26,17 +22,6 @@ pub(crate) struct PlannedContact {
     /// Part of the contact that the footfalls leave: 1 in stance, 0 in swing, linear in the interval in which the end
     /// effector lifts off or lands.
     pub share: f64,
-}
-
-impl Rates {
-    /// The pose.
-    pub fn configuration(&self) -> Configuration<'_> {
-        Configuration {
-            base_position_m: self.base_position_m,
-            world_from_body: self.world_from_body,
-            joint_rad: &self.joint_rad,
-        }
-    }
 }
 
 impl PlanSpline {
@@ -73,13 +58,13 @@ impl PlanSpline {
         if held {
             acceleration.fill(0.0);
         }
-        Rates {
+        let state = State {
             base_position_m: Vector3::new(xy.value.re, xy.value.im, z),
             world_from_body: rotation::from_yaw_pitch_roll(&ypr),
             joint_rad: pose[4..].iter().map(|jet| jet.value.re).collect(),
             velocity,
-            acceleration,
-        }
+        };
+        Rates { state, acceleration }
     }
 
     /// Planned contacts at a time; of a periodic motion in the frame of its first period.

@@ -121,14 +121,14 @@ fn a_wheel_that_speeds_up_takes_the_inertia_of_its_motor() {
 fn energy(inverse: &InverseDynamics, time_s: f64) -> f64 {
     let tree = &inverse.tree;
     let rates = inverse.spline.rates(time_s, tree);
-    let kinematics = Kinematics::new(tree, &rates.configuration());
+    let kinematics = Kinematics::new(tree, &rates.state.configuration());
     let mut mass = DMatrix::zeros(tree.dofs(), tree.dofs());
     CompositeInertia::new(tree, &kinematics.frames).mass_matrix(
         tree,
         &kinematics.frames,
         &mut mass,
     );
-    let velocity = DVector::from_vec(rates.velocity);
+    let velocity = DVector::from_vec(rates.state.velocity);
     let height = kinematics.frames.com(tree).z;
     0.5 * velocity.dot(&(&mass * &velocity)) + tree.total_mass_kg() * GRAVITY_M_S2 * height
 }
@@ -141,7 +141,7 @@ fn motors_and_ground_supply_the_change_of_energy() {
             let time_s = plan.motion.duration_s * f64::from(k) / 40.3;
             let actuation = inverse.at(time_s);
             let (tree, kinematics) = (&inverse.tree, &inverse.kinematics);
-            let velocity = inverse.spline.rates(time_s, tree).velocity;
+            let velocity = inverse.spline.rates(time_s, tree).state.velocity;
             let joints = &velocity[JOINTS..tree.first_wheel_dof()];
             let mut power: f64 =
                 joints.iter().zip(&actuation.joint_nm).map(|(speed, torque)| speed * torque).sum();
@@ -192,13 +192,13 @@ fn motors_and_ground_supply_the_change_of_energy() {
 fn spin_power(inverse: &InverseDynamics, end_effector: usize, time_s: f64) -> f64 {
     let (tree, spline) = (&inverse.tree, &inverse.spline);
     let rates = spline.rates(time_s, tree);
-    let mut kinematics = Kinematics::new(tree, &rates.configuration());
-    kinematics.update(tree, &rates.configuration(), &rates.velocity);
+    let mut kinematics = Kinematics::new(tree, &rates.state.configuration());
+    kinematics.update(tree, &rates.state.configuration(), &rates.state.velocity);
     kinematics.accelerate(tree, &rates.acceleration);
     let mut generalised = vec![0.0; tree.dofs()];
     kinematics.inverse_dynamics(tree, &Vector3::zeros(), &mut generalised);
     let dof = tree.wheel_dof(end_effector).expect("it spins");
-    generalised[dof] * rates.velocity[dof]
+    generalised[dof] * rates.state.velocity[dof]
 }
 
 #[test]

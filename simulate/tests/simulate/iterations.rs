@@ -6,7 +6,7 @@ use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Status;
 use rollwalk_planner::{Options as SolverOptions, optimise};
 use rollwalk_robot::Robot;
-use rollwalk_simulate::{Options, play};
+use rollwalk_simulate::{Control, Options, play};
 use std::fs;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -33,7 +33,8 @@ fn a_step_takes_few_iterations_and_none_is_taken_in_parts() {
         assert_eq!(plan.solve.status, Status::Converged, "{}", motion.name);
         for rate_hz in [60, 240] {
             let (ground, shoves) = (Arc::new(Plane::level()), Vec::new());
-            let options = Options { feed_forward: true, cycles: 5, rate_hz, ground, shoves };
+            let options =
+                Options { control: Control::FeedForward, cycles: 5, rate_hz, ground, shoves };
             let outcome = play(&plan, &options, |_| true).unwrap();
             let mean = outcome.iterations;
             assert!(mean < 4.0, "{}, {rate_hz} Hz: {mean}", motion.name);

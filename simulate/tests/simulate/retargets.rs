@@ -6,7 +6,7 @@ use rollwalk_planner::plan::{Plan, Sample, Status};
 use rollwalk_planner::{Options as SolverOptions, optimise};
 use rollwalk_robot::Robot;
 use rollwalk_simulate::retarget::{Options, retarget};
-use rollwalk_simulate::{Options as RunOptions, play};
+use rollwalk_simulate::{Control, Options as RunOptions, play};
 use std::fs;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -29,9 +29,10 @@ fn soft(robot: &str, motion: &str) -> Plan {
 
 /// Share of its way that a robot makes without feed-forward.
 fn share(plan: &Plan) -> f64 {
-    let (feed_forward, cycles, rate_hz) = (false, 4, 60);
+    let (cycles, rate_hz) = (4, 60);
     let ground = Arc::new(Plane::level());
-    let options = RunOptions { feed_forward, cycles, rate_hz, ground, shoves: Vec::new() };
+    let options =
+        RunOptions { control: Control::Servos, cycles, rate_hz, ground, shoves: Vec::new() };
     play(plan, &options, |_| true).unwrap().ratio(0).expect("the motion goes somewhere")
 }
 

@@ -12,7 +12,17 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rollwalk-multibody", &["rollwalk-robot"]),
     ("rollwalk-physics", &["rollwalk-multibody", "rollwalk-robot"]),
     ("rollwalk-planner", &["rollwalk-multibody", "rollwalk-protocol", "rollwalk-robot"]),
-    ("rollwalk-simulate", &["rollwalk-physics", "rollwalk-planner", "rollwalk-robot"]),
+    ("rollwalk-tracking", &["rollwalk-multibody", "rollwalk-robot"]),
+    (
+        "rollwalk-simulate",
+        &[
+            "rollwalk-multibody",
+            "rollwalk-physics",
+            "rollwalk-planner",
+            "rollwalk-robot",
+            "rollwalk-tracking",
+        ],
+    ),
     ("rollwalk-design", &["rollwalk-planner", "rollwalk-robot"]),
     ("rollwalk-shipped", &[]),
     (

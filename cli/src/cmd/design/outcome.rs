@@ -14,6 +14,7 @@ use rollwalk_planner::report::Report;
 use rollwalk_planner::sample::resample;
 use rollwalk_planner::sensitivity::Feature;
 use rollwalk_planner::{Weights, plot};
+use rollwalk_simulate::Control;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use toml_edit::{DocumentMut, Item, Value};
@@ -449,7 +450,7 @@ fn compared(before: Option<&Plan>, after: &Plan) -> miette::Result<Compared> {
     let quantities = all.filter(|of| of.objective.is_defined(&after.motion)).map(of);
     let report = Report::new(after);
     let simulated = |plan: Option<&Plan>| {
-        let outcome = plan.filter(is_solved).map(|plan| played::play(plan, true));
+        let outcome = plan.filter(is_solved).map(|plan| played::play(plan, Control::FeedForward));
         outcome.transpose().map(|outcome| outcome.as_ref().map(played::ratios))
     };
     Ok(Compared {

@@ -9,8 +9,8 @@ use indicatif::ProgressBar;
 use miette::miette;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
-use rollwalk_simulate::Outcome;
 use rollwalk_simulate::retarget::{Options, Retargeted, retarget};
+use rollwalk_simulate::{Control, Outcome};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -92,7 +92,8 @@ struct Document<'a> {
 impl Corrected {
     /// Corrects a plan; none after Ctrl-C.
     fn find(plan: &Plan, args: &Args, feed_forward: bool) -> miette::Result<Option<Self>> {
-        let played = |plan: &Plan| played::play(plan, feed_forward);
+        let control = if feed_forward { Control::FeedForward } else { Control::Servos };
+        let played = |plan: &Plan| played::play(plan, control);
         let before = played(plan)?;
         let options = Options {
             feed_forward,

@@ -22,6 +22,7 @@ use std::path::PathBuf;
 Examples:
   rollwalk simulate walk.plan.json
   rollwalk simulate walk.plan.json --cycles 20 --no-feed-forward
+  rollwalk simulate turn.plan.json --tracking
   rollwalk simulate walk.plan.json --terrain doorstep.toml --push 2:20,0,0:0.1
   rollwalk simulate walk.plan.json --slope 5 --json
   rollwalk simulate demo-out/agilebot.rwl --cycles 3 --world-log run.csv
@@ -39,9 +40,12 @@ pub struct Args {
     /// Leave the planned torques out: the servos' own only.
     #[arg(long)]
     no_feed_forward: bool,
+    /// Let a controller of the whole body track a plan: it sees the robot at each step, and tells its motors torques.
+    #[arg(long, conflicts_with = "no_feed_forward")]
+    tracking: bool,
     #[command(flatten)]
     ground: GroundArgs,
-    /// Steps of the simulation of a plan per second [default: 120]; with a library they are 240.
+    /// Steps of the simulation of a plan per second [default: 120, with --tracking 500]; with a library they are 240.
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(30..=10_000))]
     rate: Option<u32>,
     #[command(flatten)]

@@ -7,12 +7,13 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_physics::world::Totals;
 use rollwalk_planner::plan::Plan;
-use rollwalk_simulate::{Moment, Options, Outcome, log, play};
+use rollwalk_simulate::{Control, Moment, Options, Outcome, log, play};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Steps of the world per second.
+/// Steps of the world per second, and with a controller that sees the robot at each of them.
 const RATE_HZ: u32 = 120;
+const TRACKING_HZ: u32 = 500;
 
 /// Output of `--json`.
 #[derive(Serialize)]
@@ -31,10 +32,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         ));
     }
     let plan = inputs::plan(&args.what)?;
+    let (control, rate_hz) = match (args.tracking, args.no_feed_forward) {
+        (true, _) => (Control::Tracking, TRACKING_HZ),
+        (false, true) => (Control::Servos, RATE_HZ),
+        (false, false) => (Control::FeedForward, RATE_HZ),
+    };
     let options = Options {
-        feed_forward: !args.no_feed_forward,
+        control,
         cycles: args.cycles as usize,
-        rate_hz: args.rate.unwrap_or(RATE_HZ),
+        rate_hz: args.rate.unwrap_or(rate_hz),
         ground: args.ground.ground_for(&plan.robot)?,
         shoves: args.ground.shoves(),
     };

@@ -1,0 +1,62 @@
+//! A plan as a controller of the whole body follows it, at any time: generalised motion, ground forces that balance it, and
+//! which end effectors stand.
+
+use crate::plan::Plan;
+use crate::torque::InverseDynamics;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rollwalk_multibody::{State, Tree, turn_base};
+
+/// Part of a contact from which on it is one. Where one foot lifts off and another lands in the same interval of the plan, one of
+/// them stands at any time.
+const STANDS: f64 = 0.5;
+
+/// A plan, prepared.
+pub struct WholeBody {
+    inverse: InverseDynamics,
+}
+
+/// The robot at a time of its plan, in the plan's world frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Instant {
+    /// Pose and velocity.
+    pub state: State,
+    /// ν̇ of [`WholeBody::tree`].
+    pub acceleration: Vec<f64>,
+    /// Whether each end effector stands.
+    pub stands: Vec<bool>,
+    /// Force of the ground on each end effector, N: with these torques of motors alone make the acceleration, but for what no
+    /// ground can supply.
+    pub force_n: Vec<Vector3<f64>>,
+}
+
+impl WholeBody {
+    /// Prepares a validated plan.
+    pub fn new(plan: &Plan) -> Self {
+        Self { inverse: InverseDynamics::new(plan) }
+    }
+
+    /// The robot with turning wheels and rotors, whose generalised velocities those of [`Instant`] are.
+    pub fn tree(&self) -> &Tree {
+        self.inverse.tree()
+    }
+
+    /// The robot at a time. A periodic motion goes on in later periods, any other holds its ends.
+    pub fn at(&mut self, plan_time_s: f64) -> Instant {
+        let actuation = self.inverse.at(plan_time_s);
+        let (spline, tree) = (self.inverse.spline(), self.inverse.tree());
+        let rates = spline.rates(plan_time_s, tree);
+        let placement = spline.placement(plan_time_s);
+        let [x, y] = placement.offset_m;
+        let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), placement.yaw_rad);
+        let there = Isometry3::from_parts(Translation3::new(x, y, 0.0), yaw);
+        let mut acceleration = rates.acceleration;
+        turn_base(&mut acceleration, yaw.to_rotation_matrix().matrix());
+        let contacts = spline.planned_contacts(plan_time_s);
+        Instant {
+            state: rates.state.moved(&there),
+            acceleration,
+            stands: contacts.iter().map(|contact| contact.share >= STANDS).collect(),
+            force_n: actuation.force_n.iter().map(|force| yaw * force).collect(),
+        }
+    }
+}

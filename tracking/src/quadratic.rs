@@ -1,0 +1,321 @@
+//! Dense convex quadratic programs, solved by the dual active-set method of Goldfarb and Idnani (*A numerically stable dual
+//! method for solving strictly convex quadratic programs*, Mathematical Programming 27, 1983).
+//!
+//! It begins at the minimum without constraints and adds violated ones, one by one, until none is: there is no starting point to
+//! find, and the count of steps is about that of the constraints that bind. All memory is taken when a [`Solver`] is made;
+//! a solve allocates nothing and the same numbers give the same bits.
+
+use nalgebra::{DMatrix, DVector};
+
+/// min ½ xᵀHx + gᵀx with Nᵀx = b for the first constraints and Nᵀx ≥ b for the others.
+#[derive(Clone, Debug)]
+pub struct Program {
+    /// H, symmetric and positive definite; its lower triangle is read.
+    pub hessian: DMatrix<f64>,
+    /// g.
+    pub gradient: DVector<f64>,
+    /// N, a column for each constraint.
+    pub normals: DMatrix<f64>,
+    /// b.
+    pub bounds: DVector<f64>,
+    /// How many constraints are equalities, which come first.
+    pub equalities: usize,
+    /// How many constraints there are: further columns are not read.
+    pub constraints: usize,
+}
+
+impl Program {
+    /// Room for a program of a size, all zero.
+    pub fn zeros(unknowns: usize, constraints: usize) -> Self {
+        Self {
+            hessian: DMatrix::zeros(unknowns, unknowns),
+            gradient: DVector::zeros(unknowns),
+            normals: DMatrix::zeros(unknowns, constraints),
+            bounds: DVector::zeros(constraints),
+            equalities: 0,
+            constraints: 0,
+        }
+    }
+}
+
+/// Why there is no solution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unsolved {
+    /// H is not positive definite, or something is no number.
+    NotConvex,
+    /// No x meets all constraints.
+    Infeasible,
+    /// More steps than [`Solver::STEPS_MAX`].
+    TooManySteps,
+}
+
+/// A solver of programs of one size, with its memory.
+#[derive(Clone, Debug)]
+pub struct Solver {
+    /// The solution.
+    x: DVector<f64>,
+    /// J = L⁻ᵀQ: its first columns span the active normals, the others the directions that keep to them.
+    directions: DMatrix<f64>,
+    /// R, upper triangular: the active normals are L Q [R; 0].
+    factor: DMatrix<f64>,
+    cholesky: DMatrix<f64>,
+    /// Jᵀn of the constraint that is being added.
+    projected: DVector<f64>,
+    /// Step of x and of the multipliers per unit of the new multiplier.
+    primal: DVector<f64>,
+    dual: DVector<f64>,
+    /// Multipliers of the active constraints; the last may be that of the one being added.
+    multipliers: DVector<f64>,
+    /// The active constraints, equalities first.
+    active: Vec<usize>,
+    is_active: Vec<bool>,
+    steps: u32,
+}
+
+/// Violation of a constraint that counts as none, relative to the size of its terms.
+const FEASIBLE: f64 = 1e-10;
+/// Part of a normal that the active ones do not span beneath which it depends on them.
+const DEPENDENT: f64 = 1e-12;
+
+impl Solver {
+    /// Most steps of a solve.
+    pub const STEPS_MAX: u32 = 500;
+
+    /// A solver of programs of at most so many unknowns and constraints.
+    pub fn new(unknowns: usize, constraints: usize) -> Self {
+        Self {
+            x: DVector::zeros(unknowns),
+            directions: DMatrix::zeros(unknowns, unknowns),
+            factor: DMatrix::zeros(unknowns, unknowns),
+            cholesky: DMatrix::zeros(unknowns, unknowns),
+            projected: DVector::zeros(unknowns),
+            primal: DVector::zeros(unknowns),
+            dual: DVector::zeros(unknowns + 1),
+            multipliers: DVector::zeros(unknowns + 1),
+            active: Vec::with_capacity(unknowns + 1),
+            is_active: vec![false; constraints],
+            steps: 0,
+        }
+    }
+
+    /// x of the last solve that had a solution.
+    pub fn solution(&self) -> &DVector<f64> {
+        &self.x
+    }
+
+    /// Steps of the last solve.
+    pub fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// Constraints that bind at the last solution, and their multipliers, which are not negative for inequalities.
+    pub fn active(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.active.iter().copied().zip(self.multipliers.iter().copied())
+    }
+
+    /// Solves a program of the solver's size.
+    ///
+    /// # Errors
+    /// There is no solution, or it is not found in time.
+    ///
+    /// # Panics
+    /// The program has another size.
+    pub fn solve(&mut self, program: &Program) -> Result<&DVector<f64>, Unsolved> {
+        self.begin(program)?;
+        for constraint in 0..program.equalities {
+            self.add(program, constraint)?;
+        }
+        while let Some(constraint) = self.most_violated(program) {
+            self.add(program, constraint)?;
+        }
+        match self.x.iter().all(|x| x.is_finite()) {
+            true => Ok(&self.x),
+            false => Err(Unsolved::NotConvex),
+        }
+    }
+
+    /// The minimum without constraints: J = L⁻ᵀ, x = −J Jᵀ g.
+    fn begin(&mut self, program: &Program) -> Result<(), Unsolved> {
+        let n = self.x.len();
+        assert_eq!(program.gradient.len(), n, "the solver is made for another size");
+        self.active.clear();
+        self.is_active.fill(false);
+        self.steps = 0;
+        for j in 0..n {
+            for i in j..n {
+                let mut sum = program.hessian[(i, j)];
+                for k in 0..j {
+                    sum -= self.cholesky[(i, k)] * self.cholesky[(j, k)];
+                }
+                if i > j {
+                    self.cholesky[(i, j)] = sum / self.cholesky[(j, j)];
+                } else if sum > 0.0 {
+                    self.cholesky[(j, j)] = sum.sqrt();
+                } else {
+                    return Err(Unsolved::NotConvex);
+                }
+            }
+        }
+        // Column c of L⁻¹ from above; it is row c of L⁻ᵀ.
+        for c in 0..n {
+            for i in 0..n {
+                let mut sum = f64::from(u8::from(i == c));
+                for k in c..i {
+                    sum -= self.cholesky[(i, k)] * self.directions[(c, k)];
+                }
+                self.directions[(c, i)] = if i < c { 0.0 } else { sum / self.cholesky[(i, i)] };
+            }
+        }
+        self.projected.gemv_tr(1.0, &self.directions, &program.gradient, 0.0);
+        self.x.gemv(-1.0, &self.directions, &self.projected, 0.0);
+        Ok(())
+    }
+
+    /// Makes a constraint hold and become active; constraints whose multipliers would change sign are let go.
+    fn add(&mut self, program: &Program, constraint: usize) -> Result<(), Unsolved> {
+        let normal = program.normals.column(constraint);
+        let is_equality = constraint < program.equalities;
+        let mut slack = normal.dot(&self.x) - program.bounds[constraint];
+        self.multipliers[self.active.len()] = 0.0;
+        loop {
+            self.steps += 1;
+            if self.steps > Self::STEPS_MAX {
+                return Err(Unsolved::TooManySteps);
+            }
+            let count = self.active.len();
+            self.projected.gemv_tr(1.0, &self.directions, &normal, 0.0);
+            let free = self.directions.columns_range(count..);
+            self.primal.gemv(1.0, &free, &self.projected.rows_range(count..), 0.0);
+            for i in (0..count).rev() {
+                let mut sum = self.projected[i];
+                for k in i + 1..count {
+                    sum -= self.factor[(i, k)] * self.dual[k];
+                }
+                self.dual[i] = sum / self.factor[(i, i)];
+            }
+            let curvature = self.projected.rows_range(count..).norm_squared();
+            let depends = curvature <= DEPENDENT * self.projected.norm_squared();
+            if depends && is_equality {
+                let scale = program.bounds[constraint].abs() + normal.norm();
+                // One that says again what others say needs no place; one that contradicts them has none.
+                let said = slack.abs() <= 1e-9 * scale;
+                return if said { Ok(()) } else { Err(Unsolved::Infeasible) };
+            }
+            let full = if depends { f64::INFINITY } else { -slack / curvature };
+            let blocking = if is_equality { None } else { self.blocking(program) };
+            let partial = blocking.map_or(f64::INFINITY, |(_, length)| length);
+            let length = full.min(partial);
+            if length == f64::INFINITY {
+                return Err(Unsolved::Infeasible);
+            }
+            for i in 0..count {
+                self.multipliers[i] -= length * self.dual[i];
+            }
+            self.multipliers[count] += length;
+            if !depends {
+                self.x.axpy(length, &self.primal, 1.0);
+                slack += length * curvature;
+            }
+            match blocking {
+                Some((place, _)) if partial < full => self.let_go(place),
+                _ => {
+                    self.take_in(constraint);
+                    return Ok(());
+                }
+            }
+        }
+    }
+
+    /// Where among the active inequalities the first multiplier reaches 0, and the step to it.
+    fn blocking(&self, program: &Program) -> Option<(usize, f64)> {
+        let inequalities =
+            self.active.iter().enumerate().filter(|(_, c)| **c >= program.equalities);
+        inequalities
+            .filter(|(place, _)| self.dual[*place] > 0.0)
+            .map(|(place, _)| (place, self.multipliers[place] / self.dual[place]))
+            .min_by(|one, other| one.1.total_cmp(&other.1))
+    }
+
+    /// Makes the constraint the last active one: turns the free columns of J so that one of them alone sees its normal.
+    fn take_in(&mut self, constraint: usize) {
+        let (n, count) = (self.x.len(), self.active.len());
+        for j in (count + 1..n).rev() {
+            self.rotate(j - 1, j);
+        }
+        for i in 0..=count {
+            self.factor[(i, count)] = self.projected[i];
+        }
+        self.active.push(constraint);
+        self.is_active[constraint] = true;
+    }
+
+    /// Turns columns i and j of J so that entry j of Jᵀn becomes 0.
+    fn rotate(&mut self, i: usize, j: usize) {
+        let (a, b) = (self.projected[i], self.projected[j]);
+        let length = a.hypot(b);
+        if b == 0.0 || length == 0.0 {
+            return;
+        }
+        let (cosine, sine) = (a / length, b / length);
+        (self.projected[i], self.projected[j]) = (length, 0.0);
+        turn_columns(&mut self.directions, i, j, cosine, sine);
+    }
+
+    /// Takes an active constraint out, and makes R triangular again.
+    fn let_go(&mut self, place: usize) {
+        let count = self.active.len();
+        self.is_active[self.active.remove(place)] = false;
+        for i in place..count {
+            self.multipliers[i] = self.multipliers[i + 1];
+        }
+        for column in place + 1..count {
+            for row in 0..=column {
+                self.factor[(row, column - 1)] = self.factor[(row, column)];
+            }
+        }
+        for i in place..count - 1 {
+            let (a, b) = (self.factor[(i, i)], self.factor[(i + 1, i)]);
+            let length = a.hypot(b);
+            if b == 0.0 || length == 0.0 {
+                continue;
+            }
+            let (cosine, sine) = (a / length, b / length);
+            (self.factor[(i, i)], self.factor[(i + 1, i)]) = (length, 0.0);
+            for column in i + 1..count - 1 {
+                let (upper, lower) = (self.factor[(i, column)], self.factor[(i + 1, column)]);
+                self.factor[(i, column)] = cosine * upper + sine * lower;
+                self.factor[(i + 1, column)] = cosine * lower - sine * upper;
+            }
+            turn_columns(&mut self.directions, i, i + 1, cosine, sine);
+        }
+    }
+
+    /// The inequality that is violated most, relative to the length of its normal.
+    fn most_violated(&self, program: &Program) -> Option<usize> {
+        let (mut worst, mut found) = (0.0, None);
+        for constraint in program.equalities..program.constraints {
+            if self.is_active[constraint] {
+                continue;
+            }
+            let normal = program.normals.column(constraint);
+            let (length, bound) = (normal.norm(), program.bounds[constraint]);
+            let violation = bound - normal.dot(&self.x);
+            if violation > FEASIBLE * (bound.abs() + length * (1.0 + self.x.norm()))
+                && violation > worst * length
+            {
+                (worst, found) = (violation / length, Some(constraint));
+            }
+        }
+        found
+    }
+}
+
+fn turn_columns(matrix: &mut DMatrix<f64>, i: usize, j: usize, cosine: f64, sine: f64) {
+    let (mut one, mut other) = matrix.columns_range_pair_mut(i, j);
+    for (one, other) in one.iter_mut().zip(other.iter_mut()) {
+        (*one, *other) = (cosine * *one + sine * *other, cosine * *other - sine * *one);
+    }
+}
+
+#[cfg(test)]
+mod tests;

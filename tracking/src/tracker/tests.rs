@@ -1,0 +1,171 @@
+//! Shipped robots at rest, in motion and with bad measurements.
+
+use super::*;
+use nalgebra::{DVector, Rotation3};
+use proptest::prelude::*;
+use rollwalk_multibody::forward_dynamics;
+use rollwalk_robot::Robot;
+use std::fs;
+
+const TICK_S: f64 = 0.002;
+/// Robots with driven wheels, feet, welded wheels, wheels that turn freely, and blades.
+const ROBOTS: [&str; 5] = ["anymal_wheels", "pup", "legbot", "swizzlebot", "skatebot"];
+
+fn tree(name: &str) -> Tree {
+    let path = format!("{}/../robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let robot = Robot::from_toml(name, &fs::read_to_string(path).unwrap()).unwrap();
+    Tree::new(&robot).with_spinning_wheels(|_| 5e-6).with_armature()
+}
+
+fn tracker(name: &str) -> Tracker {
+    Tracker::new(tree(name), Weights::default(), TICK_S)
+}
+
+/// Standing on all end effectors, with a part of the weight on each.
+fn standing(tree: &Tree) -> Reference {
+    let feet = tree.robot().end_effectors.len();
+    let part_n = tree.total_mass_kg() * GRAVITY_M_S2 / feet as f64;
+    Reference {
+        state: State::nominal(tree),
+        acceleration: vec![0.0; tree.dofs()],
+        stands: vec![true; feet],
+        force_n: vec![Vector3::z() * part_n; feet],
+    }
+}
+
+/// Accelerations by forward dynamics of the torques and forces of the last tick, and those that it expected.
+fn accelerations(tracker: &Tracker) -> (DVector<f64>, DVector<f64>) {
+    let dofs = tracker.tree.dofs();
+    let mut generalised = DVector::zeros(dofs);
+    for (channel, setpoint) in tracker.channels.iter().zip(&tracker.setpoints) {
+        generalised[channel.dof] = setpoint.torque_nm;
+    }
+    for foot in tracker.feet.iter().filter(|foot| foot.stands) {
+        generalised += foot.jacobian.tr_mul(&foot.force_n);
+    }
+    let bias = DVector::from_column_slice(&tracker.bias);
+    let there = forward_dynamics(tracker.mass.clone(), &bias, &generalised).unwrap();
+    (there, tracker.solver.solution().rows(0, dofs).into_owned())
+}
+
+/// A tracker whose setpoints are the torques alone.
+fn without_drives(name: &str) -> Tracker {
+    let mut tracker = tracker(name);
+    for channel in &mut tracker.channels {
+        (channel.kp_nm_rad, channel.kd_nm_s_rad) = (0.0, 0.0);
+    }
+    tracker
+}
+
+#[test]
+fn at_rest_the_ground_bears_the_weight_and_nothing_moves() {
+    for name in ROBOTS {
+        let mut tracker = without_drives(name);
+        let reference = standing(&tracker.tree);
+        let state = reference.state.clone();
+        tracker.tick(&reference, &state).unwrap();
+        let weight_n = tracker.tree.total_mass_kg() * GRAVITY_M_S2;
+        let sum: Vector3<f64> = tracker.forces_n().sum();
+        let (there, expected) = accelerations(&tracker);
+        assert!((sum - Vector3::z() * weight_n).norm() < 0.01 * weight_n, "{name}: {sum}");
+        assert!((&there - &expected).amax() < 1e-6, "{name}: {there} {expected}");
+        let base = there.rows(0, JOINTS).amax();
+        assert!(base < 0.05, "{name}: {base} {there:.3}");
+    }
+}
+
+#[test]
+fn the_drives_of_a_standing_robot_hold_it_at_the_planned_place() {
+    let mut tracker = tracker("anymal_wheels");
+    let reference = standing(&tracker.tree);
+    let state = reference.state.clone();
+    let setpoints = tracker.tick(&reference, &state).unwrap().to_vec();
+    let mut bare = without_drives("anymal_wheels");
+    let torques = bare.tick(&reference, &state).unwrap();
+    for (joint, (setpoint, torque)) in setpoints.iter().zip(torques).enumerate().take(12) {
+        assert_eq!(setpoint.position_rad, state.joint_rad[joint]);
+        assert!(setpoint.kp_nm_rad > 0.0 && torque.kp_nm_rad == 0.0);
+        // Where the tick ends the drive adds up to the wanted torque.
+        let then = state.joint_rad[joint];
+        let at_end = setpoint.kp_nm_rad * (setpoint.position_rad - then) + setpoint.torque_nm;
+        assert!((at_end - torque.torque_nm).abs() < 0.1, "{at_end} {}", torque.torque_nm);
+    }
+}
+
+#[test]
+fn motors_that_are_too_weak_get_what_they_have() {
+    let mut tracker = without_drives("anymal_wheels");
+    let reference = standing(&tracker.tree);
+    let state = reference.state.clone();
+    let strong = tracker.tick(&reference, &state).unwrap();
+    let most = strong.iter().map(|setpoint| setpoint.torque_nm.abs()).fold(0.0, f64::max);
+    tracker.channels.iter_mut().for_each(|channel| channel.torque_max_nm = 0.6 * most);
+    let weak = tracker.tick(&reference, &state).unwrap();
+    let weak = weak.iter().map(|setpoint| setpoint.torque_nm.abs()).fold(0.0, f64::max);
+    assert!((weak - 0.6 * most).abs() < 1e-6 * most, "{weak} of {most}");
+}
+
+#[test]
+fn bad_measurements_are_an_error_and_leave_no_trace() {
+    let mut tracker = tracker("anymal_wheels");
+    let reference = standing(&tracker.tree);
+    let state = reference.state.clone();
+    let before = tracker.tick(&reference, &state).unwrap().to_vec();
+    for bad in [f64::NAN, f64::INFINITY] {
+        let mut broken = state.clone();
+        broken.velocity[7] = bad;
+        assert!(tracker.tick(&reference, &broken).is_err());
+        let mut broken = state.clone();
+        broken.world_from_body[(0, 1)] = bad;
+        assert!(tracker.tick(&reference, &broken).is_err());
+        let mut broken = state.clone();
+        broken.joint_rad[3] = bad;
+        assert!(tracker.tick(&reference, &broken).is_err());
+    }
+    assert_eq!(tracker.tick(&reference, &state).unwrap(), before);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+
+    /// Any state near the plan, any feet down: forces within friction, none that pull, none in the air, torques within limits, and
+    /// forward dynamics of all of them gives the accelerations that the tick expects.
+    #[test]
+    fn what_a_tick_wants_is_possible(
+        robot in 0..ROBOTS.len(),
+        errors in prop::collection::vec(-1.0..1.0_f64, 80),
+        stands in prop::collection::vec(any::<bool>(), 8),
+    ) {
+        let mut tracker = without_drives(ROBOTS[robot]);
+        let mut reference = standing(&tracker.tree);
+        let feet = reference.stands.len();
+        reference.stands.copy_from_slice(&stands[..feet]);
+        let mut state = reference.state.clone();
+        let turn = Vector3::from_column_slice(&errors[..3]) * 0.2;
+        state.world_from_body = Rotation3::new(turn).into_inner();
+        state.base_position_m += Vector3::from_column_slice(&errors[3..6]) * 0.03;
+        let (joints, velocities) = errors[6..].split_at(20);
+        state.joint_rad.iter_mut().zip(joints).for_each(|(q, error)| *q += 0.1 * error);
+        state.velocity.iter_mut().zip(velocities).for_each(|(v, error)| *v += 0.3 * error);
+        tracker.tick(&reference, &state).unwrap();
+        let weight_n = tracker.tree.total_mass_kg() * GRAVITY_M_S2;
+        let slack_n = 1e-6 * weight_n;
+        for foot in &tracker.feet {
+            let force = &foot.force_n;
+            if !foot.stands {
+                prop_assert!(force.norm() < slack_n, "{force}");
+                continue;
+            }
+            prop_assert!(force.z > -slack_n, "{force}");
+            let most = foot.friction * force.z + slack_n;
+            prop_assert!(force.dot(&foot.side).abs() < most, "{force}");
+            let most = foot.friction_along * force.z + slack_n;
+            prop_assert!(force.dot(&foot.along).abs() < most, "{force}");
+        }
+        for (channel, setpoint) in tracker.channels.iter().zip(&tracker.setpoints) {
+            prop_assert!(setpoint.torque_nm.abs() < channel.torque_max_nm * (1.0 + 1e-6));
+        }
+        let (there, expected) = accelerations(&tracker);
+        prop_assert!((&there - &expected).amax() < 1e-5 * (1.0 + expected.amax()));
+    }
+}
