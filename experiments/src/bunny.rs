@@ -4,8 +4,11 @@
 //! The thesis throws the Stanford bunny. What stands for it here is made from a block ([`bunny`]): a body with a flat base, a head
 //! and two ears, of far fewer elements. Its spin at the start is our choice: from the thesis's it comes to lie on its back.
 //!
-//! Ever stiffer contacts do not help here as they do in the thesis: where contacts become stiffer the solid lands otherwise, and a stage
-//! that came near can be followed by one that is far.
+//! Ever stiffer contacts do not help here as they do in the thesis: which of many minima a search ends in is chance, with and without them.
+//! From eight random starts (±0.3 m/s, ±π rad/s), with contacts 5.8 times as stiff, for their area about those of a mesh as fine as the
+//! thesis's, stages ended at 0.46 to 21 times the objective of stiff contacts alone, four times below it. From the start here they end at 1.7 times
+//! with contacts 8.9 times as stiff, and with 5.8 in steps of 2 ms at 0.59. From (−π/2, π/4, 0), the thesis's spin turned round as that of
+//! [`Throw::ball`] is, at 1.75, both far off. Stages after the second change little.
 
 use crate::outcome::short;
 use crate::throwing::{Aim, FREEDOMS, Throw, convergence, into_ball};
@@ -86,7 +89,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             end(&stiffened[stages - 1]) / end(&direct),
             0.1,
         )
-        .because("where contacts become stiffer the solid lands otherwise, and from this start stiff contacts alone come as near"),
+        .because("which minimum is found is chance: from eight random starts the ratio was 0.46 to 21, four times below 1, never a tenth"),
         Check::at_most(
             "with the wall: O/O0",
             "4e-4 after 319",

@@ -2,16 +2,20 @@
 //! Gauss–Newton's method.
 //!
 //! The way begins with what a hand would do: from a gripper at rest the method ends where the cube leaps past its target, as is
-//! measured here, too. The place is missed by some millimetres: the cube lies turned exactly, with slack bands, and no pose of the
-//! gripper from then on moves it.
+//! measured here, too.
+//!
+//! The place is missed by some millimetres. It is that of landing: from then on the cube lies turned exactly, with slack bands, and no
+//! pose of the gripper moves it. Place and turn are a sixth of the objective, the rest is how much the gripper moves; but to give the
+//! place a larger weight does not settle it: searches then stop anywhere from 0.8 to 6.3 mm off, without a trend.
 
 use crate::cube_drag::{BETA, CUBE, hung};
 use crate::manipulation::gripper::{EDGE_M, Gripper, STRING_N_M, rest_m, settings};
-use crate::manipulation::{Effector, STEP_S, Task, Way, at_pose, objective};
+use crate::manipulation::{Effector, STEP_S, Task, Way, objective};
 use crate::outcome::short;
 use crate::{Chart, Check, Outcome, Watch};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_physics::sensitivity::gauss_newton::Options;
+use rollwalk_physics::sensitivity::objective::cost;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 use rollwalk_physics::{Motion, System};
 use std::f64::consts::FRAC_PI_2;
@@ -22,6 +26,8 @@ const LIES: usize = 60;
 const EVERY: usize = 5;
 /// Steps after that in which the gripper stays where it is, and the cube is to lie.
 const AFTER: usize = 30;
+/// Weights of the place, 1/m, beside that of the experiment, which is 1: around that of an edge which counts as a radian.
+const WEIGHTS: [f64; 3] = [0.75 / EDGE_M, 1.0 / EDGE_M, 1.25 / EDGE_M];
 /// Of the bands at the beginning, as a share of their length.
 const STRETCH: f64 = 0.1;
 
@@ -66,6 +72,18 @@ fn task<'a>(
     }
 }
 
+/// The cube as it is to lie, at all steps at which that is looked at; a metre counts as so many radians.
+fn lying(rollout: &Rollout, weight: f64) -> Vec<Residual> {
+    let (target, turned) = tipped();
+    let at_step = |step: usize| {
+        let at =
+            |axis: Vector3<f64>| Residual::position(rollout, step, CUBE, &target, axis * weight);
+        let place = [Vector3::x(), Vector3::y(), Vector3::z()].map(at);
+        place.into_iter().chain(Residual::orientation(rollout, step, CUBE, &turned, 1.0))
+    };
+    (LIES..=STEPS).step_by(EVERY).flat_map(at_step).collect()
+}
+
 /// Turn from how it is to lie, °.
 fn off_deg(motion: &Motion) -> f64 {
     let (_, turned) = tipped();
@@ -95,20 +113,38 @@ fn later(gripper: &Gripper, parameters: &[f64]) -> Option<Motion> {
 /// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let (_, gripper) = hung(STRETCH);
-    let (target, turned) = tipped();
-    let targets = |rollout: &Rollout| {
-        let steps = (LIES..=STEPS).step_by(EVERY);
-        steps.flat_map(|step| at_pose(rollout, step, CUBE, &target, &turned)).collect()
-    };
+    let targets = |rollout: &Rollout| lying(rollout, 1.0);
     let task = task(&gripper, &targets, STEPS);
-    let pulled = task.solve(watch, &swing(system().motions()[gripper.body].position))?;
+    let start = swing(system().motions()[gripper.body].position);
+    let pulled = task.solve(watch, &start)?;
     let end = pulled.rollout.motions(STEPS)[CUBE];
+    let landed = pulled.rollout.motions(LIES)[CUBE];
+    let of_place = cost(&targets(&pulled.rollout));
+    let mut weighed_mm = Vec::new();
+    for weight in WEIGHTS {
+        let targets = |rollout: &Rollout| lying(rollout, weight);
+        let weighed = self::task(&gripper, &targets, STEPS).solve(watch, &start)?;
+        weighed_mm.push(short(off_mm(&weighed.rollout.motions(STEPS)[CUBE])));
+    }
     let rested = task.solve_from_rest(watch)?;
     let later = later(&gripper, &pulled.fit.parameters)?;
     let mut checks = vec![
         Check::at_most("turn from the target, °", "tipped over", off_deg(&end), 5.0),
         Check::at_most("distance from the target, mm", "", off_mm(&end), 1.0)
-            .because("the cube lies turned as asked with slack bands, and no pose of the gripper from then on moves it"),
+            .because("it is where the cube landed, which later poses do not change; weighed more it ends here or there: the next rows"),
+        Check::told("distance when it has landed, mm", "", off_mm(&landed)),
+        Check::told(
+            "share of place and turn in the objective",
+            "",
+            of_place / task.cost(&pulled.fit.parameters)?,
+        ),
+        Check::new(
+            &format!("distance where a metre counts as {} rad, mm", WEIGHTS.map(short).join(", ")),
+            "",
+            "",
+            &weighed_mm.join(", "),
+            None,
+        ),
         Check::at_most(
             &format!("turn from it {} s later, °", short(AFTER as f64 * STEP_S)),
             "stays there",
