@@ -1,4 +1,4 @@
-//! The shipped robots, motions and mappings of gamepads, read as files are.
+//! The shipped robots and motions, read as files are.
 
 use crate::inputs::Source;
 use rollwalk_robot::Robot;
@@ -22,12 +22,6 @@ pub fn robots() -> impl Iterator<Item = &'static Path> {
 pub fn robot_of(config_hash: u32) -> Option<Robot> {
     let mut robots = robots().filter_map(|file| Source::Shipped.robot(file).ok());
     robots.find(|robot| robot.controller_config().is_ok_and(|config| config.hash() == config_hash))
-}
-
-/// The shipped mappings of gamepads, with their texts; the first that fits a device counts.
-pub fn gamepads() -> impl Iterator<Item = (&'static Path, &'static str)> {
-    let files = FILES.iter().map(|(path, text)| (Path::new(path), *text));
-    files.filter(|(path, _)| path.starts_with("gamepads"))
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! it: `door` in a page, as WebAssembly; and a WebSocket of `rollwalk studio`, which runs it natively. Every edit goes through the
 //! text of its document and that document's validation, so that the studio plans what the command line plans, and nothing else.
 
+mod compare;
 mod documents;
 #[cfg(target_arch = "wasm32")]
 mod door;

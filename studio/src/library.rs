@@ -66,6 +66,23 @@ pub fn build(
     Ok((done, built.map_or_else(Vec::new, |built| built.bytes)))
 }
 
+/// What a library file calls the motion of a motion file; `None` if it has faults, or does not name that file.
+pub fn name_of(
+    documents: &Documents<'_>,
+    library: &str,
+    robot: &Robot,
+    motion: &str,
+) -> Option<String> {
+    let Found { path, text } = documents.find(library)?;
+    let file = LibraryFile::from_toml(path, text, robot).ok()?;
+    let meant = documents.find(motion)?.path;
+    let is_meant = |source: &MotionSource| {
+        let (MotionSource::Motion(named) | MotionSource::Plan(named)) = source;
+        documents.beside(path, named).is_some_and(|found| found.path == meant)
+    };
+    file.motions.into_iter().find(|item| is_meant(&item.source)).map(|item| item.name)
+}
+
 /// A library file with everything that it names.
 struct Read {
     robot: Robot,

@@ -9,7 +9,7 @@ mod plan;
 mod scene;
 
 pub use edit::Edit;
-pub use library::{Edge, Node};
+pub use library::{Compared, Edge, Node};
 pub use motion::{Goal, Height, MotionView, Target};
 pub use plan::{Columns, Culprit, Fix, FramesHeader, Period, Solve};
 pub use scene::{Body, EndEffector, Form, Joint, Parameter, Role, Scene, Shape};
@@ -90,6 +90,15 @@ pub enum Wanted {
     Library {
         /// The documents.
         files: Vec<File>,
+        /// Path of the library file among them.
+        library: String,
+    },
+    /// Compares the shown plan with its motion in a library, whose bytes come with the request.
+    Compare {
+        /// The documents.
+        files: Vec<File>,
+        /// Path of the motion file among them.
+        motion: String,
         /// Path of the library file among them.
         library: String,
     },
@@ -238,6 +247,8 @@ pub enum Done {
         /// Plans that do not hold, because of which there is no library.
         failures: Vec<String>,
     },
+    /// Of `compare`.
+    Compared(Compared),
     /// Of `solution` and `resume`.
     Kept {},
 }

@@ -8,7 +8,7 @@ use crate::documents::{self, Documents, Found, Project};
 use crate::edit::{self, Known};
 use crate::messages::{Answer, Done, Edit, File, From, Opened, Request, TableForm, Told, Wanted};
 use crate::robot::{self, Connection};
-use crate::{examples, frames, library, motion_view, outcome, scene, sliders};
+use crate::{compare, examples, frames, library, motion_view, outcome, scene, sliders};
 use rollwalk_planner::export::Table;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
@@ -128,6 +128,10 @@ impl Session {
             }
             Wanted::Library { files, library } => {
                 return library::build(&Documents::new(&files), &library, progress);
+            }
+            Wanted::Compare { files, motion, library } => {
+                let (documents, plan) = (Documents::new(&files), self.shown()?);
+                Done::Compared(compare::compared(&documents, plan, &motion, &library, binary))
             }
             Wanted::Robot { now_us, wanted } => {
                 let (view, bytes) = robot::request(&mut self.connection, now_us, wanted, binary)?;

@@ -47,10 +47,14 @@ impl Page {
 
     /// Ticks at the rate of a screen until the view is as wished.
     fn until(&mut self, what: &str, wished: impl Fn(&Value) -> bool) -> Value {
+        self.until_with(what, &json!({ "robot": "tick" }), wished)
+    }
+
+    fn until_with(&mut self, what: &str, tick: &Value, wished: impl Fn(&Value) -> bool) -> Value {
         let mut view = Value::Null;
         for _ in 0..60 * 20 {
             self.now_us += 16_667;
-            view = self.ask(json!({ "robot": "tick" }), &[])["view"].take();
+            view = self.ask(tick.clone(), &[])["view"].take();
             if wished(&view) {
                 return view;
             }
@@ -80,7 +84,7 @@ fn a_robot_in_the_page_is_flashed_armed_played_and_stopped() {
     page.wish(json!({ "intent": "arm" }));
     page.until("SAFE", |view| view["torque"] == true && view["state"] == "ready");
     page.wish(json!({ "intent": "play", "code": one_leg::SWING }));
-    let view = page.until("the motion", |view| view["playing"]["frame"].as_u64() > Some(5));
+    let view = page.until("the motion", |view| view["playing"]["time_s"].as_f64() > Some(0.1));
     assert_eq!(view["poses"][0].as_array().map(Vec::len), Some(7));
     page.wish(json!({ "intent": "estop" }));
     let view = page.until("the stop", |view| view["torque"] == false);
@@ -97,4 +101,106 @@ fn a_damaged_library_is_refused_before_anything_is_sent() {
     assert_eq!(answer["kind"], "error");
     assert!(answer["message"].as_str().expect("words").contains("not one for `test_leg`"));
     assert!(page.sent.is_empty());
+}
+
+/// What the page sees of a standard gamepad whose buttons of these numbers are down.
+fn pad(down: &[usize]) -> Value {
+    let buttons: Vec<_> = (0..17).map(|index| f32::from(u8::from(down.contains(&index)))).collect();
+    json!({ "id": "Xbox 360 Controller (STANDARD GAMEPAD)", "buttons": buttons, "axes": [0, 0, 0, 0] })
+}
+
+impl Page {
+    /// Ticks for some time while the page sees the same; the last view.
+    fn pass(&mut self, seconds: f64, tick: &Value) -> Value {
+        let mut view = Value::Null;
+        for _ in 0..(seconds * 60.0) as usize {
+            self.now_us += 16_667;
+            view = self.ask(tick.clone(), &[])["view"].take();
+        }
+        view
+    }
+
+    /// A robot in the page that has its library and is ready to be armed.
+    fn flashed(gamepad: bool) -> Self {
+        let mut page = Self::connected("simulated");
+        let connect = json!({
+            "robot": "connect", "place": "simulated", "files": [], "file": ROBOT, "node": 1, "gamepad": gamepad,
+        });
+        page.ask(connect, &[]);
+        page.until("contact", |view| view["contact"] == true);
+        let robot = rollwalk_shipped::text(ROBOT).expect("it ships");
+        let robot = rollwalk_robot::Robot::from_toml(ROBOT, robot).expect("it is valid");
+        let library = one_leg::library_for(&robot.controller_config().expect("a configuration"));
+        page.ask(json!({ "robot": "flash" }), &library);
+        page.until("the library", |view| says(view, "has it in use"));
+        page
+    }
+}
+
+#[test]
+fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
+    const START: usize = 9;
+    const DEADMAN: usize = 5;
+    let mut page = Page::flashed(true);
+    let tick = |gamepad: Value| json!({ "robot": "tick", "gamepad": gamepad });
+    let view = page.wish(json!({ "intent": "arm" }));
+    assert!(says(&view, "hold the deadman"), "the page's own button is barred, too");
+    assert!(view["gamepad"].as_str().is_some_and(|words| words.contains("press one")));
+    page.pass(0.1, &tick(pad(&[])));
+    page.pass(1.5, &tick(pad(&[START])));
+    page.pass(0.1, &tick(pad(&[DEADMAN])));
+    let view = page.pass(0.9, &tick(pad(&[DEADMAN, START])));
+    assert_eq!(view["torque"], false, "not yet a second");
+    page.pass(0.2, &tick(pad(&[DEADMAN, START])));
+    // The leg has one wheel and falls soon: no step takes longer than it must.
+    page.until_with("SAFE", &tick(pad(&[DEADMAN])), |view| view["state"] == "ready");
+    page.pass(0.02, &tick(pad(&[DEADMAN, 12])));
+    page.until_with("the motion", &tick(pad(&[DEADMAN])), |view| view["playing"]["rate"] == 1.0);
+    // A page that does not look at the gamepad holds nothing.
+    page.pass(0.2, &json!({ "robot": "tick" }));
+    assert_eq!(page.pass(0.02, &json!({ "robot": "tick" }))["state"], "playing");
+    let view = page.pass(0.3, &json!({ "robot": "tick" }));
+    assert_eq!(view["state"], "paused", "{view}");
+    // What was held all the time has to be let go of first.
+    let view = page.pass(0.2, &tick(pad(&[DEADMAN, 12])));
+    assert_eq!(view["state"], "paused");
+    page.pass(0.1, &tick(pad(&[1])));
+    assert!(says(&page.pass(0.1, &tick(pad(&[]))), "EMERGENCY STOP"));
+}
+
+#[test]
+fn without_anybody_at_the_page_the_robot_returns_to_safe() {
+    let mut page = Page::flashed(false);
+    page.wish(json!({ "intent": "arm" }));
+    page.until("SAFE", |view| view["state"] == "ready");
+    let nobody = json!({ "robot": "tick", "attended": false });
+    let view = page.pass(0.2, &nobody);
+    assert_eq!(view["torque"], true);
+    let view = page.pass(4.0, &nobody);
+    assert_eq!(view["torque"], false, "{view}");
+    assert!(says(&view, "the controls do not answer") && says(&view, "heartbeat lost"));
+}
+
+#[test]
+fn a_file_that_is_no_key_is_refused_before_anything_is_sent() {
+    let mut page = Page::connected("serial");
+    page.sent.clear();
+    let key = json!({ "text": "rollwalk-link-key-1 00", "nonce": [1, 2] });
+    let answer = page.ask(
+        json!({ "robot": "connect", "place": "serial", "files": [], "file": ROBOT, "node": 1, "key": key }),
+        &[],
+    );
+    assert_eq!(answer["kind"], "error");
+    assert!(
+        answer["message"].as_str().is_some_and(|words| words.contains("no link key")),
+        "{answer}"
+    );
+    assert!(page.sent.is_empty());
+    let key = json!({ "text": format!("rollwalk-link-key-1 {}", "0f".repeat(32)), "nonce": [1, 4_294_967_295u32] });
+    page.ask(
+        json!({ "robot": "connect", "place": "serial", "files": [], "file": ROBOT, "node": 14, "key": key }),
+        &[],
+    );
+    page.ask(json!({ "robot": "tick" }), &[]);
+    assert!(!page.sent.is_empty(), "it asks for a session");
 }

@@ -438,3 +438,44 @@ fn a_library_is_built_with_its_graph_and_can_be_stopped() {
     });
     assert_eq!((&last["kind"], &last["message"]), (&json!("error"), &json!("stopped")));
 }
+
+/// The comparison of the shown plan of a test leg's motion with a library.
+fn compare(page: &mut Page, motion: &str, library: &[u8]) -> (Value, String) {
+    let named = "motions/test_leg_library.toml";
+    let request = json!({ "kind": "compare", "files": [], "motion": motion, "library": named });
+    let compared = page.ask_with(request, library).json;
+    assert_eq!(compared["kind"], "done", "{compared}");
+    (compared["clip"].clone(), compared["why"].as_str().unwrap().to_owned())
+}
+
+#[test]
+fn a_plan_is_the_motion_of_a_library_by_name_and_by_its_frames() {
+    const ROLL: &str = "motions/test_leg_roll.toml";
+    let mut page = Page::default();
+    let build =
+        json!({ "kind": "library", "files": [], "library": "motions/test_leg_library.toml" });
+    let library = page.ask(build).bytes;
+    let roll = page.text(ROLL);
+    let plan = |page: &mut Page, text: String, from: &str| {
+        let files = json!([{ "path": ROLL, "text": text }]);
+        page.done(json!({
+            "kind": "plan", "files": files, "motion": ROLL, "from": from, "iterations": null, "frames_hz": 60.0,
+        }));
+    };
+    plan(&mut page, roll.clone(), "scratch");
+    // The library calls it `roll`, its second motion.
+    assert_eq!(compare(&mut page, ROLL, &library), (json!(1), String::new()));
+    // As `stand`, whose frames are others.
+    let (clip, why) = compare(&mut page, "motions/test_leg_stand.toml", &library);
+    assert!(clip.is_null() && why.contains("`stand`") && why.contains("duration"), "{why}");
+    let (clip, why) = compare(&mut page, ROLL, &library[1..]);
+    assert!(clip.is_null() && why.contains("another robot"), "{why}");
+
+    // After an edit it has the same name, and is another motion; undone it is the same again.
+    let edited = roll.replace("forward_m = 0.2", "forward_m = 0.19");
+    plan(&mut page, edited, "good");
+    let (clip, why) = compare(&mut page, ROLL, &library);
+    assert!(clip.is_null() && why.contains("rad/s from the plan"), "{why}");
+    plan(&mut page, roll, "good");
+    assert_eq!(compare(&mut page, ROLL, &library), (json!(1), String::new()));
+}

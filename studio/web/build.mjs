@@ -49,12 +49,15 @@ const threeFromPage = {
   },
 };
 
-const worker = await build({ ...common, entryPoints: ["src/engine/worker.ts"] });
-const workerSource = {
-  name: "source of the worker",
-  setup(build) {
-    build.onResolve({ filter: /^worker-source$/ }, () => ({ path: "worker", namespace: "worker" }));
-    build.onLoad({ filter: /.*/, namespace: "worker" }, () => ({ contents: worker.outputFiles[0].text, loader: "text" }));
+/** Workers, which the page has as texts: `engine-worker-source` is what src/engine/worker.ts comes to. */
+const workerSources = {
+  name: "sources of workers",
+  setup({ onResolve, onLoad }) {
+    onResolve({ filter: /^(engine|robot)-worker-source$/ }, ({ path }) => ({ path: path.split("-")[0], namespace: "worker" }));
+    onLoad({ filter: /.*/, namespace: "worker" }, async ({ path }) => {
+      const worker = await build({ ...common, entryPoints: [`src/${path}/worker.ts`] });
+      return { contents: worker.outputFiles[0].text, loader: "text" };
+    });
   },
 };
 
@@ -67,7 +70,7 @@ const three = await build({
 const page = await build({
   ...common,
   entryPoints: ["src/main.ts"],
-  plugins: [threeFromPage, workerSource],
+  plugins: [threeFromPage, workerSources],
 });
 const css = await build({ ...common, format: undefined, entryPoints: ["src/studio.css"] });
 

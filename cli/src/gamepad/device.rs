@@ -1,9 +1,9 @@
 //! Gamepads of this computer by Linux's evdev: discovery, and a reader thread that survives a disconnection.
 
 use super::capabilities;
-use super::pad::{Event, normal};
 use evdev::{AbsoluteAxisCode, Device, EventSummary, KeyCode};
 use miette::miette;
+use rollwalk_gamepads::pad::{Event, normal};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;

@@ -1,7 +1,7 @@
 //! Gamepads on systems without evdev: none.
 
-use super::pad::Event;
 use miette::miette;
+use rollwalk_gamepads::pad::Event;
 use std::path::PathBuf;
 use std::sync::mpsc::Receiver;
 

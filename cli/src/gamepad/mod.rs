@@ -1,10 +1,7 @@
-//! Gamepads: devices, events, and the mapping to commands (docs/gamepad.md).
+//! Gamepads of this computer, and the mapping that goes with one (docs/gamepad.md). What events mean is in [`rollwalk_gamepads`].
 //!
 //! | module | is |
 //! |---|---|
-//! | [`inputs`] | buttons and axes by name |
-//! | [`file`] | mapping files |
-//! | [`pad`] | state machine from events to operator requests: motion only with the deadman held, emergency stop always |
 //! | [`device`] | events of Linux (evdev) |
 //! | `capabilities` | buttons of a device without read permission |
 
@@ -12,17 +9,13 @@
 mod capabilities;
 #[cfg_attr(not(target_os = "linux"), path = "elsewhere.rs")]
 pub mod device;
-pub mod file;
-pub mod inputs;
-pub mod pad;
-#[cfg(test)]
-mod tests;
 
+use crate::files;
 use crate::kind::Kind;
-use crate::{files, shipped};
 use device::Found;
-use file::Mapping;
 use miette::{Report, miette};
+use rollwalk_gamepads::file::Mapping;
+use rollwalk_gamepads::{shipped, shipped_for};
 use std::path::Path;
 
 /// The mapping to use with a device: the file that is named, else the shipped one that is made for it.
@@ -34,20 +27,28 @@ pub fn mapping(named: Option<&Path>, device: &Found) -> miette::Result<Mapping> 
         let text = files::read_text(path, Kind::Gamepad)?;
         return Mapping::from_toml(&path.to_string_lossy(), &text).map_err(Report::new);
     }
-    let mut names = Vec::new();
-    for (path, text) in shipped::gamepads() {
-        let mapping = Mapping::from_toml(&path.to_string_lossy(), text).map_err(Report::new)?;
-        if mapping.devices.iter().any(|part| device.name.contains(part.as_str())) {
-            return Ok(mapping);
-        }
-        names.push(path.display().to_string());
+    shipped_for(&device.name).ok_or_else(|| {
+        let paths: Vec<_> = shipped().map(|(path, _)| path).collect();
+        miette!(
+            help = format!(
+                "take one of these as a start, and give it with --mapping: {}",
+                paths.join(", ")
+            ),
+            "no mapping that ships is made for `{}`",
+            device.name
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_without_a_mapping_is_told_where_to_begin() {
+        let found = |name: &str| Found { name: name.into(), path: "event7".into() };
+        assert_eq!(mapping(None, &found("Xbox Wireless Controller")).unwrap().name, "xbox");
+        let error = mapping(None, &found("Toaster")).unwrap_err();
+        assert!(error.help().unwrap().to_string().contains("gamepads/xbox.toml"));
     }
-    Err(miette!(
-        help = format!(
-            "take one of these as a start, and give it with --mapping: {}",
-            names.join(", ")
-        ),
-        "no mapping that ships is made for `{}`",
-        device.name
-    ))
 }

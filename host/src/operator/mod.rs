@@ -84,6 +84,8 @@ pub struct Operator {
     visiting: bool,
     /// Heartbeats are withheld until the controller is heard again.
     silent: bool,
+    /// No operator is known to be at the controls.
+    unattended: bool,
     /// A frame that the bus refused.
     unsent: Option<Frame>,
     /// A library on its way to the controller.
@@ -117,6 +119,7 @@ impl Operator {
             complaint: None,
             visiting: false,
             silent: false,
+            unattended: false,
             unsent: None,
             flashing: None,
             awaited: None,
@@ -131,6 +134,22 @@ impl Operator {
     /// The controller's identity.
     pub fn hello(&self) -> Option<&Hello> {
         self.hello.as_ref()
+    }
+
+    /// Says whether an operator is at the controls, for programs whose controls run apart from the link. While none is, heartbeats
+    /// are withheld, so that an armed robot returns to SAFE by itself, and nothing that moves it is sent.
+    pub fn set_attended(&mut self, now_us: u64, attended: bool) {
+        if self.unattended == attended {
+            if attended {
+                self.log.say(now_us, Weight::Note, "the controls answer again");
+            } else {
+                self.asked = None;
+                self.drop_moving();
+                let text = "the controls do not answer: no heartbeats, and an armed robot returns to SAFE by itself";
+                self.log.say(now_us, Weight::Warning, text);
+            }
+        }
+        self.unattended = !attended;
     }
 
     /// Shows a message to the operator.
@@ -332,7 +351,7 @@ impl Operator {
             }
             self.silent = true;
         }
-        self.client.set_silent(self.silent);
+        self.client.set_silent(self.silent || self.unattended);
     }
 
     fn ask_hello(&mut self, now_us: u64) {

@@ -399,6 +399,27 @@ fn without_contact_and_without_the_deadman_it_is_silent_but_for_asking() {
 }
 
 #[test]
+fn while_nobody_is_at_the_controls_it_sends_no_heartbeats_and_nothing_that_moves() {
+    let mut desk = Desk::new();
+    desk.want(Intent::Play { code: 2 });
+    desk.operator.set_attended(desk.now_us, false);
+    for counter in 1..20 {
+        desk.pass(50_000);
+        desk.hear(status(State::Playing, counter % 16).encode(node()));
+    }
+    assert_eq!(desk.sent, []);
+    // A stop goes out whoever is there.
+    desk.want(Intent::Estop);
+    assert_eq!(desk.poll(), [ToController::Estop]);
+    desk.hear(EstopAck { state: State::EStopped }.encode(node()));
+    desk.sent.clear();
+    desk.pass(200_000);
+    assert_eq!(desk.sent, []);
+    desk.operator.set_attended(desk.now_us, true);
+    assert!(matches!(desk.poll()[..], [ToController::Heartbeat(_)]), "{:?}", desk.sent);
+}
+
+#[test]
 fn a_stop_that_the_bus_did_not_take_goes_out_next_also_without_contact() {
     let mut desk = Desk::without_contact(LetGo::Pause);
     desk.pass(1_200_000);

@@ -34,3 +34,14 @@ pub struct Edge {
     /// Status of its plan.
     pub status: Status,
 }
+
+/// The shown plan beside the motion that a library has for it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Compared {
+    /// Name of the motion in the library.
+    pub name: String,
+    /// Its clip, if it is the shown plan.
+    pub clip: Option<u8>,
+    /// Why it is not, if it is not.
+    pub why: String,
+}

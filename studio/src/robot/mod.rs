@@ -3,13 +3,15 @@
 //!
 //! | module | is |
 //! |---|---|
+//! | `gamepad` | a gamepad that the page sees: requests of an operator |
 //! | `line` | a real robot: bytes of a serial port or of a relay, as frames and back |
 //! | `simulated` | a robot in the page: firmware, buses, servos and the ground |
 //! | `view` | what the page shows |
 //!
-//! Nothing is sent before the page asks for a connection, and no torque is turned on without an intent. When the page is gone,
-//! heartbeats end, and the robot returns to SAFE by itself.
+//! Nothing is sent before the page asks for a connection, and no torque is turned on without an intent. When the page is gone, or
+//! no operator is there, heartbeats end, and the robot returns to SAFE by itself.
 
+mod gamepad;
 mod line;
 mod simulated;
 mod view;
@@ -18,11 +20,15 @@ pub use view::RobotView;
 
 use crate::documents::{Documents, missing};
 use crate::messages::{Answer, File};
+use gamepad::{Gamepad, Seen};
 use line::{Coding, Line};
+use rollwalk_host::authentication::{Credentials, Peer};
 use rollwalk_host::catalog::Catalog;
+use rollwalk_host::key_file;
 use rollwalk_host::operator::{Deadman, Intent, LetGo, Operator};
 use rollwalk_protocol::library::{Library, validate};
 use rollwalk_protocol::wire::Node;
+use rollwalk_protocol::wire::authentication::LinkKey;
 use rollwalk_robot::Robot;
 use serde::Deserialize;
 use simulated::Simulated;
@@ -55,9 +61,22 @@ pub enum Wanted {
         file: String,
         /// Number of the controller.
         node: u8,
+        /// Whether a gamepad's deadman must be held while the robot moves.
+        #[serde(default)]
+        gamepad: bool,
+        /// The robot's link key, for a controller that insists on one.
+        #[serde(default)]
+        key: Option<Key>,
     },
     /// To go on; the request's bytes are what has arrived.
-    Tick,
+    Tick {
+        /// Whether the page itself, and not its link alone, has answered lately.
+        #[serde(default = "yes")]
+        attended: bool,
+        /// The gamepad, if the page has looked at it since the last tick.
+        #[serde(default)]
+        gamepad: Option<Seen>,
+    },
     /// To obey an order.
     Wish(Wish),
     /// To take the library in the request's bytes.
@@ -66,6 +85,36 @@ pub enum Wanted {
     Name,
     /// To end the connection at once.
     Leave,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// A link key, and random numbers for its use.
+#[derive(Clone, Deserialize)]
+pub struct Key {
+    /// The text of the key file.
+    text: String,
+    /// Random, of 32 bits each: JavaScript has no integers of 64.
+    nonce: [u32; 2],
+}
+
+impl std::fmt::Debug for Key {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Key(secret)")
+    }
+}
+
+impl Key {
+    fn credentials(&self) -> Result<Credentials, Answer> {
+        let key = key_file::parse(&self.text).ok_or_else(|| Answer::Error {
+            message: format!("the file {}", key_file::refusal()),
+            help: "`rollwalk keys new FILE` makes one".to_owned(),
+        })?;
+        let [high, low] = self.nonce.map(u64::from);
+        Ok(Credentials { key: LinkKey::new(&key), nonce: high << 32 | low })
+    }
 }
 
 /// What the operator wants.
@@ -132,11 +181,14 @@ pub fn request(
     binary: &[u8],
 ) -> Result<(Option<Box<RobotView>>, Vec<u8>), Answer> {
     match &wanted {
-        Wanted::Connect { place, files, file, node } => {
+        Wanted::Connect { place, files, file, node, gamepad, key } => {
             let documents = Documents::new(files);
             let found = documents.find(file).ok_or_else(|| missing("robot file", file, ""))?;
             let robot = documents.robot(found)?;
-            *connection = Some(Connection::new(*place, robot, *node)?);
+            let key = key.as_ref().map(Key::credentials).transpose()?;
+            let mut new = Connection::new(*place, robot, *node, key)?;
+            new.gamepad = gamepad.then(|| Gamepad::new(now_us, &mut new.operator));
+            *connection = Some(new);
         }
         Wanted::Leave => {
             *connection = None;
@@ -150,7 +202,10 @@ pub fn request(
     })?;
     let mut received: &[u8] = &[];
     match wanted {
-        Wanted::Tick => received = binary,
+        Wanted::Tick { attended, gamepad } => {
+            received = binary;
+            connection.attend(now_us, attended, gamepad);
+        }
         Wanted::Wish(wish) => connection.want(now_us, wish),
         Wanted::Flash => connection.flash(now_us, binary)?,
         Wanted::Name => connection.name(binary)?,
@@ -173,6 +228,8 @@ pub struct Connection {
     robot: Robot,
     /// Names of the library that the page has.
     catalog: Option<Catalog>,
+    /// The gamepad that the operator uses.
+    gamepad: Option<Gamepad>,
 }
 
 impl std::fmt::Debug for Connection {
@@ -186,10 +243,15 @@ impl Connection {
     ///
     /// # Errors
     /// There is no such node, or the robot breaks a rule of controllers.
-    pub fn new(place: Place, robot: Robot, node: u8) -> Result<Self, Answer> {
+    pub fn new(
+        place: Place,
+        robot: Robot,
+        node: u8,
+        credentials: Option<Credentials>,
+    ) -> Result<Self, Answer> {
         let node = Node::new(node).ok_or_else(|| Answer::Error {
             message: format!("no controller has the number {node}"),
-            help: "controllers are numbered from 1 to 15; 1 unless configured otherwise".to_owned(),
+            help: "controllers are numbered from 0 to 14; 1 unless configured otherwise".to_owned(),
         })?;
         let invalid = |why: rollwalk_robot::InvalidRobot| Answer::Error {
             message: format!("`{}` cannot be played by a controller: {why}", robot.name),
@@ -202,7 +264,8 @@ impl Connection {
             Place::Relay => Way::Line(Box::new(Line::new(Coding::Frames))),
             Place::Slcan => Way::Line(Box::new(Line::new(Coding::Slcan))),
         };
-        Ok(Self { operator: Operator::new(node, Some(hash)), way, robot, catalog: None })
+        let operator = Operator::new(Peer { node, credentials }, Some(hash));
+        Ok(Self { operator, way, robot, catalog: None, gamepad: None })
     }
 
     /// Gives motions the names that they have in a library.
@@ -240,6 +303,16 @@ impl Connection {
         self.operator.want(now_us, wish.into());
     }
 
+    /// Notes whether an operator is at the page, and does what the gamepad asks for.
+    pub fn attend(&mut self, page_us: u64, attended: bool, gamepad: Option<Seen>) {
+        let now_us = self.now_us(page_us);
+        self.operator.set_attended(now_us, attended);
+        let Some(pad) = &mut self.gamepad else { return };
+        for wish in pad.wishes(page_us, gamepad) {
+            wish.give(now_us, &mut self.operator, self.catalog.as_ref());
+        }
+    }
+
     /// Goes on until `now_us` by the page's clock, with the bytes that have arrived; returns those to be sent.
     pub fn tick(&mut self, now_us: u64, received: &[u8]) -> Vec<u8> {
         let (operator, catalog) = (&mut self.operator, &self.catalog);
@@ -261,7 +334,9 @@ impl Connection {
             Way::Simulated(robot) => Some(robot.as_ref()),
             Way::Line(_) => None,
         };
-        view::robot_view(&view, &self.robot, self.catalog.as_ref(), simulated)
+        let mut shown = view::robot_view(&view, &self.robot, self.catalog.as_ref(), simulated);
+        shown.gamepad = self.gamepad.as_ref().map(Gamepad::words);
+        shown
     }
 
     /// Time by the clock that the operator goes by, µs.

@@ -7,9 +7,16 @@ use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe;
 use rollwalk_host::operator::{FaultView, Leaving, View, Weight};
 use rollwalk_multibody::{Configuration, Frames, Standing, Tree};
+use rollwalk_protocol::library::RATE_HZ;
+use rollwalk_protocol::wire::{State, Torque};
 use rollwalk_robot::Robot;
 use serde::Serialize;
 use std::collections::BTreeMap;
+
+/// Longest time for which a motion is thought to go on as the robot last reported, µs: three of its messages.
+const MOST_SINCE_US: u64 = 150_000;
+/// The planned speed in 64ths.
+const FULL_SPEED: i8 = 64;
 
 /// A snapshot for the page.
 #[derive(Clone, Debug, Serialize)]
@@ -44,6 +51,8 @@ pub struct RobotView {
     pub transfer: Option<[usize; 2]>,
     /// The order in flight, in words.
     pub asking: Option<String>,
+    /// The gamepad in a few words, if one is used.
+    pub gamepad: Option<String>,
     /// Whether an emergency stop waits to be acknowledged.
     pub stopping: bool,
     /// Whether the operator is leaving: `no`, `when_home` or `now`.
@@ -72,12 +81,16 @@ pub struct MotionOf {
 }
 
 /// What is being played.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Playing {
     /// The motion, or `from → to`.
     pub name: String,
-    /// Its frame, of 60 a second.
-    pub frame: u16,
+    /// Its clip in the library.
+    pub clip: u8,
+    /// Time within it now: that of the frame which the robot reported, gone on since, s.
+    pub time_s: f64,
+    /// Seconds of it that pass in a second: 0 while it is halted.
+    pub rate: f64,
 }
 
 /// Telemetry of a joint or driven wheel.
@@ -146,8 +159,17 @@ pub fn robot_view(
         text: message.text.clone(),
     };
     let playing = view.status.and_then(|status| {
-        let name = catalog?.clip(status.clip?)?;
-        Some(Playing { name, frame: status.frame })
+        let clip = status.clip?;
+        let name = catalog?.clip(clip)?;
+        let rate = match status.state {
+            State::Playing => {
+                f64::from(view.asked.map_or(FULL_SPEED, |(_, speed)| speed)) / f64::from(FULL_SPEED)
+            }
+            _ => 0.0,
+        };
+        let since_us = view.link.status_age_us.unwrap_or(0).min(MOST_SINCE_US);
+        let time_s = f64::from(status.frame) / f64::from(RATE_HZ) + rate * seconds(since_us);
+        Some(Playing { name, clip, time_s, rate })
     });
     RobotView {
         time_s: seconds(view.now_us),
@@ -155,9 +177,7 @@ pub fn robot_view(
         round_trip_ms: view.link.round_trip_us.map(|us| us as f64 * 1e-3),
         lost: [view.link.lost, view.link.lost + view.link.received],
         state: view.status.map(|status| describe::state_name(status.state)),
-        torque: view
-            .status
-            .is_none_or(|status| status.state.torque() != rollwalk_protocol::wire::Torque::Off),
+        torque: view.status.is_none_or(|status| status.state.torque() != Torque::Off),
         advice: view.advice,
         mismatch: view.mismatch.clone(),
         complaint: view.bus_lost.clone().or_else(|| view.complaint.clone()),
@@ -167,6 +187,7 @@ pub fn robot_view(
         library: library.map(|identity| format!("{identity:08x}")),
         transfer: view.transfer.map(|transfer| [transfer.done, transfer.total]),
         asking: view.asking.clone(),
+        gamepad: None,
         stopping: view.stopping,
         leaving: match view.leaving {
             Leaving::No => "no",

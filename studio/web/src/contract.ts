@@ -15,6 +15,7 @@ export type RequestBody =
   | { kind: "solution" }
   | { kind: "resume" }
   | { kind: "library"; files: File[]; library: string }
+  | { kind: "compare"; files: File[]; motion: string; library: string }
   | { kind: "export"; what: "csv" | "json"; rate_hz: number }
   /** Of an engine in the program that serves the page: the files of its command line. */
   | { kind: "given" }
@@ -26,14 +27,17 @@ export type Intent = "arm" | "pause_or_resume" | "return" | "disarm" | "estop" |
 
 /** What is wanted of a robot at the other end of a link; bytes of the answer are to be sent to it. */
 export type RobotRequest =
-  | { robot: "connect"; place: Place; files: File[]; file: string; node: number }
-  | { robot: "tick" }
+  | { robot: "connect"; place: Place; files: File[]; file: string; node: number; gamepad: boolean; key: { text: string; nonce: [number, number] } | null }
+  | { robot: "tick"; attended: boolean; gamepad: GamepadSeen | null }
   | { robot: "wish"; intent: Intent }
   | { robot: "wish"; intent: "play"; code: number }
   | { robot: "wish"; intent: "speed"; sixty_fourths: number }
   | { robot: "flash" }
   | { robot: "name" }
   | { robot: "leave" };
+
+/** A standard gamepad of the Gamepad API, or why there is none. */
+export type GamepadSeen = { id: string; buttons: number[]; axes: number[] } | { gone: string };
 
 export type RobotView = {
   time_s: number;
@@ -47,10 +51,13 @@ export type RobotView = {
   complaint: string | null;
   faults: string[];
   motions: { name: string; code: number | null; looping: boolean }[];
-  playing: { name: string; frame: number } | null;
+  /** What is played: its clip in the library, the time within it now, and seconds of it that pass in one. */
+  playing: { name: string; clip: number; time_s: number; rate: number } | null;
   library: string | null;
   transfer: [number, number] | null;
   asking: string | null;
+  /** The gamepad in a few words, if one is used. */
+  gamepad: string | null;
   stopping: boolean;
   leaving: "no" | "when_home" | "now";
   speed_64ths: number;

@@ -16,6 +16,7 @@ import { LibraryBuild } from "./project/library.ts";
 import { Playback } from "./project/playback.ts";
 import { isDark, load, type Settings } from "./project/settings.ts";
 import { Studio } from "./project/studio.ts";
+import { Beside } from "./robot/beside.ts";
 import { RobotLink, talksToRobots } from "./robot/link.ts";
 import { runPanel } from "./robot/panel.ts";
 import { emergencyStop, playByNumber } from "./robot/stop.ts";
@@ -59,11 +60,12 @@ export async function start(root: HTMLElement, engine: Engine) {
   const library = new LibraryBuild(studio);
   shell.tab("Library", libraryPanel(studio, library, commands.examples));
   const link = new RobotLink(studio);
-  const run = shell.tab("Run", runPanel(studio, link, library));
+  const beside = new Beside(studio, link);
+  const run = shell.tab("Run", runPanel(studio, link, library, beside));
   run.hidden = true;
   emergencyStop(shell.view, link);
   playByNumber(link);
-  if (view) link.onChange(() => view.showLive(link.view?.poses ?? null));
+  if (view) link.onChange(() => view.showLive(link.view?.poses ?? null, beside.row()));
   shell.tab("Text", text.element, text.update);
   buildStatus(shell.status, studio, {
     jump(fault: Fault) {
@@ -76,7 +78,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   acceptDrops(studio, root);
 
   // For tests and for the console; the page itself does not read it.
-  Object.assign(globalThis, { studio: { state: studio, playback, view, link } });
+  Object.assign(globalThis, { studio: { state: studio, playback, view, link, beside } });
 
   await openFirst(studio);
   run.hidden = !(await talksToRobots(engine));

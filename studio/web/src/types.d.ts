@@ -1,4 +1,9 @@
-declare module "worker-source" {
+declare module "engine-worker-source" {
+  const source: string;
+  export default source;
+}
+
+declare module "robot-worker-source" {
   const source: string;
   export default source;
 }

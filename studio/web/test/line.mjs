@@ -3,9 +3,23 @@
 import { spawn } from "node:child_process";
 import { connect } from "node:net";
 
-/** In the page, before its scripts: ports that behave as Web Serial says. Bytes arrive in pieces of any length. */
-export function fakeSerial() {
+/** In the page, before its scripts: ports that behave as Web Serial says. Bytes arrive in pieces of any length. With `inWorkers` its
+ * workers have them too. */
+export function fakeSerial(inWorkers) {
+  const isPage = typeof document !== "undefined";
   const fake = { port: null, baud: 0, refusal: null, failure: null, isOpen: false };
+  // Between the page and its workers.
+  const between = new BroadcastChannel("serial");
+  const opened = (isOpen, baud = fake.baud) => {
+    Object.assign(fake, { isOpen, baud });
+    if (!isPage) between.postMessage({ isOpen, baud });
+  };
+  const sent = (bytes) => (isPage ? globalThis.serialOut(bytes) : between.postMessage({ sent: bytes }));
+  between.onmessage = ({ data }) => {
+    if (data.arrived) fake.arrive(data.arrived);
+    else if (data.sent) sent(data.sent);
+    else Object.assign(fake, data);
+  };
   let into = null;
   let out = null;
   let pieces = 0;
@@ -15,18 +29,22 @@ export function fakeSerial() {
     async open({ baudRate }) {
       if (fake.failure) throw new DOMException(fake.failure, "NetworkError");
       if (fake.isOpen) throw new DOMException("The port is already open.", "InvalidStateError");
-      [fake.isOpen, fake.baud] = [true, baudRate];
+      opened(true, baudRate);
       const ends = (name) => () => (this[name] = null);
       this.readable = new ReadableStream({ start: (controller) => (into = controller), cancel: ends("readable") });
-      const write = (bytes) => globalThis.serialOut([...bytes]);
+      const write = (bytes) => sent([...bytes]);
       this.writable = new WritableStream({ start: (controller) => (out = controller), write, close: ends("writable"), abort: ends("writable") });
     }
     async close() {
       if (this.readable?.locked || this.writable?.locked) throw new TypeError("Cannot cancel a locked stream");
-      fake.isOpen = false;
+      opened(false);
+    }
+    getInfo() {
+      return { usbVendorId: 0x0403, usbProductId: 0x6001 };
     }
   }
   fake.arrive = (bytes) => {
+    if (isPage && inWorkers) return between.postMessage({ arrived: bytes });
     for (let at = 0; at < bytes.length && fake.port?.readable; ) {
       const length = 1 + ((7 * ++pieces) % 11);
       into.enqueue(Uint8Array.from(bytes.slice(at, at + length)));
@@ -40,12 +58,21 @@ export function fakeSerial() {
     out.error(lost);
     [fake.port.readable, fake.port.writable] = [null, null];
   };
+  if (!isPage) fake.port = new Port();
+  const getPorts = async () => [fake.port];
   const requestPort = async () => {
     if (fake.refusal) throw new DOMException("No port selected by the user.", fake.refusal);
     return (fake.port = new Port());
   };
   globalThis.fakeSerial = fake;
-  Object.defineProperty(navigator, "serial", { value: { requestPort } });
+  Object.defineProperty(navigator, "serial", { value: { requestPort, getPorts } });
+  if (!isPage || !inWorkers) return;
+  const Plain = Blob;
+  globalThis.Blob = class extends Plain {
+    constructor(parts, options) {
+      super(options?.type === "text/javascript" ? [`(${fakeSerial})(true);`, ...parts] : parts, options);
+    }
+  };
 }
 
 /** A line with a pseudo terminal at its far end, whose name is `device`. */

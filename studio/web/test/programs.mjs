@@ -24,8 +24,8 @@ function said(child, wanted) {
 }
 
 /** A test leg on a stand, whose link is at `bus`. */
-export async function startRobot(folder, bus) {
-  const robot = spawn(simulator, ["robots/test_leg.toml", "--on", "stand", "--bus", bus], { cwd: folder });
+export async function startRobot(folder, bus, args = []) {
+  const robot = spawn(simulator, ["robots/test_leg.toml", "--on", "stand", "--bus", bus, ...args], { cwd: folder });
   await said(robot, /Ctrl-C/);
   return robot;
 }

@@ -2,8 +2,11 @@
 import assert from "node:assert/strict";
 import { WAIT_MS } from "./harness.mjs";
 
-export async function runRobot(studio, place = "simulated") {
-  const until = (wanted, argument) => studio.page.waitForFunction(wanted, { timeout: WAIT_MS }, argument);
+const waits = (studio) => (wanted, argument) => studio.page.waitForFunction(wanted, { timeout: WAIT_MS }, argument);
+
+/** Connects to a robot and gives it its library. */
+export async function flashRobot(studio, place = "simulated") {
+  const until = waits(studio);
   await studio.click("#tab-run");
   assert.equal(await studio.state("link.view"), null, "nothing is connected without a click");
   await studio.page.select("#place", place);
@@ -13,6 +16,12 @@ export async function runRobot(studio, place = "simulated") {
   await until(() => document.querySelector(".run .flash").textContent === "Flash library" && !document.querySelector(".run .flash").disabled);
   await studio.click(".run .flash");
   await until(() => globalThis.studio.link.view.library && globalThis.studio.link.view.motions.length > 1);
+}
+
+/** Connects to a robot, and arms it. */
+export async function armRobot(studio, place) {
+  const until = waits(studio);
+  await flashRobot(studio, place);
   // A click is not enough to arm.
   await studio.click(".run .hold");
   assert.equal(await studio.state("link.view.torque"), false);
@@ -21,13 +30,52 @@ export async function runRobot(studio, place = "simulated") {
   await until(() => globalThis.studio.link.view.torque);
   await studio.page.keyboard.up(" ");
   await until(() => globalThis.studio.link.view.state === "ready" && !document.querySelector(".motions button").disabled);
+}
+
+/** Plays the first motion that is no stand, by its number. */
+export async function play(studio) {
+  const until = waits(studio);
   const { name, code } = await studio.page.evaluate(() => globalThis.studio.link.view.motions.find((one) => one.code && !/stand/.test(one.name)));
   await studio.page.evaluate(() => document.activeElement.blur());
   await studio.press(String(code));
   await until((name) => globalThis.studio.link.view.playing?.name.includes(name), name);
+}
+
+/** Stops the robot, and leaves it. */
+export async function stop(studio) {
+  const until = waits(studio);
   await studio.press("Escape");
   await until(() => !globalThis.studio.link.view.torque);
   assert.match(await studio.page.$eval(".messages", (list) => list.innerText), /emergency stop/i);
   await studio.button("Disconnect");
   await until(() => !globalThis.studio.link.connected);
+}
+
+export async function runRobot(studio, place) {
+  await armRobot(studio, place);
+  await play(studio);
+  await stop(studio);
+}
+
+/** The page does nothing else for some time. */
+function busy(studio, ms) {
+  return studio.page.evaluate((ms) => {
+    const end = performance.now() + ms;
+    while (performance.now() < end);
+  }, ms);
+}
+
+/** An armed robot stays so while the page is busy for a moment, and returns to SAFE when it is for longer than its worker waits. */
+export async function outlivesBusyPage(studio) {
+  const until = waits(studio);
+  const messages = async () => (await studio.state("link.view.messages")).map((one) => one.text).join("\n");
+  await busy(studio, 500);
+  const shown = await studio.state("link.view.time_s");
+  await until((shown) => globalThis.studio.link.view.time_s > shown + 0.3, shown);
+  assert.equal(await studio.state("link.view.torque"), true, await messages());
+  assert.doesNotMatch(await messages(), /heartbeat/);
+  await busy(studio, 3000);
+  await until(() => !globalThis.studio.link.view.torque);
+  assert.match(await messages(), /the controls do not answer/);
+  assert.match(await messages(), /heartbeat lost/);
 }

@@ -8,7 +8,7 @@ import { after, before, describe, test } from "node:test";
 import { launch, Studio, WAIT_MS } from "./harness.mjs";
 import { fakeSerial, serialLine, slcanAdapter } from "./line.mjs";
 import { program, root, serveStudio, simulator, startRobot } from "./programs.mjs";
-import { runRobot } from "./robot.mjs";
+import { flashRobot, runRobot } from "./robot.mjs";
 
 describe("a robot at a serial port", { skip: program && simulator ? false : "STUDIO_ROLLWALK and STUDIO_SIM name no programs" }, () => {
   let served, browser, studio, line, adapter;
@@ -23,6 +23,14 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
   const trouble = (words) => until((words) => document.querySelector(".steps .note").textContent.includes(words), words);
   const set = (change) => studio.page.evaluate((change) => void Object.assign(globalThis.fakeSerial, change), change);
   const fake = (name) => studio.page.evaluate((name) => globalThis.fakeSerial[name], name);
+  const open = (inWorkers) =>
+    // Drawing in software keeps the page's thread from the bytes that pass it.
+    Studio.open(browser, `${served.address}&quality=low`, {
+      async before(page) {
+        await page.exposeFunction("serialOut", (bytes) => void far.send(Buffer.from(bytes)));
+        await page.evaluateOnNewDocument(fakeSerial, inWorkers);
+      },
+    });
   before(async () => {
     const folder = await mkdtemp(join(tmpdir(), "studio-"));
     line = await serialLine(from(() => line));
@@ -31,12 +39,7 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
     adapter = await slcanAdapter(join(folder, "robot.sock"), from(() => adapter));
     served = await serveStudio(root, ["motions/test_leg_library.toml"]);
     browser = await launch("chromium");
-    studio = await Studio.open(browser, served.address, {
-      async before(page) {
-        await page.exposeFunction("serialOut", (bytes) => void far.send(Buffer.from(bytes)));
-        await page.evaluateOnNewDocument(fakeSerial);
-      },
-    });
+    studio = await open(false);
   });
   after(async () => {
     await browser?.close();
@@ -95,6 +98,19 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
     await set({ failure: null });
     await studio.button("Connect");
     await until(() => globalThis.studio.link.view?.contact);
+  });
+
+  test("is held by the worker where workers see the port", async () => {
+    await studio.page.close();
+    studio = await open(true);
+    far = line;
+    await studio.click("#tab-run");
+    // Not armed: the fake port's bytes come from the page all the same, and a robot waits no longer than 0.25 s for them.
+    await flashRobot(studio, "serial");
+    assert.equal(await fake("isOpen"), true);
+    await studio.button("Disconnect");
+    await until(() => !globalThis.studio.link.connected && !globalThis.fakeSerial.isOpen);
+    assert.equal(await studio.page.evaluate(() => globalThis.fakeSerial.port.readable), null, "the page's own was never opened");
   });
 
   test("no error on the console", () => assert.deepEqual(studio.errors, []));

@@ -30,6 +30,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &[
             "rollwalk-bus",
             "rollwalk-design",
+            "rollwalk-gamepads",
             "rollwalk-host",
             "rollwalk-multibody",
             "rollwalk-physics",
@@ -43,6 +44,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("web-time", &[]),
     ("rollwalk-bus", &["rollwalk-protocol"]),
     ("rollwalk-host", &["rollwalk-bus", "rollwalk-protocol"]),
+    ("rollwalk-gamepads", &["rollwalk-host", "rollwalk-robot", "rollwalk-shipped"]),
     // It builds and runs the others as processes, so that its own checks need none of them.
     ("xtask", &[]),
     (

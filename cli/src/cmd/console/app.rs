@@ -6,8 +6,6 @@
 use super::keys::{Keyboard, Meaning};
 use super::scene::{Lookup, Names, Scene};
 use super::screen;
-use crate::gamepad::file::Motion;
-use crate::gamepad::pad::{self, Pad, Wish};
 use crate::gamepad::{self, device};
 use crate::link::LinkArgs;
 use crate::{Exit, output};
@@ -15,6 +13,7 @@ use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::Live;
+use rollwalk_gamepads::pad::{self, Pad, Wish};
 use rollwalk_host::authentication::Peer;
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -233,27 +232,7 @@ impl<'a> App<'a> {
     fn read_gamepad(&mut self, now_us: u64) {
         let Some(gamepad) = &mut self.gamepad else { return };
         for wish in gamepad.wishes(now_us) {
-            match wish {
-                Wish::Want(intent) => self.operator.want(now_us, intent),
-                Wish::Play(Motion::Code(code)) => {
-                    self.operator.want(now_us, Intent::Play { code });
-                }
-                Wish::Play(Motion::Named(name)) => {
-                    let motion =
-                        self.names.catalog.as_ref().and_then(|catalog| catalog.motion(&name));
-                    match motion.and_then(|motion| motion.code) {
-                        Some(code) => self.operator.want(now_us, Intent::Play { code }),
-                        None => {
-                            let text = format!("the library has no motion `{name}` with a code");
-                            self.operator.say(now_us, Weight::Refused, text);
-                        }
-                    }
-                }
-                Wish::Say(text, wrong) => {
-                    let weight = if wrong { Weight::Warning } else { Weight::Note };
-                    self.operator.say(now_us, weight, text);
-                }
-            }
+            wish.give(now_us, &mut self.operator, self.names.catalog.as_ref());
         }
     }
 

@@ -1,10 +1,13 @@
-// The engine as the page sees it, whichever way it is reached: four lanes of requests that do not
+// The engine as the page sees it, whichever way it is reached: lanes of requests that do not
 // wait for each other, so that an edit never waits for a solve.
 
 import type { Fault, Progress, RequestBody } from "../contract.ts";
 
-/** `documents` answers at once, `solver` holds plans, `library` builds, `robot` talks to a robot. */
-export type Lane = "documents" | "solver" | "library" | "robot";
+/** `documents` answers at once, `solver` holds plans, `library` builds. */
+export type Lane = "documents" | "solver" | "library";
+
+/** What a worker needs to have an engine of its own: its code, or where a program listens. */
+export type Source = { module: WebAssembly.Module } | { address: string };
 
 export type Done = { value: any; binary: Uint8Array | null };
 
@@ -38,6 +41,7 @@ export class Cancelled extends Error {
 export interface Engine {
   /** How the engine is reached, in words. */
   readonly place: string;
+  readonly source: Source;
   /** The program behind it has files of its own, from its command line. */
   readonly hasFiles: boolean;
   request(lane: Lane, body: RequestBody, options?: Options): Promise<Done>;

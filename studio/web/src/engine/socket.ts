@@ -2,21 +2,23 @@
 // A text message is a request or an answer; what says `"binary": true` is followed by one binary message.
 
 import type { RequestBody } from "../contract.ts";
-import type { Done, Engine, Lane, Options } from "./engine.ts";
+import type { Done, Engine, Lane, Options, Source } from "./engine.ts";
 import { type Channel, type Events, LaneOfRequests } from "./lane.ts";
 
 export class SocketEngine implements Engine {
   readonly place = "in the program rollwalk on this computer";
   readonly hasFiles = true;
+  readonly source: Source;
   #lanes: Record<Lane, LaneOfRequests>;
 
-  constructor(private readonly address: string) {
+  constructor(address: string) {
+    this.source = { address };
     const lane = () =>
       new LaneOfRequests(
-        (events) => this.#socket(events),
+        (events) => openSocket(address, events),
         (channel) => (channel.close(), "closed"),
       );
-    this.#lanes = { documents: lane(), solver: lane(), library: lane(), robot: lane() };
+    this.#lanes = { documents: lane(), solver: lane(), library: lane() };
   }
 
   request(lane: Lane, body: RequestBody, options: Options = {}): Promise<Done> {
@@ -30,35 +32,36 @@ export class SocketEngine implements Engine {
   cancel(lane: Lane) {
     this.#lanes[lane].cancel();
   }
+}
 
-  #socket(events: Events): Channel {
-    const socket = new WebSocket(this.address);
-    socket.binaryType = "arraybuffer";
-    let waiting: (string | Uint8Array)[] | null = [];
-    let header: string | null = null;
-    const send = (message: string | Uint8Array) => (waiting ? waiting.push(message) : socket.send(message as Uint8Array<ArrayBuffer>));
-    socket.onopen = () => {
-      const messages = waiting ?? [];
-      waiting = null;
-      for (const message of messages) send(message);
-    };
-    socket.onmessage = ({ data }) => {
-      if (typeof data !== "string") {
-        if (header) events.answer(header, new Uint8Array(data));
-        header = null;
-      } else if (JSON.parse(data).binary === true) header = data;
-      else events.answer(data, null);
-    };
-    socket.onclose = () => events.broken("the connection to rollwalk was lost; is `rollwalk studio` still running?");
-    return {
-      send: (json, binary) => {
-        send(binary ? JSON.stringify({ ...JSON.parse(json), binary: true }) : json);
-        if (binary) send(binary);
-      },
-      close: () => {
-        socket.onclose = null;
-        socket.close();
-      },
-    };
-  }
+/** A channel to the program at an address. */
+export function openSocket(address: string, events: Events): Channel {
+  const socket = new WebSocket(address);
+  socket.binaryType = "arraybuffer";
+  let waiting: (string | Uint8Array)[] | null = [];
+  let header: string | null = null;
+  const send = (message: string | Uint8Array) => (waiting ? waiting.push(message) : socket.send(message as Uint8Array<ArrayBuffer>));
+  socket.onopen = () => {
+    const messages = waiting ?? [];
+    waiting = null;
+    for (const message of messages) send(message);
+  };
+  socket.onmessage = ({ data }) => {
+    if (typeof data !== "string") {
+      if (header) events.answer(header, new Uint8Array(data));
+      header = null;
+    } else if (JSON.parse(data).binary === true) header = data;
+    else events.answer(data, null);
+  };
+  socket.onclose = () => events.broken("the connection to rollwalk was lost; is `rollwalk studio` still running?");
+  return {
+    send: (json, binary) => {
+      send(binary ? JSON.stringify({ ...JSON.parse(json), binary: true }) : json);
+      if (binary) send(binary);
+    },
+    close: () => {
+      socket.onclose = null;
+      socket.close();
+    },
+  };
 }

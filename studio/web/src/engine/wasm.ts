@@ -1,25 +1,27 @@
 // The engine in this page: WebAssembly, compiled once, in a worker for each lane. To interrupt a solve its
 // worker is ended; the next request starts another.
 
-import workerSource from "worker-source";
+import workerSource from "engine-worker-source";
 import type { RequestBody } from "../contract.ts";
-import { Broken, type Done, type Engine, type Lane, type Options } from "./engine.ts";
+import { Broken, type Done, type Engine, type Lane, type Options, type Source } from "./engine.ts";
 import { type Channel, type Events, LaneOfRequests } from "./lane.ts";
 
 export class WasmEngine implements Engine {
   readonly place = "in this page";
   readonly hasFiles = false;
+  readonly source: Source;
   #lanes: Record<Lane, LaneOfRequests>;
-  #source: string;
+  #worker: string;
 
   constructor(private readonly module: WebAssembly.Module) {
-    this.#source = URL.createObjectURL(new Blob([workerSource], { type: "text/javascript" }));
+    this.source = { module };
+    this.#worker = URL.createObjectURL(new Blob([workerSource], { type: "text/javascript" }));
     const lane = (name: Lane) =>
       new LaneOfRequests(
-        (events) => this.#worker(name, events),
+        (events) => this.#open(name, events),
         (channel) => (channel.close(), "closed"),
       );
-    this.#lanes = { documents: lane("documents"), solver: lane("solver"), library: lane("library"), robot: lane("robot") };
+    this.#lanes = { documents: lane("documents"), solver: lane("solver"), library: lane("library") };
   }
 
   request(lane: Lane, body: RequestBody, options: Options = {}): Promise<Done> {
@@ -34,8 +36,8 @@ export class WasmEngine implements Engine {
     this.#lanes[lane].cancel();
   }
 
-  #worker(name: string, events: Events): Channel {
-    const worker = new Worker(this.#source, { name });
+  #open(name: string, events: Events): Channel {
+    const worker = new Worker(this.#worker, { name });
     worker.onmessage = ({ data }) => {
       if (data.broken !== undefined) events.broken(data.broken);
       else events.answer(data.json, data.binary);

@@ -1,77 +1,79 @@
-// A connection with a robot: asks the engine what to send, sends it, and hands over what arrives, as soon as it does and sixty times a second.
+// A connection with a robot as the page sees it: a worker holds it (worker.ts), the page shows views and hands over orders.
 // Nothing is sent before `connect`, which a person asks for. When the page is gone, heartbeats end, and the robot returns
 // to SAFE by itself.
 
+import workerSource from "robot-worker-source";
 import type { Place, RobotRequest, RobotView } from "../contract.ts";
-import { Cancelled, type Engine } from "../engine/engine.ts";
+import { Broken, type Engine } from "../engine/engine.ts";
 import type { Studio } from "../project/studio.ts";
-import { openPort, type Port } from "./port.ts";
+import { watchGamepad } from "./gamepad.ts";
+import { type ToPage, type ToWorker, unpacked, type Way } from "./messages.ts";
+import { relayAddress } from "./places.ts";
+import type { Port } from "./port.ts";
+import { choosePort, openSerial, type SerialPort } from "./serial.ts";
 
-const TICK_MS = 16;
-/** A timer of its own worker goes on when the page is in the background. */
-const TIMER = `setInterval(() => postMessage(0), ${TICK_MS})`;
-const NODE = 1;
+export type Wanted = { place: Place; baud: number; node: number; gamepad: boolean; /** The text of a key file. */ key: string | null };
+type Waiting = { resolve(): void; reject(error: Error): void };
 
 export class RobotLink {
   view: RobotView | null = null;
   /** What ended the connection, in words. */
   trouble = "";
   connecting = false;
+  /** The library that the page has sent, whose names and motions views are about. */
+  library: Uint8Array | null = null;
+  #worker: Worker | null = null;
+  #source = URL.createObjectURL(new Blob([workerSource], { type: "text/javascript" }));
+  /** The serial port that was chosen. */
+  #chosen: { port: SerialPort; baud: number } | null = null;
+  /** The same, if the page holds it. */
   #port: Port | null = null;
-  #timer: Worker | null = null;
-  #arrived: Uint8Array[] = [];
-  #busy = false;
+  /** Ends looking at a gamepad. */
+  #unwatch = () => {};
+  #asked = 0;
+  #waiting = new Map<number, Waiting>();
   #listeners: (() => void)[] = [];
-  readonly #engine: Engine;
 
-  constructor(private readonly studio: Studio) {
-    this.#engine = studio.engine;
-  }
+  constructor(private readonly studio: Studio) {}
 
   get connected(): boolean {
-    return this.#port !== null;
+    return this.#worker !== null && !this.connecting;
   }
 
   onChange(listener: () => void) {
     this.#listeners.push(listener);
   }
 
-  async connect(place: Place, baud: number) {
-    const { documents } = this.studio;
+  async connect({ place, baud, node, gamepad, key }: Wanted) {
+    const { documents, engine } = this.studio;
     const file = documents.robotPath;
-    if (this.connected || this.connecting || !file) return;
+    if (this.#worker || this.connecting || !file) return;
     this.connecting = true;
     this.trouble = "";
     this.#tell();
     try {
-      const port = await openPort(place, baud, {
-        bytes: (bytes) => {
-          this.#arrived.push(bytes);
-          void this.#tick();
-        },
-        lost: (why) => this.#end(why),
-      });
-      this.#port = port;
-      await this.ask({ robot: "connect", place, files: documents.files(), file, node: NODE });
-      // The port may have been lost since.
-      if (!this.connected) return;
-      this.#timer = new Worker(URL.createObjectURL(new Blob([TIMER], { type: "text/javascript" })));
-      this.#timer.onmessage = () => void this.#tick();
+      const way = await this.#way(place, baud);
+      const secret = key === null ? null : { text: key, nonce: [...crypto.getRandomValues(new Uint32Array(2))] as [number, number] };
+      const connect: RobotRequest = { robot: "connect", place, files: documents.files(), file, node, gamepad, key: secret };
+      this.#worker = new Worker(this.#source, { name: "robot" });
+      this.#worker.onmessage = ({ data }) => this.#heard(data);
+      this.#worker.onerror = (event) => this.#end(event.message || "the worker could not be started");
+      this.#post({ kind: "start", engine: engine.source, way, connect });
+      if (gamepad) this.#unwatch = watchGamepad((seen) => this.#post({ kind: "gamepad", seen }));
     } catch (error) {
-      this.#fail(error as Error);
-    } finally {
-      this.connecting = false;
-      this.#tell();
+      const { name, message } = error as Error;
+      this.#end(name === "NotFoundError" ? "No port was chosen." : message);
     }
   }
 
-  /** An order or a library; the answer is the robot as it is then. */
-  async ask(wanted: RobotRequest, binary?: Uint8Array) {
-    const now_us = Math.round(performance.now() * 1000);
-    const { value, binary: sent } = await this.#engine.request("robot", { kind: "robot", now_us, ...wanted }, { binary });
-    if (sent && sent.length > 0) this.#port?.send(sent);
-    this.view = value.view;
-    this.#tell();
+  /** An order or a library; done once the view has what it changed at once. */
+  ask(wanted: RobotRequest, binary?: Uint8Array): Promise<void> {
+    if (!this.#worker) return Promise.reject(new Broken("there is no connection with a robot"));
+    const id = ++this.#asked;
+    return new Promise((resolve, reject) => {
+      this.#waiting.set(id, { resolve, reject });
+      this.#post({ kind: "ask", id, wanted, binary });
+    });
   }
 
   /** An order of a person; what goes wrong with it is said. */
@@ -79,37 +81,70 @@ export class RobotLink {
     this.ask(wanted, binary).catch((error) => this.studio.complain(error));
   }
 
-  async #tick() {
-    if (this.#busy || !this.#timer) return;
-    this.#busy = true;
-    const arrived = joined(this.#arrived.splice(0));
-    try {
-      await this.ask({ robot: "tick" }, arrived.length > 0 ? arrived : undefined);
-      if (this.view?.leaving === "now") {
-        await this.ask({ robot: "leave" });
-        this.#end("");
-      }
-    } catch (error) {
-      this.#fail(error as Error);
-    }
-    this.#busy = false;
+  flash(library: Uint8Array) {
+    this.library = library;
+    this.wish({ robot: "flash" }, library);
   }
 
-  #fail(error: Error) {
-    // What was under way when the connection ended says nothing new.
-    if (error instanceof Cancelled) return;
-    this.#end(error.name === "NotFoundError" ? "No port was chosen." : error.message);
+  async #way(place: Place, baud: number): Promise<Way> {
+    if (place === "simulated") return { kind: "engine" };
+    if (place === "relay") return { kind: "relay", address: relayAddress() };
+    this.#chosen = { port: await choosePort(), baud };
+    return { kind: "serial", info: this.#chosen.port.getInfo(), baud };
+  }
+
+  /** Opens the chosen port here. Bytes that are to be sent until then are lost, as on any line: what matters is repeated. */
+  async #hold() {
+    const { port, baud } = this.#chosen!;
+    try {
+      this.#port = await openSerial(port, baud, {
+        bytes: (bytes) => this.#post({ kind: "arrived", bytes }),
+        lost: (why) => this.#end(why),
+      });
+      // The connection may be over already.
+      if (!this.#worker) void this.#port.close();
+    } catch (error) {
+      this.#end((error as Error).message);
+    }
+  }
+
+  #post(message: ToWorker) {
+    this.#worker?.postMessage(message);
+  }
+
+  #heard(message: ToPage) {
+    if (message.kind === "started") {
+      this.connecting = false;
+      this.#tell();
+    } else if (message.kind === "view") {
+      this.view = message.view;
+      this.#tell();
+      // Only now: the answer says that the page does its work, not that messages reach it.
+      this.#post({ kind: "seen" });
+    } else if (message.kind === "send") this.#port?.send(message.bytes);
+    else if (message.kind === "hold") void this.#hold();
+    else if (message.kind === "ended") this.#end(message.why);
+    else {
+      const waiting = this.#waiting.get(message.id);
+      this.#waiting.delete(message.id);
+      if (message.kind === "done") waiting?.resolve();
+      else waiting?.reject(unpacked(message.error));
+    }
   }
 
   #end(why: string) {
     this.trouble = why;
     this.view = null;
-    this.#timer?.terminate();
-    this.#timer = null;
+    this.library = null;
+    this.connecting = false;
+    this.#unwatch();
+    this.#worker?.terminate();
+    this.#worker = null;
     void this.#port?.close();
     this.#port = null;
-    this.#arrived = [];
-    this.#engine.cancel("robot");
+    // What was under way when the connection ended says nothing new.
+    for (const { resolve } of this.#waiting.values()) resolve();
+    this.#waiting.clear();
     this.#tell();
   }
 
@@ -126,14 +161,4 @@ export async function talksToRobots(engine: Engine): Promise<boolean> {
   } catch {
     return false;
   }
-}
-
-function joined(parts: Uint8Array[]): Uint8Array {
-  const all = new Uint8Array(parts.reduce((length, part) => length + part.length, 0));
-  let at = 0;
-  for (const part of parts) {
-    all.set(part, at);
-    at += part.length;
-  }
-  return all;
 }

@@ -1,26 +1,27 @@
 // The robot at the other end of a link: connect, flash, arm by holding, play, stop. The state is in words.
 
-import type { Place, RobotView } from "../contract.ts";
+import type { RobotView } from "../contract.ts";
 import type { LibraryBuild } from "../project/library.ts";
 import type { Studio } from "../project/studio.ts";
 import { format, h, prose, replace } from "../ui/dom.ts";
+import type { Beside } from "./beside.ts";
+import { connectFields } from "./connect.ts";
 import { holdButton } from "./hold.ts";
 import type { RobotLink } from "./link.ts";
-import { hasSerial, relayedBus } from "./port.ts";
 
-const BAUDS = [115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000];
+/** The planned speed in the link's 64ths; faster is none. */
+const FULL_SPEED = 64;
+/** Shortest time between two texts about the plan beside the robot: nobody reads faster. */
+const READ_MS = 200;
 
-export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild): HTMLElement {
-  const place = h("select", { id: "place", "aria-label": "Where the robot is" }, ...places());
-  const baud = h("select", { "aria-label": "Baud rate" }, ...BAUDS.map((one) => h("option", { value: one, text: `${one.toLocaleString("en")} baud` })));
-  place.addEventListener("change", () => (baud.hidden = !["serial", "slcan"].includes(place.value)));
-  baud.hidden = true;
-  const connect = button("Connect", () => void link.connect(place.value as Place, Number(baud.value)));
+export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild, beside: Beside): HTMLElement {
+  const fields = connectFields();
+  const connect = button("Connect", async () => link.connect(await fields.wanted()));
   const leave = button("Disconnect", () => link.wish({ robot: "wish", intent: "quit" }));
   const trouble = h("p", { class: "note", role: "alert" });
   const flash = button("", () => {
     const bytes = library.built?.bytes;
-    if (bytes) link.wish({ robot: "flash" }, bytes);
+    if (bytes) link.flash(bytes);
     else void library.build();
   });
   flash.classList.add("flash");
@@ -30,6 +31,10 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild)
   const clear = button("Clear faults", () => link.wish({ robot: "wish", intent: "clear" }));
   const pause = button("Pause or go on", () => link.wish({ robot: "wish", intent: "pause_or_resume" }));
   const home = button("Return to SAFE", () => link.wish({ robot: "wish", intent: "return" }));
+  const speed = h("input", { type: "range", min: 1, max: FULL_SPEED, value: FULL_SPEED, "aria-label": "Speed" });
+  speed.addEventListener("input", () => link.wish({ robot: "wish", intent: "speed", sixty_fourths: Number(speed.value) }));
+  const percent = h("output", {});
+  const besideNote = h("p", { class: "muted beside" });
   const motions = h("div", { class: "row motions" });
   const state = h("p", { class: "robot-state" });
   const advice = h("p", { class: "muted" });
@@ -40,11 +45,12 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild)
   const steps = h(
     "ol",
     { class: "steps" },
-    step("Connect", h("div", { class: "row" }, place, baud, connect, leave), trouble),
+    step("Connect", fields.element, h("div", { class: "row" }, connect, leave), trouble),
     step("Flash the library", flashNote, flash),
     step("Arm", h("div", { class: "row" }, arm, disarm, clear)),
-    step("Play", motions, h("div", { class: "row" }, pause, home)),
+    step("Play", motions, h("div", { class: "row" }, pause, home), h("label", {}, "Speed ", speed, percent), besideNote),
   );
+  let besideFrom_ms = 0;
   let drawnMotions = "";
   let drawnMessages = "";
 
@@ -52,7 +58,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild)
     const { view, connected } = link;
     connect.hidden = connected;
     connect.disabled = link.connecting || !studio.documents.robotPath;
-    place.disabled = baud.disabled = connected;
+    fields.lock(connected || link.connecting);
     leave.hidden = !connected;
     trouble.hidden = !link.trouble;
     trouble.textContent = link.trouble;
@@ -73,6 +79,14 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild)
     disarm.disabled = !view?.torque;
     clear.disabled = !view?.contact;
     pause.disabled = home.disabled = !view?.torque;
+    speed.disabled = !view;
+    // What is being dragged stays where the hand has it.
+    if (view && document.activeElement !== speed) speed.value = String(view.speed_64ths);
+    percent.textContent = `${Math.round((100 * Number(speed.value)) / FULL_SPEED)} %`;
+    if (performance.now() >= besideFrom_ms) {
+      besideFrom_ms = performance.now() + READ_MS;
+      besideNote.replaceChildren(prose(beside.words()));
+    }
     mark(steps, [connected && !!view?.contact, !!view?.library, !!view?.torque, !!view?.playing]);
     state.textContent = view ? stateOf(view) : "Not connected. Nothing is sent until you connect.";
     if (live.textContent !== state.textContent) live.textContent = state.textContent;
@@ -116,16 +130,6 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild)
   return h("div", { class: "run" }, state, live, advice, faults, steps, facts, h("h3", { text: "Messages" }), messages);
 }
 
-function places(): HTMLElement[] {
-  const all: [Place, string, boolean][] = [
-    ["simulated", "Simulated, in this page", true],
-    ["serial", hasSerial ? "Serial port" : "Serial port (needs Chromium, https or localhost)", hasSerial],
-    ["slcan", hasSerial ? "CAN adapter (SLCAN)" : "CAN adapter (needs Chromium, https or localhost)", hasSerial],
-    ["relay", relayedBus ? `Bus ${relayedBus}` : "Bus of this computer (rollwalk studio --bus)", relayedBus !== undefined],
-  ];
-  return all.map(([value, text, can]) => h("option", { value, text, disabled: !can }));
-}
-
 function stateOf(view: RobotView): string {
   if (!view.contact) return "The robot does not answer yet.";
   const playing = view.playing ? `: ${view.playing.name}` : "";
@@ -136,7 +140,8 @@ function stateOf(view: RobotView): string {
 function factsOf(view: RobotView): string {
   const trip = view.round_trip_ms === null ? "" : `round trip ${format(view.round_trip_ms, 1)} ms · `;
   const hottest = view.channels.reduce((most, one) => Math.max(most, Math.abs(one.torque_nm)), 0);
-  return `${trip}lost ${view.lost[0]} of ${view.lost[1]} messages · largest torque ${format(hottest, 2)} N·m`;
+  const gamepad = view.gamepad === null ? "" : `${view.gamepad} · `;
+  return `${gamepad}${trip}lost ${view.lost[0]} of ${view.lost[1]} messages · largest torque ${format(hottest, 2)} N·m`;
 }
 
 function step(title: string, ...content: HTMLElement[]): HTMLElement {

@@ -19,7 +19,9 @@ import type { Row } from "../project/frames.ts";
 import { dispose, lineGeometry } from "./lines.ts";
 import type { Palette } from "./palette.ts";
 
-export type Look = "solid" | "ghost";
+export type Look = "solid" | "ghost" | "beside";
+/** How much is seen of edges and of bodies. A ghost beside a live robot is to be told from it at a glance. */
+const OPACITY = { solid: [0.55, 1], ghost: [0.16, 0.1], beside: [0.6, 0.3] } as const;
 
 export class Robot {
   readonly group = new Group();
@@ -32,7 +34,7 @@ export class Robot {
     this.#edges = new LineBasicMaterial({
       color: palette.edge,
       transparent: true,
-      opacity: look === "ghost" ? 0.16 : 0.55,
+      opacity: OPACITY[look][0],
     });
     for (const body of scene.bodies) {
       const group = new Group();
@@ -41,7 +43,7 @@ export class Robot {
       for (const shape of body.shapes) {
         // Links that have no parts are drawn by the room they take.
         const clearance = shape.role === "clearance" && hasParts;
-        if (clearance && look === "ghost") continue;
+        if (clearance && look !== "solid") continue;
         const object = this.#object(shape, clearance, palette, look, shadows);
         object.position.set(...shape.position_m);
         const [w, x, y, z] = shape.orientation_wxyz;
@@ -90,8 +92,8 @@ export class Robot {
     }
     const dark = shape.role === "wheel" || shape.role === "foot" || shape.role === "blade";
     const material =
-      look === "ghost"
-        ? this.#material("ghost", palette.accent, 0.1)
+      look !== "solid"
+        ? this.#material("ghost", palette.accent, OPACITY[look][1])
         : this.#material(dark ? "wheel" : "part", dark ? palette.wheel : palette.part, 1);
     const mesh = new Mesh(geometry, material);
     mesh.userData.material = material;

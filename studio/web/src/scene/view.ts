@@ -3,7 +3,9 @@
 import type { Scene, Target } from "../contract.ts";
 import type { Playback } from "../project/playback.ts";
 import { isDark, type Settings } from "../project/settings.ts";
+import type { Row } from "../project/frames.ts";
 import type { Studio } from "../project/studio.ts";
+import { PlanGhost } from "./beside.ts";
 import { Cameras } from "./cameras.ts";
 import { Ground } from "./ground.ts";
 import { type Grip, Handles, type Moved } from "./handles.ts";
@@ -38,6 +40,7 @@ export class View {
   #last: { grip: Grip; to: Moved; upwards: boolean } | null = null;
   /** Poses of a connected robot. */
   #live: Float32Array | null = null;
+  #planGhost: PlanGhost;
   /** When the next of them may be drawn. */
   #liveFrom_ms = 0;
 
@@ -50,6 +53,7 @@ export class View {
     this.stage = new Stage(host);
     this.#ground = new Ground(!this.stage.low);
     this.stage.scene.add(this.#ground.group);
+    this.#planGhost = new PlanGhost(this.stage.scene);
     this.cameras = new Cameras(this.stage);
     this.handles = new Handles(this.stage, {
       begin: (grip) => this.#begin(grip),
@@ -112,17 +116,23 @@ export class View {
     this.stage.invalidate();
   }
 
-  /** Poses of the robot at the other end of a link, in place of the plan's; null shows the plan again. */
-  showLive(poses: number[][] | null) {
+  /** Poses of the robot at the other end of a link, in place of the plan's, and the row of the plan that is a ghost beside it; null
+   * shows the plan again. */
+  showLive(poses: number[][] | null, plan: Row | null) {
     if (!poses && !this.#live) return;
     const live = poses && poses.length > 0 ? Float32Array.from(poses.flat()) : null;
-    if (live && this.#live && (performance.now() < this.#liveFrom_ms || !differ(live, this.#live))) return;
+    const same = live && this.#live && !differ(live, this.#live) && !plan && !this.#planGhost.shown;
+    if (live && this.#live && (performance.now() < this.#liveFrom_ms || same)) return;
     this.#liveFrom_ms = performance.now() + (this.stage.low ? LIVE_MS : 0);
     this.#live = live;
     const planned = this.#live === null;
     if (this.#overlays) this.#overlays.group.visible = planned && this.studio.shown !== null;
     if (this.#paths) this.#paths.group.visible = planned;
     this.handles.group.visible = planned && this.settings.layers.targets;
+    for (const ghost of this.#ghosts) ghost.group.visible = planned;
+    const { shown } = this.studio;
+    if (live && plan && shown) this.#planGhost.show(shown.planned.scene, this.#palette, plan, shown.frames.header.columns.bodies, live);
+    else this.#planGhost.hide();
     this.stage.invalidate();
   }
 
@@ -138,6 +148,7 @@ export class View {
     this.#overlays?.dispose();
     for (const ghost of this.#ghosts) ghost.dispose();
     this.#ghosts = [];
+    this.#planGhost.dispose();
     this.#robot = new Robot(scene, this.#palette, "solid", !this.stage.low);
     this.#robot.group.name = scene.name;
     this.#robot.showClearance(this.settings.layers.clearance);

@@ -1,8 +1,9 @@
 //! State machine from gamepad events and time to operator requests.
 
-use super::file::{Does, Mapping, Motion, Speed};
-use super::inputs::{Input, Push};
-use rollwalk_host::operator::{Deadman, Intent};
+use crate::file::{Does, Mapping, Motion, North, Speed};
+use crate::inputs::{Input, Push};
+use rollwalk_host::catalog::Catalog;
+use rollwalk_host::operator::{Deadman, Intent, Operator, Weight};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Position above which an axis counts as pressed.
@@ -53,6 +54,28 @@ pub enum Wish {
     Say(String, bool),
 }
 
+impl Wish {
+    /// Does what is asked for; `catalog` has the names of the library in use.
+    pub fn give(self, now_us: u64, operator: &mut Operator, catalog: Option<&Catalog>) {
+        match self {
+            Self::Want(intent) => operator.want(now_us, intent),
+            Self::Play(Motion::Code(code)) => operator.want(now_us, Intent::Play { code }),
+            Self::Play(Motion::Named(name)) => {
+                match catalog.and_then(|catalog| catalog.motion(&name)?.code) {
+                    Some(code) => operator.want(now_us, Intent::Play { code }),
+                    None => {
+                        let text = format!("the library has no motion `{name}` with a code");
+                        operator.say(now_us, Weight::Refused, text);
+                    }
+                }
+            }
+            Self::Say(text, wrong) => {
+                operator.say(now_us, if wrong { Weight::Warning } else { Weight::Note }, text);
+            }
+        }
+    }
+}
+
 /// A gamepad with its mapping.
 #[derive(Clone, Debug)]
 pub struct Pad {
@@ -64,6 +87,10 @@ pub struct Pad {
     held: bool,
     speed: Option<i8>,
     heard_us: u64,
+    /// How long a button must be held to arm, µs.
+    arm_hold_us: u64,
+    /// The button that is held to arm, and since when, µs.
+    arming: Option<(Input, u64)>,
 }
 
 impl Pad {
@@ -77,7 +104,19 @@ impl Pad {
             held: false,
             speed: None,
             heard_us: 0,
+            arm_hold_us: 0,
+            arming: None,
         }
+    }
+
+    /// The same gamepad, whose button must be held for so long to arm, with the deadman.
+    pub fn arming_after(self, arm_hold_us: u64) -> Self {
+        Self { arm_hold_us, ..self }
+    }
+
+    /// Which button of a browser's gamepad is `BTN_NORTH`.
+    pub fn north(&self) -> North {
+        self.mapping.north
     }
 
     /// The gamepad in a few words.
@@ -107,13 +146,28 @@ impl Pad {
             Event::Gone(why) => self.gone(&why),
             // Events of a disconnected gamepad are stale.
             Event::Button { .. } | Event::Axis { .. } if !self.is_there => Vec::new(),
-            Event::Button { number, down } => self.press(Input::Button(number), down),
-            Event::Axis { axis, value } => self.push(axis, value),
+            Event::Button { number, down } => self.press(now_us, Input::Button(number), down),
+            Event::Axis { axis, value } => self.push(now_us, axis, value),
         }
     }
 
-    /// Looks at the time: a gamepad that has said nothing for too long counts as gone.
+    /// Looks at the time: a gamepad that has said nothing for too long counts as gone, and a button that was held for long
+    /// enough arms.
     pub fn tick(&mut self, now_us: u64) -> Vec<Wish> {
+        let mut wishes = self.tick_silence(now_us);
+        if !self.held {
+            self.arming = None;
+        }
+        let long = |&mut (_, since_us): &mut (Input, u64)| {
+            now_us.saturating_sub(since_us) >= self.arm_hold_us
+        };
+        if self.arming.take_if(long).is_some() {
+            wishes.push(Wish::Want(Intent::Arm));
+        }
+        wishes
+    }
+
+    fn tick_silence(&mut self, now_us: u64) -> Vec<Wish> {
         let Some(silent_s) = self.mapping.deadman.silent_s else { return Vec::new() };
         let silent_us = (silent_s * 1e6) as u64;
         if !self.held || now_us.saturating_sub(self.heard_us) < silent_us {
@@ -136,6 +190,7 @@ impl Pad {
         }
         self.stale = self.down.clone();
         self.held = false;
+        self.arming = None;
         self.speed = None;
         let mut wishes = Vec::new();
         // A stop that is held down is a stop.
@@ -156,6 +211,7 @@ impl Pad {
 
     fn gone(&mut self, why: &str) -> Vec<Wish> {
         self.held = false;
+        self.arming = None;
         self.down.clear();
         self.stale.clear();
         if !std::mem::take(&mut self.is_there) {
@@ -164,14 +220,14 @@ impl Pad {
         vec![self.let_go(), Wish::Say(format!("the gamepad is gone: {why}"), true)]
     }
 
-    fn push(&mut self, axis: u16, value: f32) -> Vec<Wish> {
+    fn push(&mut self, now_us: u64, axis: u16, value: f32) -> Vec<Wish> {
         let mut wishes = Vec::new();
         for push in [Push { axis, positive: true }, Push { axis, positive: false }] {
             let how_far = push.how_far(value);
             if how_far > PRESSED {
-                wishes.extend(self.press(Input::Push(push), true));
+                wishes.extend(self.press(now_us, Input::Push(push), true));
             } else if how_far < LET_GO {
-                wishes.extend(self.press(Input::Push(push), false));
+                wishes.extend(self.press(now_us, Input::Push(push), false));
             }
         }
         if self.mapping.speed.is_some_and(|speed| speed.push.axis == axis) {
@@ -196,7 +252,10 @@ impl Pad {
     }
 
     /// An input goes down or up, or says once more that it has.
-    fn press(&mut self, input: Input, down: bool) -> Vec<Wish> {
+    fn press(&mut self, now_us: u64, input: Input, down: bool) -> Vec<Wish> {
+        // Let go of too early, or of the deadman.
+        self.arming
+            .take_if(|(held, _)| !down && [*held, self.mapping.deadman.input].contains(&input));
         let changed = if down { self.down.insert(input) } else { self.down.remove(&input) };
         let was_stale = if down { self.stale.contains(&input) } else { self.stale.remove(&input) };
         if self.mapping.estop.contains(&input) {
@@ -224,6 +283,10 @@ impl Pad {
                 Wish::Say(format!("hold {hold} first: {input} makes the robot move"), false)
             }
             Does::Pause => Wish::Want(Intent::PauseOrResume),
+            Does::Arm if self.arm_hold_us > 0 => {
+                self.arming = Some((input, now_us));
+                return Vec::new();
+            }
             Does::Arm => Wish::Want(Intent::Arm),
             Does::Play(motion) => Wish::Play(motion.clone()),
         };

@@ -1,6 +1,6 @@
 //! Mapping files from buttons and axes to actions (docs/gamepad.md).
 
-use super::inputs::{self, Input, Push};
+use crate::inputs::{self, Input, Push};
 use rollwalk_host::operator::LetGo;
 use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternatives};
 
@@ -13,12 +13,25 @@ pub struct Mapping {
     pub devices: Vec<String>,
     /// Inputs that stop the robot; at least one.
     pub estop: Vec<Input>,
+    /// Which button the device's driver calls `BTN_NORTH`.
+    pub north: North,
     /// The deadman.
     pub deadman: Hold,
     /// The axis that sets the speed, if any.
     pub speed: Option<Speed>,
     /// Actions of the other buttons.
     pub buttons: Vec<(Input, Does)>,
+}
+
+/// Which of the four buttons on the right a driver calls `BTN_NORTH`; it calls the other of the two `BTN_WEST`. Browsers
+/// number buttons by their positions, so that a mapping has to say it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum North {
+    /// The top one, as Linux documents it.
+    #[default]
+    Top,
+    /// The left one, as `xpad` does.
+    Left,
 }
 
 /// The deadman: the input to hold while the robot moves.
@@ -113,6 +126,10 @@ fn mapping(document: &Document<'_>) -> Option<Mapping> {
     let devices = root.strings("devices");
     let mut taken = Taken::default();
     let estop = estop(document, &root, &mut taken);
+    let north = match root.has("north_is") {
+        true => root.choice("north_is", &["top", "left"]),
+        false => Some(0),
+    };
     let deadman = root.table("deadman").and_then(|table| hold(document, &table, &mut taken));
     let speed =
         if root.has("speed") { root.table("speed").map(|table| speed(&table)) } else { None };
@@ -126,6 +143,7 @@ fn mapping(document: &Document<'_>) -> Option<Mapping> {
         name: name?,
         devices: devices?.into_iter().map(|(part, _)| part.to_owned()).collect(),
         estop: estop?,
+        north: if north? == 0 { North::Top } else { North::Left },
         deadman: deadman?,
         speed: match speed {
             None => None,
@@ -324,6 +342,7 @@ BTN_NORTH = "play 12"
                 "`released` is missing",
                 "`released`?",
             ),
+            ("name =", "north_is = \"up\"\nname =", "`north_is` cannot be \"up\"", "`left`"),
             ("[deadman]", "[daedman]", "`deadman` is missing", "`deadman`"),
         ] {
             assert!(RIGHT.contains(from), "{from}");
@@ -335,9 +354,8 @@ BTN_NORTH = "play 12"
 
     #[test]
     fn shipped_mappings_are_right() {
-        for (path, text) in crate::shipped::gamepads() {
-            Mapping::from_toml(&path.to_string_lossy(), text)
-                .unwrap_or_else(|error| panic!("{error}"));
+        for (path, text) in crate::shipped() {
+            Mapping::from_toml(path, text).unwrap_or_else(|error| panic!("{error}"));
         }
     }
 }

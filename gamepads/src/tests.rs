@@ -1,9 +1,8 @@
 //! A recorded session on a gamepad, and random events.
 
-use super::file::{Mapping, Motion};
-use super::inputs::Input;
-use super::pad::{Event, Pad, Wish, normal};
-use crate::shipped;
+use crate::file::{Mapping, Motion};
+use crate::inputs::Input;
+use crate::pad::{Event, Pad, Wish, normal};
 use proptest::prelude::*;
 use rollwalk_host::operator::{Deadman, Intent, LetGo};
 
@@ -194,13 +193,27 @@ fn shipped_mappings_are_found_by_names_that_linux_gives() {
         ("Sony Interactive Entertainment DualSense Wireless Controller", "playstation"),
         ("Wireless Controller", "playstation"),
     ] {
-        let found = super::Found { name: device.into(), path: "event7".into() };
-        assert_eq!(super::mapping(None, &found).unwrap().name, mapping, "{device}");
+        assert_eq!(crate::shipped_for(device).unwrap().name, mapping, "{device}");
     }
-    let found = super::Found { name: "Toaster".into(), path: "event7".into() };
-    let error = super::mapping(None, &found).unwrap_err();
-    assert!(error.help().unwrap().to_string().contains("gamepads/xbox.toml"));
-    assert!(shipped::gamepads().count() >= 2);
+    assert_eq!(crate::shipped_for("Toaster"), None);
+    assert!(crate::shipped().count() >= 2);
+}
+
+#[test]
+fn a_button_that_must_be_held_arms_no_sooner() {
+    let start = |down| Event::Button { number: 0x13b, down };
+    let trigger = |value| Event::Axis { axis: 5, value };
+    let mut pad = pad().arming_after(1_000_000);
+    wishes(&mut pad, [found(), trigger(1.0), start(true)]);
+    assert_eq!(pad.tick(999_999), []);
+    assert_eq!(pad.tick(1_000_000), [Wish::Want(Intent::Arm)]);
+    assert_eq!(pad.tick(3_000_000), [], "once");
+    // Let go of, or the deadman, in between: from the beginning.
+    for between in [start(false), trigger(0.0), Event::Gone("unplugged".into())] {
+        wishes(&mut pad, [start(false), trigger(0.0), trigger(1.0), start(true), between]);
+        assert_eq!(pad.tick(2_000_000), []);
+        wishes(&mut pad, [found()]);
+    }
 }
 
 fn event() -> impl Strategy<Value = Event> {

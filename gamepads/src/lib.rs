@@ -1,0 +1,29 @@
+//! What buttons of gamepads mean (docs/gamepad.md), wherever their events come from: Linux, for the console, or a browser, for the
+//! studio's page. No device, no clock.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`inputs`] | buttons and axes by name |
+//! | [`file`] | mapping files |
+//! | [`pad`] | state machine from events to operator requests: motion only with the deadman held, emergency stop always |
+//! | [`standard`] | gamepads as browsers show them, as those events |
+
+pub mod file;
+pub mod inputs;
+pub mod pad;
+pub mod standard;
+#[cfg(test)]
+mod tests;
+
+use file::Mapping;
+
+/// Paths of the mappings that ship, with their texts; the first that fits a device counts.
+pub fn shipped() -> impl Iterator<Item = (&'static str, &'static str)> {
+    rollwalk_shipped::FILES.iter().copied().filter(|(path, _)| path.starts_with("gamepads/"))
+}
+
+/// The shipped mapping that is made for a device, by its name.
+pub fn shipped_for(device: &str) -> Option<Mapping> {
+    let mut all = shipped().filter_map(|(path, text)| Mapping::from_toml(path, text).ok());
+    all.find(|mapping| mapping.devices.iter().any(|part| device.contains(part.as_str())))
+}

@@ -1,0 +1,82 @@
+//! Whether a motion of a library is the plan that the page shows, so that a robot which plays it can be seen beside the plan.
+//!
+//! A name alone proves nothing: the motion may have been edited since the library was built. So the frames of the library are
+//! compared with those that a library built from the shown plan would have.
+
+use crate::documents::Documents;
+use crate::library::name_of;
+use crate::messages::Compared;
+use rollwalk_planner::library::frames;
+use rollwalk_planner::motion::Ends;
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::sample::Setpoints;
+use rollwalk_protocol::config::MAX_CHANNELS;
+use rollwalk_protocol::library::{ClipCursor, Library, NodeId, validate};
+
+/// Largest difference of the same motion, rad and rad/s. Rounding in the library takes 0.0005 of it; the rest is for the
+/// optimum as it was reached from another start, after an edit and its undoing.
+const SAME: f64 = 0.005;
+
+/// Compares the shown plan of the motion file `motion` with the motion that the library file calls it.
+pub fn compared(
+    documents: &Documents<'_>,
+    plan: &Plan,
+    motion: &str,
+    library: &str,
+    bytes: &[u8],
+) -> Compared {
+    let name = name_of(documents, library, &plan.robot, motion);
+    let name = name.unwrap_or_else(|| plan.motion.name.clone());
+    let (clip, why) = match verdict(plan, &name, bytes) {
+        Ok(clip) => (Some(clip), String::new()),
+        Err(why) => (None, why),
+    };
+    Compared { name, clip, why }
+}
+
+/// The clip that is the plan; or why none is.
+fn verdict(plan: &Plan, name: &str, bytes: &[u8]) -> Result<u8, String> {
+    let another = |_| "the library is of another robot than the plan".to_owned();
+    let config = plan.robot.controller_config().map_err(|why| why.to_string())?;
+    let index = validate(bytes, &config).map_err(another)?;
+    let unreadable = || "the library cannot be read".to_owned();
+    let library = Library::open(bytes, &index).ok_or_else(unreadable)?;
+    let node = library.nodes().find(|&node| library.name(node) == Some(name));
+    let node = node.ok_or_else(|| format!("the library has no motion `{name}`"))?;
+    let setpoints = frames(plan).map_err(|why| why.to_string())?;
+    let clip = library.clip(node.clip()).ok_or_else(unreadable)?;
+    let looping = plan.motion.ends == Ends::Periodic;
+    if (usize::from(clip.frames), clip.looping) != (setpoints.len(), looping) {
+        return Err(format!("`{name}` in the library has another duration than the plan"));
+    }
+    let [joint_rad, wheel_rad_s] = apart(&library, node, &setpoints).ok_or_else(unreadable)?;
+    if joint_rad > SAME {
+        return Err(format!(
+            "joints of `{name}` in the library are {joint_rad:.3} rad from the plan"
+        ));
+    }
+    if wheel_rad_s > SAME {
+        return Err(format!(
+            "wheels of `{name}` in the library are {wheel_rad_s:.3} rad/s from the plan"
+        ));
+    }
+    Ok(node.clip().0)
+}
+
+/// Largest difference of the library's frames from the plan's: of joints, rad, and of driven wheels, rad/s.
+fn apart(library: &Library<'_>, node: NodeId, setpoints: &[Setpoints]) -> Option<[f64; 2]> {
+    let mut cursor = ClipCursor::new(library, node.clip(), 0).ok()?;
+    let mut worst = [0.0; 2];
+    for frame in setpoints {
+        let mut values = [0.0; MAX_CHANNELS];
+        cursor.frame_into(library, &mut values).ok()?;
+        let (joints, wheels) = values.split_at_checked(frame.joint_rad.len())?;
+        let tracks = [(joints, &frame.joint_rad), (wheels, &frame.motor_speed_rad_s)];
+        for (worst, (values, planned)) in worst.iter_mut().zip(tracks) {
+            let apart = values.iter().zip(planned).map(|(is, to)| (f64::from(*is) - to).abs());
+            *worst = apart.fold(*worst, f64::max);
+        }
+        cursor.advance(library).ok()?;
+    }
+    Some(worst)
+}

@@ -1,0 +1,108 @@
+//! A gamepad that the page sees. What its buttons do is that of the command line's console (`rollwalk_gamepads`), with two
+//! differences: arming takes a second, as with the page's own button, and a page that does not tell of the gamepad holds nothing.
+
+use rollwalk_gamepads::file::{Mapping, North};
+use rollwalk_gamepads::pad::{Pad, Wish};
+use rollwalk_gamepads::standard::{Snapshot, Standard};
+use rollwalk_gamepads::{shipped, shipped_for};
+use rollwalk_host::operator::{Deadman, Intent, LetGo, Operator};
+use serde::Deserialize;
+
+/// How long the arming button must be held, µs.
+const ARM_HOLD_US: u64 = 1_000_000;
+/// Age of what the page reported at which nothing is held any more, µs: as long as a robot waits for its host.
+const UNSEEN_US: u64 = 250_000;
+
+/// What a page sees of a gamepad.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Seen {
+    /// Its buttons and axes.
+    There(Snapshot),
+    /// It cannot be seen.
+    Gone {
+        /// Why.
+        gone: String,
+    },
+}
+
+/// The gamepad that the operator uses.
+#[derive(Debug)]
+pub struct Gamepad {
+    standard: Standard,
+    /// The gamepad with its mapping, and its name; none before the first is seen.
+    pad: Option<(Pad, String)>,
+    seen_us: u64,
+}
+
+impl Gamepad {
+    /// A gamepad that was not seen yet, so that its deadman is not held.
+    pub fn new(now_us: u64, operator: &mut Operator) -> Self {
+        operator.want(now_us, Intent::Deadman(Deadman::Released(LetGo::Pause)));
+        Self { standard: Standard::default(), pad: None, seen_us: now_us }
+    }
+
+    /// What follows from what the page has seen; `None` if it has not looked since.
+    pub fn wishes(&mut self, now_us: u64, seen: Option<Seen>) -> Vec<Wish> {
+        let mut wishes = match seen {
+            Some(Seen::There(snapshot)) => {
+                self.seen_us = now_us;
+                self.there(now_us, &snapshot)
+            }
+            Some(Seen::Gone { gone }) => {
+                self.seen_us = now_us;
+                self.gone(now_us, &gone)
+            }
+            None if now_us.saturating_sub(self.seen_us) >= UNSEEN_US => {
+                self.gone(now_us, "the page has not looked at it for 0.25 s")
+            }
+            None => Vec::new(),
+        };
+        if let Some((pad, _)) = &mut self.pad {
+            wishes.extend(pad.tick(now_us));
+        }
+        wishes
+    }
+
+    fn there(&mut self, now_us: u64, snapshot: &Snapshot) -> Vec<Wish> {
+        let another = self.pad.as_ref().is_none_or(|(_, id)| *id != snapshot.id);
+        let mut wishes =
+            if another { self.gone(now_us, "another one is there") } else { Vec::new() };
+        if another {
+            let pad =
+                mapping(&snapshot.id).map(|mapping| Pad::new(mapping).arming_after(ARM_HOLD_US));
+            self.pad = pad.map(|pad| (pad, snapshot.id.clone()));
+        }
+        let north = self.pad.as_ref().map_or(North::Top, |(pad, _)| pad.north());
+        for event in self.standard.events(north, snapshot) {
+            if let Some((pad, _)) = &mut self.pad {
+                wishes.extend(pad.on_event(now_us, event));
+            }
+        }
+        wishes
+    }
+
+    fn gone(&mut self, now_us: u64, why: &str) -> Vec<Wish> {
+        match (self.standard.gone(why), &mut self.pad) {
+            (Some(event), Some((pad, _))) => pad.on_event(now_us, event),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The gamepad in a few words.
+    pub fn words(&self) -> String {
+        match &self.pad {
+            Some((pad, _)) => pad.words(),
+            None => "no gamepad yet: press one of its buttons".to_owned(),
+        }
+    }
+}
+
+/// The mapping for a gamepad. To a browser all standard gamepads have the same buttons, so that one which no mapping is made for
+/// has those of the first.
+fn mapping(id: &str) -> Option<Mapping> {
+    shipped_for(id).or_else(|| {
+        let (path, text) = shipped().next()?;
+        Mapping::from_toml(path, text).ok()
+    })
+}

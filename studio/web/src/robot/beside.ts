@@ -1,0 +1,103 @@
+// The plan beside the robot that plays it: whether the motion in the robot's library is the plan that is open, the plan's pose at the
+// robot's time, and how far joints are from it.
+
+import type { RobotView } from "../contract.ts";
+import type { Row } from "../project/frames.ts";
+import type { Shown, Studio } from "../project/studio.ts";
+import { format } from "../ui/dom.ts";
+import type { RobotLink } from "./link.ts";
+
+/** What the engine says of the open plan and a library. */
+type Compared = { name: string; clip: number | null; why: string };
+
+/** Joints at a moment: the one that is farthest from the plan, and how far any has been since the motion began. */
+export type Apart = { joint: string; rad: number; most_rad: number };
+
+export class Beside {
+  compared: Compared | null = null;
+  apart: Apart | null = null;
+  #of: { shown: Shown; library: Uint8Array } | null = null;
+
+  constructor(
+    private readonly studio: Studio,
+    private readonly link: RobotLink,
+  ) {
+    link.onChange(() => this.#look());
+    studio.events.on(["plan", "documents"], () => this.#look());
+  }
+
+  /** The plan's row at the robot's time, while the robot plays it. */
+  row(): Row | null {
+    const { playing } = this.link.view ?? {};
+    const shown = this.#shown();
+    return playing && shown && playing.clip === this.compared?.clip ? shown.frames.at(within(shown, playing.time_s)) : null;
+  }
+
+  #shown(): Shown | null {
+    const { studio } = this;
+    return studio.shown && !studio.stale && !studio.shown.drag ? studio.shown : null;
+  }
+
+  #look() {
+    const shown = this.#shown();
+    const { library, view } = this.link;
+    if (!shown || !library || !view || view.motions.length === 0) {
+      [this.#of, this.compared, this.apart] = [null, null, null];
+      return;
+    }
+    if (this.#of?.shown !== shown || this.#of.library !== library) void this.#compare(shown, library);
+    this.#measure(shown, view);
+  }
+
+  async #compare(shown: Shown, library: Uint8Array) {
+    const { documents, engine } = this.studio;
+    const of = { shown, library };
+    [this.#of, this.compared, this.apart] = [of, null, null];
+    const body = { kind: "compare", files: documents.files(), motion: documents.motionPath, library: documents.libraryPath ?? "" } as const;
+    try {
+      const { value } = await engine.request("solver", body, { binary: library });
+      // Another plan or library may be there by now.
+      if (this.#of === of) this.compared = value;
+    } catch {
+      // The solver was stopped, and its plan with it: the next plan is compared.
+      if (this.#of === of) this.#of = null;
+    }
+  }
+
+  /** What is known of it, in words. */
+  words(): string {
+    const { compared, apart } = this;
+    if (!compared) return "";
+    if (compared.clip === null) return `No plan is shown beside the robot: ${compared.why}.`;
+    if (!apart) return `The open plan is \`${compared.name}\` of the robot's library: it is shown beside the robot while that plays it.`;
+    const angle = (rad: number) => `${format(rad, 3)} rad`;
+    const now = `Beside its plan: \`${apart.joint}\` is ${angle(apart.rad)} from it, more than any other joint`;
+    return `${now}; ${angle(apart.most_rad)} at most since \`${compared.name}\` began.`;
+  }
+
+  /** Compares each joint with the plan at the time when the joint was heard, which differs from joint to joint. */
+  #measure({ frames, planned }: Shown, view: RobotView) {
+    const { playing } = view;
+    if (!playing || playing.clip !== this.compared?.clip) {
+      this.apart = null;
+      return;
+    }
+    const apart: Apart = { joint: "", rad: 0, most_rad: this.apart?.most_rad ?? 0 };
+    for (const channel of view.channels) {
+      const joint = planned.scene.joints.findIndex((one) => one.name === channel.name);
+      if (joint < 0) continue;
+      const time_s = within({ frames }, playing.time_s - playing.rate * channel.age_s);
+      const rad = Math.abs(channel.position_rad - frames.joint(frames.at(time_s), joint).angle_rad);
+      if (rad > apart.rad) [apart.joint, apart.rad] = [channel.name, rad];
+    }
+    apart.most_rad = Math.max(apart.most_rad, apart.rad);
+    this.apart = apart;
+  }
+}
+
+/** A time within a motion: of a periodic one in its first cycle. */
+function within({ frames }: Pick<Shown, "frames">, time_s: number): number {
+  const { duration_s, period } = frames.header;
+  if (period) return ((time_s % duration_s) + duration_s) % duration_s;
+  return Math.max(0, Math.min(time_s, duration_s));
+}

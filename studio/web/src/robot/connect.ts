@@ -1,0 +1,48 @@
+// Where the robot is, and with what it is steered: what is asked before a connection, and holds as long as that does.
+
+import type { Place } from "../contract.ts";
+import { h } from "../ui/dom.ts";
+import type { Wanted } from "./link.ts";
+import { placeOptions } from "./places.ts";
+
+const BAUDS = [115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000];
+/** Controllers have the numbers 0 to 14. */
+const LAST_NODE = 14;
+
+export function connectFields(): { element: HTMLElement; wanted(): Promise<Wanted>; lock(locked: boolean): void } {
+  const place = h("select", { id: "place", "aria-label": "Where the robot is" }, ...placeOptions());
+  const bauds = BAUDS.map((one) => h("option", { value: one, text: `${one.toLocaleString("en")} baud` }));
+  const baud = h("select", { "aria-label": "Baud rate", hidden: true }, ...bauds);
+  place.addEventListener("change", () => (baud.hidden = !["serial", "slcan"].includes(place.value)));
+  const gamepad = h("input", { type: "checkbox", id: "use-gamepad" });
+  const node = h("input", { type: "number", min: 0, max: LAST_NODE, value: 1, "aria-label": "Number of the controller" });
+  const key = h("input", { type: "file", "aria-label": "Link key, for a controller that insists on one" });
+  const more = h(
+    "details",
+    { class: "more" },
+    h("summary", { text: "More" }),
+    h("label", {}, "Controller ", node),
+    h("label", {}, "Link key ", key),
+  );
+  return {
+    element: h(
+      "div",
+      { class: "connect" },
+      h("div", { class: "row" }, place, baud),
+      h("label", {}, gamepad, " Use a gamepad: nothing moves unless its deadman is held"),
+      more,
+    ),
+    async wanted() {
+      return {
+        place: place.value as Place,
+        baud: Number(baud.value),
+        node: node.valueAsNumber,
+        gamepad: gamepad.checked,
+        key: (await key.files?.[0]?.text()) ?? null,
+      };
+    },
+    lock(locked: boolean) {
+      for (const field of [place, baud, gamepad, node, key]) field.disabled = locked;
+    },
+  };
+}

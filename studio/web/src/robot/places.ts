@@ -1,0 +1,29 @@
+// Where a robot can be, as far as this page and its browser can reach.
+
+import type { Place } from "../contract.ts";
+import { h } from "../ui/dom.ts";
+import { hasSerial } from "./serial.ts";
+
+const meta = (name: string) => document.querySelector<HTMLMetaElement>(`meta[name="${name}"]`)?.content;
+
+/** The bus that the serving program relays, by its name. */
+const relayedBus = meta("relay");
+
+/** Where the program that serves the page relays its bus. */
+export function relayAddress(): string {
+  const address = new URL("link", location.href);
+  address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+  address.hash = "";
+  address.search = new URLSearchParams({ token: meta("token") ?? "" }).toString();
+  return address.href;
+}
+
+export function placeOptions(): HTMLElement[] {
+  const all: [Place, string, boolean][] = [
+    ["simulated", "Simulated, in this page", true],
+    ["serial", hasSerial ? "Serial port" : "Serial port (needs Chromium, https or localhost)", hasSerial],
+    ["slcan", hasSerial ? "CAN adapter (SLCAN)" : "CAN adapter (needs Chromium, https or localhost)", hasSerial],
+    ["relay", relayedBus ? `Bus ${relayedBus}` : "Bus of this computer (rollwalk studio --bus)", relayedBus !== undefined],
+  ];
+  return all.map(([value, text, can]) => h("option", { value, text, disabled: !can }));
+}
