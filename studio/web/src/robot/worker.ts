@@ -1,7 +1,7 @@
 // The worker that holds a connection with a robot. It asks its engine what to send, sends it, and hands over what arrives, as soon as it
 // does and sixty times a second, so that heartbeats go on while the page draws or plans.
 //
-// A heartbeat still says that somebody is at the page: the page answers every view, and when it has not answered for two seconds,
+// A heartbeat still says that somebody is at the page: the page answers every view, and when it has not answered for a second,
 // heartbeats end, and the robot returns to SAFE by itself.
 
 import type { GamepadSeen, RobotRequest, RobotView } from "../contract.ts";
@@ -15,7 +15,7 @@ import { findPort, openSerial } from "./serial.ts";
 
 const TICK_MS = 16;
 /** Longest silence of the page after which somebody is still thought to be there. */
-const PAGE_SILENT_MS = 2000;
+const PAGE_SILENT_MS = 1000;
 /** Longest wait for a port to close. */
 const CLOSING_MS = 500;
 
