@@ -1,8 +1,9 @@
 //! The search: from several numbers where the run begins and the quantities over a short horizon, then from the best all together over
 //! growing horizons, and what the data tell of each.
 
+use super::effects::Report;
 use super::outcome::{Found, Identified, Stage, Unfit, Verdict};
-use super::parts::{self, Told};
+use super::parts;
 use super::quality::{self, Quality};
 use super::quantity::{Kind, Model, Quantity};
 use super::recording::{Recording, SHORTEST_S};
@@ -35,16 +36,10 @@ impl Default for Options {
 const RATES_HZ: [f64; 3] = [100.0, 300.0, 120.0];
 /// Fewest steps of the world a second: at 120 a foot that lands has an error as large as 3 % of kp.
 const STEPS_HZ: f64 = 200.0;
-/// Share of a value above which its deviation is too large to write it down, and deviation of a delay, s.
-const VAGUE: f64 = 0.25;
-const VAGUE_DELAY_S: f64 = 5e-3;
-/// Deviations by which a value differs that is another one.
-const DIFFERENT: f64 = 2.0;
 /// Correlation from which two quantities are named.
 const CORRELATED: f64 = 0.95;
-/// Change, as a logarithm, to be expected of a quantity, and that beyond which a search has lost its way.
+/// Change, as a logarithm, to be expected of a quantity.
 const EXPECTED: f64 = 1.0;
-const ABSURD: f64 = 3.0;
 /// Shares of the coefficient of friction that are tried where nothing slips: what sticks has no derivative.
 const FRICTIONS: [f64; 6] = [0.75, 0.55, 0.4, 0.3, 0.2, 1.5];
 /// Stiffness and friction of contacts, by those that a simulation has, from which a search begins, too.
@@ -125,7 +120,7 @@ pub fn identify(
     let found: Vec<Found> = found.into_iter().flatten().collect();
     let mut model = file.clone();
     for (number, of) in found.iter().enumerate() {
-        if of.verdict == Verdict::Changed || of.quantity.kind.is_along() {
+        if of.is_adopted() {
             of.quantity.set(&mut model, of.fitted);
         } else {
             search.at.quantities[number] = 0.0;
@@ -434,7 +429,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
     /// How far the open parameters are from one another in parts of the run, each fitted alone, beyond noise.
     fn spreads(&mut self, steps: usize) -> Vec<f64> {
         let replays = parts::of(self.replay, self.file, steps);
-        let mut told: Vec<Vec<Told>> = vec![Vec::new(); self.open.len()];
+        let mut reports: Vec<Vec<Report>> = vec![Vec::new(); self.open.len()];
         for replay in &replays {
             let goes_on = &mut self.goes_on;
             let mut of_part = Search::new(replay, self.file, self.all, self.options, goes_on);
@@ -449,13 +444,10 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
                 break;
             }
             let Some(fit) = fit else { continue };
-            for ((told, value), deviation) in
-                told.iter_mut().zip(&fit.parameters).zip(fit.deviations())
-            {
-                told.push(Told { value: *value, deviation });
-            }
+            let all = reports.iter_mut().zip(&fit.parameters).zip(fit.deviations());
+            all.for_each(|((of, &value), deviation)| of.push(Report { value, deviation }));
         }
-        told.iter().map(|told| parts::spread(told)).collect()
+        reports.iter().map(|of| parts::spread(of)).collect()
     }
 
     /// What to make of each open quantity.
@@ -467,19 +459,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
             let parameter = self.at.quantities[number];
             let fitted = quantity.of_parameter(before, parameter);
             let deviation = deviations[place].hypot(spreads[place]) * quantity.by_parameter(fitted);
-            let is_delay = quantity.kind == Kind::Delay;
-            let most = if is_delay { VAGUE_DELAY_S } else { VAGUE * fitted };
-            let verdict = if !deviation.is_finite() {
-                Verdict::Silent
-            } else if !is_delay && parameter.abs() > ABSURD {
-                Verdict::Absurd
-            } else if deviation > most {
-                Verdict::Vague
-            } else if (fitted - before).abs() > DIFFERENT * deviation {
-                Verdict::Changed
-            } else {
-                Verdict::Agrees
-            };
+            let verdict = Verdict::of(quantity, before, fitted, deviation);
             let quantity = quantity.clone();
             (number, Found { quantity, before, fitted, deviation, verdict })
         };

@@ -11,12 +11,15 @@
 //! | [`fit`] | the search, from several beginnings over growing horizons; other runs predicted |
 //! | [`outcome`] | what it says and finds, or why it finds nothing |
 //! | `parts` | how far parts of the run disagree |
+//! | [`together`](mod@together) | several runs, each fitted alone, as one answer |
+//! | `effects` | the mean of what disagrees by more than its deviations |
 //! | [`quality`] | noise of the measurements, and the error of a simulated run against them |
 //!
 //! Drives do what they were commanded in the recording, with the gains of the model; so a run can be simulated again with other
 //! numbers. There is no feedback from what was measured: a simulated run that is near to the recorded one after seconds has
 //! come there by itself.
 
+mod effects;
 pub mod fit;
 pub mod outcome;
 mod parts;
@@ -28,6 +31,7 @@ pub mod series;
 mod start;
 #[cfg(test)]
 mod tests;
+pub mod together;
 
 pub use fit::{Options, identify, predict};
 pub use outcome::{Found, Identified, Stage, Unfit, Verdict};
@@ -36,3 +40,4 @@ pub use quantity::{Group, Kind, Model, Of, Quantity};
 pub use recording::{Drive, Idle, Recording, TableError, Wanted, motor_names};
 pub use rollout::Signal;
 pub use series::Series;
+pub use together::{Combined, Together, together};
