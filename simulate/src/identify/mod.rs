@@ -8,7 +8,8 @@
 //! | [`quantity`] | what can be fitted, in one list |
 //! | `start` | the state in which the recording begins |
 //! | `rollout` | the run simulated again, and what it misses |
-//! | [`fit`] | the search, from several beginnings over growing horizons; other runs predicted |
+//! | [`fit`] | a run fitted, from several starting points over growing parts of it; other runs predicted |
+//! | `search` | its searches, each over a part of the run |
 //! | [`outcome`] | what it says and finds, or why it finds nothing |
 //! | `parts` | how far parts of the run disagree |
 //! | [`together`](mod@together) | several runs, each fitted alone, as one answer |
@@ -27,6 +28,7 @@ pub mod quality;
 pub mod quantity;
 pub mod recording;
 mod rollout;
+mod search;
 pub mod series;
 mod start;
 #[cfg(test)]
