@@ -3,8 +3,8 @@
 //! A run in which contacts slip otherwise than with us moves its numbers by more than their deviations say, and the same way in all of its parts: no
 //! estimate from that run sees it. Another motion slips otherwise, so that what motions disagree about measures it: [`effects`].
 //!
-//! Means are of the search's parameters: logarithms, but for delays. A deviation is then a share of the value, and of two runs that are as sure the one with the
-//! smaller value does not count for more. Correlations between quantities of a run do not enter.
+//! Means are of the search's parameters: logarithms, but for delays. A deviation is then a share of the value, and of two runs that are as sure the
+//! one with the smaller value does not count for more. Correlations between quantities of a run do not enter.
 
 use super::effects::{self, Report};
 use super::outcome::{Found, Identified, Verdict};
@@ -25,8 +25,8 @@ pub struct Together {
 pub struct Combined {
     /// Its value, its deviation and the verdict on both. Of one run that tells it they are those of that run.
     pub found: Found,
-    /// Deviation between runs beyond their own, which is part of its deviation; none if fewer than two runs tell it: then an error of the model is in no
-    /// deviation.
+    /// Deviation between runs beyond their own, which is part of its deviation; none if fewer than two runs tell it: then an error of the model is in
+    /// no deviation.
     pub between: Option<f64>,
     /// Numbers of the runs that tell it, from 0.
     pub runs: Vec<usize>,
