@@ -1,7 +1,7 @@
 //! Several runs of one robot, each fitted alone, as one answer.
 //!
 //! A run in which contacts slip otherwise than with us moves its numbers by more than their deviations say, and the same way in all of its parts: no
-//! estimate from that run sees it. Another motion slips otherwise, so that what motions disagree about measures it: [`effects`].
+//! estimate from that run sees it. Another motion slips otherwise, so that what motions disagree about measures it: `effects`.
 //!
 //! Means are of the search's parameters: logarithms, but for delays. A deviation is then a share of the value, and of two runs that are as sure the
 //! one with the smaller value does not count for more. Correlations between quantities of a run do not enter.
@@ -175,7 +175,7 @@ mod tests {
             &[sure.clone(), friction(0.9, 0.01), friction(0.78, 0.01)],
         );
         assert_eq!(all.found.verdict, Verdict::Agrees, "{all:?}");
-        let alone = combined(Kind::Friction, 0.8, &[sure.clone()]);
+        let alone = combined(Kind::Friction, 0.8, std::slice::from_ref(&sure));
         assert_eq!(alone.found, sure[0]);
     }
 
