@@ -15,6 +15,10 @@ disagree about.";
 const TWO_RUNS: &str = "\
 Two runs hardly tell how far runs disagree, so that these deviations are rough: record another motion.";
 
+/// Below those of several.
+const SEVERAL_RUNS: &str = "\
+These deviations contain what the runs disagree about. An error of the model that is the same in all of them is in none.";
+
 /// As text.
 pub fn describe(outcome: &Outcome) -> String {
     let mut parts: Vec<String> = Vec::new();
@@ -28,6 +32,7 @@ pub fn describe(outcome: &Outcome) -> String {
             parts.push(residuals(only));
         }
         fits => {
+            parts.push(SEVERAL_RUNS.to_owned());
             if fits.len() == 2 {
                 parts.push(TWO_RUNS.to_owned());
             }
@@ -306,6 +311,7 @@ mod tests {
         let three = outcome(&of);
         let text = describe(&three);
         assert!(!text.contains("do not contain errors of the model"), "{text}");
+        assert!(text.contains("the same in all of them is in none"), "{text}");
         assert!(text.contains("turn.csv does not tell friction: nothing slips"), "{text}");
         assert!(text.contains("walk.csv alone tells it, without errors of the model"), "{text}");
         assert!(text.contains("0.3 ± 0.01") && text.contains("0.34 ± 0.01"), "{text}");
