@@ -164,8 +164,8 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
     /// Searches the first `steps` of the run once from each of several starting points ([`Self::starts`]), and stays where the sum of squares is
     /// least.
     ///
-    /// Robot files have neither the stiffness and creep of contacts nor the delay of commands. They may be wrong by factors, and over such a range
-    /// the sum of squares has several minima: a single search ends in the one that is nearest to its starting point.
+    /// Robot files have neither the stiffness and creep of contacts nor the delay of commands. What is assumed of them at first may be wrong by
+    /// factors, and over such a range the sum of squares has several minima: a single search ends in the one that is nearest to its starting point.
     ///
     /// Returns the state in which the run begins, fitted with the numbers of the file; none if the robot falls with these numbers.
     pub fn begin(&mut self, steps: usize) -> Option<Vec<f64>> {
