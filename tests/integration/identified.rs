@@ -1,17 +1,19 @@
 //! Numbers of robots from recorded runs.
 
 use crate::desk_with_shipped_files;
-use crate::results::json;
+use crate::results::json as parsed;
 use rollwalk_tests::Desk;
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
 
 /// Friction, and gains as shares of the robot file, of the robot that makes the recordings.
 const HIDDEN: [f64; 3] = [0.25, 0.6, 0.7];
 
 /// The log of a plan as a robot with hidden numbers plays it.
 fn hidden_run(desk: &Desk, plan: &str) -> String {
-    let mut document: serde_json::Value = serde_json::from_slice(&desk.read(plan)).unwrap();
+    let mut document: Value = serde_json::from_slice(&desk.read(plan)).unwrap();
     let [friction, kp, kd] = HIDDEN;
-    let scale = |actuator: &mut serde_json::Value| {
+    let scale = |actuator: &mut Value| {
         for (gain, share) in [("kp_nm_rad", kp), ("kd_nm_s_rad", kd)] {
             actuator[gain] = (actuator[gain].as_f64().unwrap() * share).into();
         }
@@ -34,7 +36,7 @@ fn hidden_run(desk: &Desk, plan: &str) -> String {
 }
 
 /// What a real robot measures of it: encoders to 2 mrad, places to 2 mm, orientations to 2 mrad; no gains, no forces.
-fn measured(log: &str) -> String {
+fn measured(log: &str, seed: u64) -> String {
     let names: Vec<&str> = log.lines().next().unwrap().split(',').collect();
     let is_kept = |name: &&str| {
         *name == "time_s"
@@ -49,7 +51,7 @@ fn measured(log: &str) -> String {
         _ if name.ends_with("_rad") && !name.ends_with("_target_rad") => 2e-3,
         _ => 0.0,
     };
-    let mut state = 1_u64;
+    let mut state = seed;
     let mut uniform = || {
         state =
             state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -74,12 +76,12 @@ fn a_robot_is_identified_from_what_it_measures() {
     let desk = desk_with_shipped_files();
     desk.run(&["plan", "motions/slalom.toml", "-o", "plan.json"]).succeeds();
     let log = hidden_run(&desk, "plan.json");
-    let run = measured(&log);
+    let run = measured(&log, 1);
     desk.write("run.csv", &run);
     let identify = ["identify", "run.csv", "--robot", "robots/agilebot.toml"];
     // So short that it is not fitted in parts, too.
     let quick = ["--fit", "friction,kp,kd.xm430_drive", "--to", "3", "-o", "fitted.toml", "--json"];
-    let found = json(&desk.run(&[&identify[..], &quick].concat()).succeeds());
+    let found = parsed(&desk.run(&[&identify[..], &quick].concat()).succeeds());
     let parameters = found["parameters"].as_array().unwrap();
     let [friction, kp, _] = HIDDEN;
     let truths = [friction, 80.0 * kp, 100.0 * kp];
@@ -90,7 +92,12 @@ fn a_robot_is_identified_from_what_it_measures() {
         assert!((fitted / truth - 1.0).abs() < 0.15, "{parameter}, {truth}");
         assert!(deviation < 0.1 * fitted, "{parameter}");
         assert_eq!(parameter["verdict"], "changed");
+        // A single run has no errors of the model in its deviations.
+        assert_eq!(parameter["between_runs"], Value::Null);
+        assert_eq!(parameter["runs"], json!(["run.csv"]));
     }
+    let found = &found["runs"][0];
+    assert_eq!(found["parameters"].as_array().unwrap().len(), parameters.len());
     for fit in found["predicted"].as_array().unwrap() {
         let [before, after] = ["before", "after"].map(|key| fit[key].as_f64().unwrap());
         assert!(after < before, "{fit}");
@@ -98,6 +105,7 @@ fn a_robot_is_identified_from_what_it_measures() {
     let [begin_s, until_s, horizon_s] =
         ["begin_s", "predicted_from_s", "horizon_s"].map(|key| found[key].as_f64().unwrap());
     assert!((begin_s + horizon_s - until_s).abs() < 1e-9, "{found}");
+    assert_eq!(found["compared"], json!([]));
     let robot = desk.read_text("fitted.toml");
     assert!(
         robot.contains("# fitted to run.csv: ±") && robot.contains("chosen: rubber"),
@@ -118,7 +126,8 @@ fn a_robot_is_identified_from_what_it_measures() {
         fails(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
     };
     desk.write("cut.csv", run.replace("front_left_knee_target_rad", "other"));
-    let words = ["cut.csv", "no column `front_left_knee_target_rad`", "commanded"];
+    let words =
+        ["cut.csv", "no column `front_left_knee_target_rad`", "commanded", "a run of agilebot?"];
     fails_with("cut.csv", &[], &words);
     let line = run.lines().nth(5).unwrap();
     desk.write("twice.csv", format!("{}\n{line}\n{line}\n", run.lines().next().unwrap()));
@@ -130,9 +139,87 @@ fn a_robot_is_identified_from_what_it_measures() {
     fails_with("run.csv", &["--fit", "grip"], &["--fit grip", "friction"]);
     fails_with("run.csv", &["--to", "0.3"], &["run.csv", "up to 0.3 s"]);
     fails_with("nowhere.csv", &[], &["nowhere.csv"]);
+    desk.write("other.csv", run.replace("front_", "fore_").replace("rear_", "hind_"));
+    let words =
+        ["other.csv: it is the run of another robot", "`fore_left_", "`front_left_", "--robot"];
+    fails_with("other.csv", &[], &words);
+
+    // Of several runs each is looked at before anything is fitted.
+    for (second, words) in [
+        ("cut.csv", &["cut.csv", "no column `front_left_knee_target_rad`"][..]),
+        ("other.csv", &["other.csv", "another robot"]),
+        ("nowhere.csv", &["there is no", "nowhere.csv"]),
+        ("./run.csv", &["run.csv and ./run.csv are the same run", "leave one of them out"]),
+        ("copy.csv", &["run.csv and copy.csv are the same run"]),
+    ] {
+        desk.write("copy.csv", &run);
+        fails_with("run.csv", &[second], words);
+    }
+    desk.write("second.csv", measured(&log, 2));
+    let three = ["second.csv", "--from", "0", "--from", "1", "--from", "2"];
+    let words = ["--from is given 3 times for 2 runs", "once for all runs, or once for each"];
+    fails_with("run.csv", &three, &words);
+    let words = ["second.csv", "from 9 s on"];
+    fails_with("run.csv", &["second.csv", "--from", "0", "--from", "9"], &words);
+    fails_with("run.csv", &["--predict", "cut.csv"], &["cut.csv", "no column"]);
     assert!(!desk.path("new.toml").exists());
     fails(
         &["run.csv", "--robot", "robots/agilebot.toml", "-o", "robots/agilebot.toml"],
         &["robots/agilebot.toml"],
     );
+}
+
+fn keys(of: &Value) -> BTreeSet<&str> {
+    of.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+#[test]
+fn several_runs_are_fitted_each_alone_and_together() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["plan", "motions/slalom.toml", "-o", "plan.json"]).succeeds();
+    let log = hidden_run(&desk, "plan.json");
+    // Of files with one name the folder counts.
+    for (file, seed) in [("one/run.csv", 1), ("two/run.csv", 2)] {
+        desk.write(file, measured(&log, seed));
+    }
+    let runs = ["identify", "one/run.csv", "two/run.csv", "--robot", "robots/agilebot.toml"];
+    let quick = ["--fit", "friction,kp.xm430", "--from", "0.3", "--from", "0.5", "--to", "1.5"];
+    let arguments = [&runs[..], &quick, &["-o", "fitted.toml", "--json"]].concat();
+    let found = parsed(&desk.run(&arguments).succeeds());
+    assert_eq!(keys(&found), BTreeSet::from(["parameters", "runs", "others"]));
+    let each = found["runs"].as_array().unwrap();
+    assert_eq!(each.len(), 2);
+    let begins = each.iter().map(|run| run["begin_s"].as_f64().unwrap());
+    for (begin_s, from_s) in begins.zip([0.3, 0.5]) {
+        assert!((begin_s - from_s).abs() < 0.01, "{begin_s}, {from_s}");
+    }
+    let own_keys = BTreeSet::from(["name", "unit", "before", "fitted", "deviation", "verdict"]);
+    let together = found["parameters"].as_array().unwrap();
+    for (number, parameter) in together.iter().enumerate() {
+        assert_eq!(
+            keys(parameter),
+            own_keys.iter().copied().chain(["between_runs", "runs"]).collect()
+        );
+        assert_eq!(keys(&each[0]["parameters"][number]), own_keys);
+        assert_eq!(parameter["runs"], json!(["one/run.csv", "two/run.csv"]));
+        let own = |key: &str| [0, 1].map(|run| &each[run]["parameters"][number][key]);
+        assert_eq!(own("name"), [&parameter["name"]; 2]);
+        let of_each = own("fitted").map(|fitted| fitted.as_f64().unwrap());
+        let value = |key: &str| parameter[key].as_f64().unwrap();
+        let [least, most] = [of_each[0].min(of_each[1]), of_each[0].max(of_each[1])];
+        assert!((least..=most).contains(&value("fitted")), "{parameter}, {of_each:?}");
+        assert!(value("deviation") >= value("between_runs"), "{parameter}");
+    }
+    for run in each {
+        let compared = run["compared"].as_array().unwrap();
+        let is_place = |of: &&Value| of["unit"] == "m";
+        let place = compared.iter().find(is_place).unwrap();
+        let [before, alone, all] =
+            ["before", "alone", "together"].map(|key| place[key].as_f64().unwrap());
+        assert!(alone < before && all < before, "{place}");
+    }
+    let robot = desk.read_text("fitted.toml");
+    let comment = "# fitted to one/run.csv, two/run.csv: ±";
+    assert!(robot.contains(comment) && robot.contains("chosen: rubber"), "{robot}");
+    desk.run(&["robot", "check", "fitted.toml"]).succeeds();
 }

@@ -4,8 +4,8 @@
     python3 tests/replay/identified.py ROLLWALK -o FOLDER --json RESULTS.json [--seeds 1 2]
 
 ROLLWALK is the program. AgileBot with other friction and gains than its file's plays motions in MuJoCo, measured with noise (recorded.py). It is
-identified from some of them, each alone. With what the first of these tells, the others are predicted: beside them, with the numbers of the file and
-with the true ones, these also with contacts and delay fitted. Exit code: 0, or 2 if a program fails.
+identified from some of them, each alone and all together. With what the first of these tells, the others are predicted: beside them, with the numbers
+of the file and with the true ones, these also with contacts and delay fitted. Exit code: 0, or 2 if a program fails.
 """
 
 import argparse
@@ -103,18 +103,19 @@ def identify(options, hidden, logs, seed):
             raise ValueError(f"{motion} cannot be recorded")
     predict = [word for motion in PREDICTED for word in ("--predict", runs[motion])]
 
-    def fit(motion, robot, *more):
+    def fit(motions, robot, *more):
         words = ("--robot", robot, "-o", options.output / "fitted.toml", "--json", *BEGINS)
-        text = run(options, "identify", runs[motion], *words, *more)
+        text = run(options, "identify", *(runs[motion] for motion in motions), *words, *more)
         # Each takes minutes: what was found stays, whatever becomes of the rest.
-        (options.output / f"{Path(robot).stem}-{motion}-{seed}.json").write_text(text, encoding="utf-8")
+        (options.output / f"{Path(robot).stem}-{'-'.join(motions)}-{seed}.json").write_text(text, encoding="utf-8")
         return json.loads(text)
 
-    first, *rest = FITTED
-    found, true = fit(first, ROBOT, *predict), fit(first, hidden, *predict, *ALONG)
+    first = FITTED[:1]
+    found, true, together = fit(first, ROBOT, *predict), fit(first, hidden, *predict, *ALONG), fit(FITTED, ROBOT)
     return {
         "seed": seed,
-        "parameters": {first: found["parameters"], **{motion: fit(motion, ROBOT)["parameters"] for motion in rest}},
+        "alone": {motion: of["parameters"] for motion, of in zip(FITTED, together["runs"])},
+        "together": together["parameters"],
         "predicted": {
             motion: {
                 "file": _column(ours, "before"), "fitted": _column(ours, "after"),

@@ -177,36 +177,18 @@ def retargeted(results):
 
 
 def identified(results):
-    """One row for each number: the true one, that of the file, what each recording gave, and what all of one noise give together."""
+    """One row for each number: the true one, that of the file, what each recording gave, and what `rollwalk identify` makes of all of one noise."""
     seeds = results["seeds"]
-    motions = list(seeds[0]["parameters"])
+    motions = list(seeds[0]["alone"])
     rows = [["", "true", "file", *(f"{name} {seed['seed']}" for seed in seeds for name in (*(f"`{motion}`" for motion in motions), "together"))]]
-    for number, first in enumerate(seeds[0]["parameters"][motions[0]]):
+    for number, first in enumerate(seeds[0]["together"]):
         true = results["true"].get(first["name"])
-        cells = []
-        for seed in seeds:
-            told = [seed["parameters"][motion][number] for motion in motions]
-            cells += [_found(parameter, true) for parameter in (*told, _together(told))]
+        cells = [
+            _found(parameters[number], true)
+            for seed in seeds for parameters in (*(seed["alone"][motion] for motion in motions), seed["together"])
+        ]
         rows.append([f"`{first['name']}`", "–" if true is None else f"{true:g}", f"{first['before']:.4g}", *cells])
     return _markdown(rows)
-
-
-def _together(told):
-    """The mean of what several runs tell. What they disagree about beyond their noise (DerSimonian and Laird) counts in full, as between parts of a run."""
-    known = [(parameter["fitted"], parameter["deviation"]) for parameter in told if parameter["deviation"] is not None]
-    if len(known) < 2:
-        return {"fitted": None, "deviation": None}
-
-    def mean(between):
-        weights = [1 / (deviation**2 + between) for _, deviation in known]
-        return weights, sum(weight * value for weight, (value, _) in zip(weights, known)) / sum(weights)
-
-    weights, value = mean(0.0)
-    off = sum(weight * (found - value) ** 2 for weight, (found, _) in zip(weights, known))
-    own = sum(weights) - sum(weight**2 for weight in weights) / sum(weights)
-    between = max((off - (len(known) - 1)) / own, 0.0)
-    weights, value = mean(between)
-    return {"fitted": value, "deviation": math.sqrt(1 / sum(weights) + between)}
 
 
 def _found(parameter, true):

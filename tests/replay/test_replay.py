@@ -530,16 +530,13 @@ class Words(unittest.TestCase):
         result = {"motion": "pace", "robot": "agilebot", "stiffness": 0.2, "before": run, "after": run}
         self.assertIn("| `pace` of agilebot | 0.2 of it | 0.900 | 0.900 | 1.000 | 1.000 |", tables.retargeted([result]))
 
-    def test_what_motions_disagree_about_is_a_deviation(self):
-        told = lambda *all: [{"fitted": value, "deviation": deviation} for value, deviation in all]
-        # Variance of 9 and 11: 2, of which 1 is their own.
-        together = tables._together(told((9.0, 1.0), (11.0, 1.0)))
-        self.assertAlmostEqual(together["fitted"], 10.0)
-        self.assertAlmostEqual(together["deviation"], math.sqrt(1.0 + 1.0))
-        # Those that agree are known better, one that was not told does not count.
-        together = tables._together(told((10.0, 1.0), (10.0, 1.0), (99.0, None)))
-        self.assertAlmostEqual(together["deviation"], math.sqrt(0.5))
-        self.assertIsNone(tables._together(told((10.0, 1.0)))["deviation"])
+    def test_what_is_identified_has_a_column_for_each_motion_and_for_all(self):
+        number = lambda value, deviation: [{"name": "friction", "before": 0.8, "fitted": value, "deviation": deviation}]
+        alone = {"walk": number(0.31, 0.005), "trot": number(0.8, None)}
+        results = {"true": {"friction": 0.3}, "seeds": [{"seed": 1, "alone": alone, "together": number(0.302, 0.01)}]}
+        heading, _, row = tables.identified(results).splitlines()
+        self.assertEqual(heading, "|  | true | file | `walk` 1 | `trot` 1 | together 1 |")
+        self.assertEqual(row, "| `friction` | 0.3 | 0.8 | 0.31 ± 0.005 (+2.0) | not told | 0.302 ± 0.01 (+0.2) |")
 
     def test_tables_and_words_count_what_holds(self):
         results = []

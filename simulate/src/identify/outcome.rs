@@ -1,7 +1,7 @@
 //! What a search says while it goes on, what it found in the end, or why it found nothing.
 
 use super::quality::Quality;
-use super::quantity::{Model, Quantity};
+use super::quantity::{Kind, Model, Quantity};
 use super::recording::SHORTEST_S;
 use thiserror::Error;
 
@@ -31,6 +31,33 @@ pub enum Verdict {
     Absurd,
 }
 
+/// Share of a value above which its deviation is too large to write it down, and deviation of a delay, s.
+const VAGUE: f64 = 0.25;
+const VAGUE_DELAY_S: f64 = 5e-3;
+/// Deviations by which a value differs that is another one.
+const DIFFERENT: f64 = 2.0;
+/// Change, as a logarithm, beyond which a search has lost its way.
+const ABSURD: f64 = 3.0;
+
+impl Verdict {
+    /// On a value with its deviation.
+    pub(super) fn of(quantity: &Quantity, before: f64, fitted: f64, deviation: f64) -> Self {
+        let is_delay = quantity.kind == Kind::Delay;
+        let most = if is_delay { VAGUE_DELAY_S } else { VAGUE * fitted };
+        if !deviation.is_finite() {
+            Self::Silent
+        } else if !is_delay && quantity.to_parameter(before, fitted).abs() > ABSURD {
+            Self::Absurd
+        } else if deviation > most {
+            Self::Vague
+        } else if (fitted - before).abs() > DIFFERENT * deviation {
+            Self::Changed
+        } else {
+            Self::Agrees
+        }
+    }
+}
+
 /// A fitted quantity: its value, its deviation and the verdict on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
@@ -44,6 +71,19 @@ pub struct Found {
     pub deviation: f64,
     /// What to make of it.
     pub verdict: Verdict,
+}
+
+impl Found {
+    /// Whether it counts beside other runs: this one depends on it, and the search came to an end within sensible values. One that is too uncertain
+    /// to be written down counts for as little as its deviation says.
+    pub(super) fn is_counted(&self) -> bool {
+        self.deviation.is_finite() && self.deviation > 0.0 && self.verdict != Verdict::Absurd
+    }
+
+    /// Whether a model takes it: it is another number than the file's, or one that no file has, which the others need as it was found.
+    pub(super) fn is_adopted(&self) -> bool {
+        self.verdict == Verdict::Changed || self.quantity.kind.is_along()
+    }
 }
 
 /// What was found.

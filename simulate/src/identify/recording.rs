@@ -53,6 +53,18 @@ pub enum TableError {
         /// What it would have.
         what: &'static str,
     },
+    /// It has motors of another robot.
+    #[error(
+        "it is the run of another robot: it has the motor `{found}`, and none of {robot}, such as `{expected}`"
+    )]
+    OtherRobot {
+        /// Name of the robot.
+        robot: String,
+        /// A motor of it.
+        expected: String,
+        /// A motor of the table.
+        found: String,
+    },
     /// No motor was measured.
     #[error("there is no column `{0}_rad` or `{0}_rad_s`, nor any other that has what a motor did")]
     Unmeasured(String),
@@ -151,6 +163,10 @@ impl Recording {
             let values = table.column(name)?;
             Some(Series::new(time_s.iter().copied().zip(values))).filter(|known| !known.is_empty())
         };
+        if let Some(found) = other_motor(table, names) {
+            let (robot, expected) = (robot.name.clone(), names[0].clone());
+            return Err(TableError::OtherRobot { robot, expected, found });
+        }
         let mut drives = Vec::new();
         for (name, channel) in names.iter().zip(robot.channels()) {
             let of = |what: &str| series(&format!("{name}_{what}"));
@@ -254,6 +270,15 @@ impl Recording {
     }
 }
 
+/// A motor that a table has commands of, if it has none of the robot's.
+fn other_motor(table: &Table, names: &[String]) -> Option<String> {
+    let commanded = || {
+        ["_target_rad", "_target_rad_s"].into_iter().flat_map(|ending| table.with_ending(ending))
+    };
+    let is_own = |motor: &str| names.iter().any(|name| name == motor);
+    if commanded().any(is_own) { None } else { commanded().next().map(str::to_owned) }
+}
+
 /// A rotation matrix of parts of a quaternion that may have lost its length.
 pub(super) fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     let turned = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
@@ -331,6 +356,31 @@ mod tests {
         assert_eq!(span_s(Some(0.5), Some(4.0)), [0.5, 1.99]);
         let error = Recording::from_text(&text, &robot, [Some(1.8), Some(3.2)]).unwrap_err();
         assert!(error.to_string().starts_with("from 1.8 to 3.2 s the robot never"), "{error}");
+    }
+
+    #[test]
+    fn a_table_of_another_robot_is_named_as_such() {
+        let robot = car();
+        let text = table(&robot);
+        let [first, second] = [0, 1].map(|number| motor_names(&robot)[number].clone());
+        let error =
+            |text: &str| Recording::from_text(text, &robot, [None; 2]).unwrap_err().to_string();
+        let mut other = text.clone();
+        for name in motor_names(&robot) {
+            other = other.replace(&name, &format!("other_{name}"));
+        }
+        let found = error(&other);
+        assert!(
+            found.contains("another robot") && found.contains(&format!("`{first}`")),
+            "{found}"
+        );
+        assert!(found.contains(&format!("`other_{first}`")), "{found}");
+        // One that lacks a motor may be the right one.
+        let found = error(&text.replace(&format!("{second}_target_rad_s"), "gone"));
+        assert!(
+            found.starts_with(&format!("there is no column `{second}_target_rad_s`")),
+            "{found}"
+        );
     }
 
     #[test]

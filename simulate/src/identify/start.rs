@@ -235,3 +235,202 @@ fn freedoms(recording: &Recording, stands: bool, joints: usize) -> Vec<(Freedom,
     }
     freedoms
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identify::{Drive, Series};
+
+    /// Length of the recordings, s.
+    const LONG_S: f64 = 1.0;
+    /// Where the body is far above the ground, m.
+    const HIGH_M: f64 = 2.0;
+
+    fn robot(name: &str) -> Robot {
+        let path = format!("{}/../robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
+    }
+
+    /// Sampled at 100 Hz.
+    fn series(of: impl Fn(f64) -> f64) -> Series {
+        Series::new((0..=100).map(|k| f64::from(k) * 0.01).map(|time_s| (time_s, of(time_s))))
+    }
+
+    /// Motors at their nominal angles, and nothing else.
+    fn recording(robot: &Robot) -> Recording {
+        let drive = |nominal_rad: f64| Drive {
+            target_rad: Series::constant(nominal_rad),
+            target_rad_s: Series::constant(0.0),
+            rad: series(|_| nominal_rad),
+            ..Drive::default()
+        };
+        let nominal = robot.joints.iter().map(|joint| joint.nominal_rad);
+        let all = nominal.chain(std::iter::repeat(0.0)).take(robot.channels().count());
+        let drives = all.map(drive).collect();
+        let run = Recording::new(robot, drives, None, None, None);
+        run.cut(&[[0.0, LONG_S]], [None; 2]).unwrap()
+    }
+
+    fn near(found: f64, expected: f64, most: f64) {
+        assert!((found - expected).abs() < most, "{found}, {expected}");
+    }
+
+    #[test]
+    fn a_run_begins_as_it_was_measured() {
+        let model = Model::new(&robot("agilebot"));
+        let mut run = recording(&model.robot);
+        // A body that moves, turns to the left at 0.4 rad/s, and has a joint and a wheel that turn.
+        let place =
+            [series(|t| 0.2 + 0.5 * t + t * t), series(|t| -0.1 * t), series(|t| HIGH_M - 0.3 * t)];
+        run.position_m = Some(place);
+        let half = |t: f64| 0.5 * (0.3 + 0.4 * t);
+        run.orientation = Some([
+            series(|t| half(t).cos()),
+            series(|_| 0.0),
+            series(|_| 0.0),
+            series(|t| half(t).sin()),
+        ]);
+        run.drives[1].rad = series(|t| 0.25 - 0.6 * t);
+        let wheel = model.robot.joints.len();
+        run.drives[wheel].rad = series(|t| 3.0 + 5.0 * t);
+        run.drives[wheel].target_rad_s = Series::constant(5.5);
+        let start = Start::of(&run, &model);
+        let Start { state, wheel_rad, .. } = &start;
+        for (found, expected) in state.base_position_m.iter().zip([0.2, 0.0, HIGH_M]) {
+            near(*found, expected, 1e-9);
+        }
+        for (found, expected) in state.base_velocity_m_s.iter().zip([0.5, -0.1, -0.3]) {
+            near(*found, expected, 1e-9);
+        }
+        for (found, expected) in state.base_spin_rad_s.iter().zip([0.0, 0.0, 0.4]) {
+            // What a parabola through a tenth of a second leaves of a circle.
+            near(*found, expected, 1e-4);
+        }
+        let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.3);
+        assert!((state.world_from_body - turned.matrix()).norm() < 1e-6);
+        near(state.joint_rad[1], 0.25, 1e-9);
+        near(state.joint_rad_s[1], -0.6, 1e-9);
+        near(state.joint_rad[0], model.robot.joints[0].nominal_rad, 1e-9);
+        // The speed of a wheel is the commanded one; its measured angle is where the simulated one is counted from.
+        near(state.wheel_rad_s[0], 5.5, 1e-9);
+        near(wheel_rad[wheel], 3.0, 1e-9);
+    }
+
+    #[test]
+    fn measured_speeds_and_a_gyro_come_before_slopes() {
+        let model = Model::new(&robot("agilebot"));
+        let mut run = recording(&model.robot);
+        run.drives[0].rad_s = series(|_| 1.5);
+        let wheel = model.robot.joints.len();
+        run.drives[wheel].rad_s = series(|_| 4.0);
+        run.drives[wheel].target_rad_s = Series::constant(9.0);
+        // A quarter turn to the left, so that what turns about the body's x axis turns about the world's y axis.
+        let (half, none) = (std::f64::consts::FRAC_1_SQRT_2, || series(|_| 0.0));
+        run.orientation = Some([series(|_| half), none(), none(), series(|_| half)]);
+        run.gyro_rad_s = Some([series(|_| 0.7), none(), none()]);
+        let state = Start::of(&run, &model).state;
+        near(state.joint_rad_s[0], 1.5, 1e-9);
+        near(state.wheel_rad_s[0], 4.0, 1e-9);
+        assert!((state.base_spin_rad_s - Vector3::new(0.0, 0.7, 0.0)).norm() < 1e-9);
+    }
+
+    #[test]
+    fn where_only_speeds_of_joints_are_measured_they_begin_as_commanded() {
+        let model = Model::new(&robot("agilebot"));
+        let mut run = recording(&model.robot);
+        run.drives[2].rad = Series::default();
+        run.drives[2].target_rad = series(|t| 0.4 + t);
+        assert_eq!(Start::of(&run, &model).state.joint_rad[2], 0.4);
+    }
+
+    #[test]
+    fn a_robot_near_the_ground_stands_on_it_and_one_in_the_air_does_not() {
+        let model = Model::new(&robot("agilebot"));
+        let level: Arc<dyn Ground> = Arc::new(Plane::level());
+        let clearance_m = |start: &Start| {
+            World::new(&model.robot, &level, &model.parameters, &start.state).clearance_m()
+        };
+        let mut run = recording(&model.robot);
+        // Its height was not measured.
+        let standing = Start::of(&run, &model);
+        near(clearance_m(&standing), -DEPTH_M, 1e-9);
+        assert_eq!(standing.state.world_from_body, Matrix3::identity());
+        assert_eq!(standing.state.base_velocity_m_s, Vector3::zeros());
+        let stands_m = standing.state.base_position_m.z;
+        let mut at = |height_m: f64| {
+            run.position_m = Some([series(|_| 0.0), series(|_| 0.0), series(|_| height_m)]);
+            Start::of(&run, &model)
+        };
+        for off_m in [0.6 * NEAR_M, -0.6 * NEAR_M] {
+            near(clearance_m(&at(stands_m + off_m)), -DEPTH_M, 1e-9);
+        }
+        let off_m = 2.0 * NEAR_M;
+        near(at(stands_m + off_m).state.base_position_m.z, stands_m + off_m, 1e-9);
+    }
+
+    #[test]
+    fn free_wheels_begin_as_they_roll() {
+        let model = Model::new(&robot("swizzlebot2"));
+        let mut run = recording(&model.robot);
+        // It moves along its own x axis, which is the world's y axis.
+        let (half, none) = (std::f64::consts::FRAC_1_SQRT_2, || series(|_| 0.0));
+        run.orientation = Some([series(|_| half), none(), none(), series(|_| half)]);
+        run.position_m = Some([none(), series(|t| 0.6 * t), series(|_| HIGH_M)]);
+        let state = Start::of(&run, &model).state;
+        let wheels = model.robot.end_effectors.iter().zip(&state.wheel_rad_s);
+        let free = wheels.filter(|(of, _)| of.contact.freewheels());
+        assert!(free.clone().count() > 0);
+        free.for_each(|(of, rad_s)| near(*rad_s, 0.6 / of.radius_m, 1e-6));
+    }
+
+    #[test]
+    fn what_was_not_measured_does_not_change_but_where_the_ground_tells_it() {
+        let model = Model::new(&robot("agilebot"));
+        let joints = model.robot.joints.len();
+        let mut run = recording(&model.robot);
+        // Motors alone: height, tilt, velocities and joints; no place on the ground and no heading.
+        assert_eq!(Start::of(&run, &model).count(), 1 + 2 + 6 + joints);
+        run.position_m = Some([series(|_| 0.0), series(|_| 0.0), series(|_| HIGH_M)]);
+        assert_eq!(Start::of(&run, &model).count(), 3 + 2 + 6 + joints);
+        let none = || series(|_| 0.0);
+        run.orientation = Some([series(|_| 1.0), none(), none(), none()]);
+        let start = Start::of(&run, &model);
+        assert_eq!(start.count(), 3 + 3 + 6 + joints);
+        // Each is expected to change by its deviation: such a change has a penalty of 1, and the numbers go on from those before.
+        let penalties = start.penalties(4);
+        assert_eq!(penalties.len(), start.count());
+        for (number, (of, (_, deviation))) in penalties.iter().zip(&start.freedoms).enumerate() {
+            let [(place, factor)] = of.factors[..] else { panic!("{of:?}") };
+            assert_eq!((place, of.target), (4 + number, 0.0));
+            near(factor * deviation.expected / deviation.unit, 1.0, 1e-12);
+        }
+    }
+
+    #[test]
+    fn changes_move_the_start_along_their_freedoms() {
+        let model = Model::new(&robot("agilebot"));
+        let mut run = recording(&model.robot);
+        run.position_m = Some([series(|_| 1.0), series(|_| 0.0), series(|_| HIGH_M)]);
+        let start = Start::of(&run, &model);
+        let none = vec![0.0; start.count()];
+        assert_eq!(start.changed(&none), start.state);
+        for (number, (freedom, deviation)) in start.freedoms.iter().enumerate() {
+            let mut changes = none.clone();
+            changes[number] = 0.1;
+            let by = 0.1 * deviation.unit;
+            let (from, to) = (&start.state, start.changed(&changes));
+            let turned = to.world_from_body * from.world_from_body.transpose();
+            let turned = Rotation3::from_matrix_unchecked(turned).scaled_axis();
+            let (found, expected) = match *freedom {
+                Freedom::Position(axis) => (to.base_position_m - from.base_position_m, axis),
+                Freedom::Velocity(axis) => (to.base_velocity_m_s - from.base_velocity_m_s, axis),
+                Freedom::Spin(axis) => (to.base_spin_rad_s - from.base_spin_rad_s, axis),
+                Freedom::Rotation(axis) => (turned, axis),
+                Freedom::Joint(joint) => {
+                    (Vector3::x() * (to.joint_rad[joint] - from.joint_rad[joint]), Vector3::x())
+                }
+            };
+            assert!((found - expected * by).norm() < 1e-9, "{freedom:?}: {found}");
+        }
+    }
+}

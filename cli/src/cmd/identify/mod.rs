@@ -1,59 +1,67 @@
-//! `rollwalk identify`: fits the numbers of a robot file to a recorded run.
+//! `rollwalk identify`: fits the numbers of a robot file to recorded runs.
 
+mod document;
+mod outcome;
 mod recorded;
 mod report;
+mod runs;
 mod source;
 
 use crate::files::{self, Output};
 use crate::inputs::Source as Inputs;
 use crate::{Exit, interrupt, output};
+use document::Document;
 use indicatif::ProgressBar;
 use miette::{Report, miette};
-use report::{Document, Prediction};
+use outcome::{Outcome, Unfitted};
 use rollwalk_robot::Robot;
-use rollwalk_simulate::identify::{
-    Kind, Model, Options, Quantity, Stage, Unfit, identify, predict,
-};
+use rollwalk_simulate::identify::{Kind, Quantity, Stage, Unfit};
 use source::Source;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// Fit friction, gains and masses of a robot file to a recorded run.
+/// Fit friction, gains and masses of a robot file to recorded runs.
 ///
-/// The run is simulated again with what its drives were commanded, and the numbers of the robot change until the simulated robot does what
+/// A run is simulated again with what its drives were commanded, and the numbers of the robot change until the simulated robot does what
 /// the recorded one did: by Gauss–Newton's method with derivatives of the whole run (thesis 4.7.3), first over its beginning, then over all of it
 /// but the last quarter, which is simulated as a check. Parameters that the run does not determine keep their values.
+///
+/// Each of several runs is fitted alone. What they disagree about shows errors of the model, such as in how contacts slip, which no single run
+/// shows: the robot file gets the mean of the runs, and the deviations contain the spread between them.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  rollwalk identify run.csv --robot robots/agilebot.toml -o fitted.toml
+  rollwalk identify slalom.csv walk.csv step.csv --robot robots/agilebot.toml -o fitted.toml
+  rollwalk identify slalom.csv walk.csv --from 0.3 --from 2 --robot robots/agilebot.toml -o fitted.toml
   rollwalk identify run.csv --robot robots/agilebot.toml --fit friction,kp,mass.body -o fitted.toml
   rollwalk identify run.csv --robot robots/agilebot.toml -o fitted.toml --predict walk.csv --predict trot.csv
   rollwalk identify run.mcap --robot robots/agilebot.toml --fit kp,kd,delay -o fitted.toml
 
 What can be fitted, and what a recording needs: docs/identification.md")]
 pub struct Args {
-    /// Recorded run: telemetry of `rollwalk monitor --mcap`, a log of all actuator buses in candump's format, a log of the simulated world, or a table with
-    /// some of its columns.
-    #[arg(value_name = "RUN")]
-    run: PathBuf,
+    /// Recorded runs of the robot, best of three motions or more, each with what its drives were commanded: telemetry of `rollwalk monitor --mcap`, a
+    /// log of all actuator buses in candump's format, a log of the simulated world, or a table with some of its columns.
+    #[arg(value_name = "RUN", required = true)]
+    runs: Vec<PathBuf>,
     /// Robot file (TOML) to begin with.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// What is fitted: `friction`, `kp`, `kd` and so on, or of one drive or link, such as `kp.xm540` [default: friction, resistance, kp, kd, stiffness, stick, delay].
+    /// What is fitted: `friction`, `kp`, `kd` and so on, or of one drive or link, such as `kp.xm540` [default: friction, resistance, kp, kd,
+    /// stiffness, stick, delay].
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fit: Vec<String>,
-    /// Another run of the robot, which takes no part: it is simulated with the numbers of the file and with those found, and compared. As often as wanted.
+    /// Another run of the robot, which takes no part: it is simulated with the numbers of the file and with those found, and compared. As often as
+    /// wanted.
     #[arg(long, value_name = "RUN")]
     predict: Vec<PathBuf>,
     /// Robot file to write, with the fitted values.
     #[arg(short, long, value_name = "FITTED.toml")]
     output: PathBuf,
-    /// Leave out rows before this time of the recording, s.
+    /// Leave out rows before this time of a recording, s: once for all runs, or once for each of them in their order.
     #[arg(long, value_name = "SECONDS")]
-    from: Option<f64>,
-    /// Leave out rows after this time of the recording, s.
+    from: Vec<f64>,
+    /// Leave out rows after this time, s: likewise.
     #[arg(long, value_name = "SECONDS")]
-    to: Option<f64>,
+    to: Vec<f64>,
     /// Print as JSON.
     #[arg(long)]
     json: bool,
@@ -65,50 +73,33 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut source = Source::new(&args.robot, &text.text, &robot)?;
     let quantities = chosen(&source.quantities(&robot), &args.fit, &robot)?;
     files::ending(&args.output, "a robot file", &["toml"])?;
-    let recording = recorded::read(&args.run, &robot, [args.from, args.to])?;
-    let mut others = Vec::new();
-    for path in &args.predict {
-        others.push((path, recorded::read(path, &robot, [None; 2])?));
-    }
+    let runs = runs::read(&args.runs, &robot, &args.from, &args.to)?;
+    let others = runs::read_others(&args.predict, &robot)?;
     let place = Output::of_source(&args.output)?;
     interrupt::listen();
     let bar = ProgressBar::new_spinner();
-    let watch = |stage: &Stage| {
+    let watch = |run: &str, stage: &Stage| {
         let Stage { what, horizon_s, rollouts } = stage;
-        bar.set_message(format!("{what}, {horizon_s:.1} s, rollout {rollouts}"));
+        bar.set_message(format!("{run}: {what}, {horizon_s:.1} s, rollout {rollouts}"));
         bar.tick();
         !interrupt::requested()
     };
-    let options = Options::default();
-    let all = || -> Result<_, (Unfit, &PathBuf)> {
-        let found = identify(&robot, recording, &quantities, &options, watch);
-        let found = found.map_err(|reason| (reason, &args.run))?;
-        let file = Model::new(&robot);
-        let mut predicted = Vec::new();
-        for (path, other) in others {
-            let with = |model| {
-                predict(model, other.clone(), &options, watch).map_err(|reason| (reason, path))
-            };
-            predicted
-                .push(Prediction { run: name_of(path), of: [with(&file)?, with(&found.model)?] });
-        }
-        Ok((found, predicted))
-    };
-    let all = all();
+    let outcome = Outcome::new(&robot, &quantities, runs, others, watch);
     bar.finish_and_clear();
-    let (found, predicted) = match all {
-        Ok(all) => all,
-        Err((Unfit::Ended, _)) => return Ok(Exit::Interrupted),
-        Err((reason, path)) => return Err(unfit(&reason, path)),
+    let outcome = match outcome {
+        Ok(outcome) => outcome,
+        Err(Unfitted { reason: Unfit::Ended, .. }) => return Ok(Exit::Interrupted),
+        Err(unfitted) => return Err(unfit(&unfitted)),
     };
-    let run = name_of(&args.run);
-    found.found.iter().for_each(|of| source.set(of, &run));
+    for of in &outcome.together.combined {
+        source.set(&of.found, &outcome.names(of).join(", "));
+    }
     let text = source.text();
     // Also what no robot file may have is worth knowing.
     if args.json {
-        output::print_json(&Document::new(&run, &found, &predicted))?;
+        output::print_json(&Document::new(&outcome))?;
     } else {
-        place.comment(&report::describe(&run, &found, &predicted))?;
+        place.comment(&report::describe(&outcome))?;
     }
     Robot::from_toml(&args.output.display().to_string(), &text).map_err(Report::new)?;
     place.write(text.as_bytes())?;
@@ -118,12 +109,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// A file without its folder: robot files travel.
-fn name_of(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-fn unfit(reason: &Unfit, path: &Path) -> Report {
+fn unfit(Unfitted { path, reason }: &Unfitted) -> Report {
     let path = path.display();
     let help = match reason {
         Unfit::Soft(_) => "leave it out: --fit mass.LINK has the masses of some links only",

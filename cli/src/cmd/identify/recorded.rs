@@ -14,7 +14,7 @@ use rollwalk_bus::candump;
 use rollwalk_host::traces::{self, Motor, Traces};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_robot::Robot;
-use rollwalk_simulate::identify::{Drive, Recording, Series, Wanted};
+use rollwalk_simulate::identify::{Drive, Recording, Series, TableError, Wanted};
 use std::fmt::Display;
 use std::path::Path;
 
@@ -29,21 +29,36 @@ pub fn read(path: &Path, robot: &Robot, wanted_s: Wanted) -> miette::Result<Reco
     if read.0.starts_with(MCAP) {
         let config = robot.controller_config().into_diagnostic()?;
         let traces = traces::of_mcap(&read.0, &config, &channel_names(robot));
-        let traces = traces.map_err(|error| unusable(path, &error))?;
-        return recording(&traces, robot, wanted_s).map_err(|error| unusable(path, &error));
+        let traces = traces.map_err(|error| unusable(path, robot, &error))?;
+        return recording(&traces, robot, wanted_s).map_err(|error| unusable(path, robot, &error));
     }
     let text = files::text(read, path)?;
     Kind::Run.expect(path, &text)?;
     if !text.trim_start().starts_with('(') {
-        let help = "docs/identification.md names the columns; `rollwalk simulate PLAN.json --world-log RUN.csv` writes all of them";
         return Recording::from_text(&text, robot, wanted_s)
-            .map_err(|error| miette!(help = help, "{}: {error}", path.display()));
+            .map_err(|error| of_table(path, robot, &error));
     }
-    of_log(&text, robot, wanted_s).map_err(|error| unusable(path, &error))
+    of_log(&text, robot, wanted_s).map_err(|error| unusable(path, robot, &error))
 }
 
-fn unusable(path: &Path, error: &dyn Display) -> Report {
-    let help = "docs/identification.md says what can be read: telemetry (MCAP) of `rollwalk monitor`, a log of candump, a table (CSV)";
+fn of_table(path: &Path, robot: &Robot, error: &TableError) -> Report {
+    let columns = "docs/identification.md names the columns; `rollwalk simulate PLAN.json --world-log RUN.csv` writes all of them";
+    let help = match error {
+        TableError::OtherRobot { .. } => format!(
+            "give the file of the robot that made the run with `--robot`, or a run of {}",
+            robot.name
+        ),
+        TableError::Missing { .. } => format!("is it a run of {}? {columns}", robot.name),
+        _ => columns.to_owned(),
+    };
+    miette!(help = help, "{}: {error}", path.display())
+}
+
+fn unusable(path: &Path, robot: &Robot, error: &dyn Display) -> Report {
+    let help = format!(
+        "is it a run of {}? docs/identification.md says what can be read: telemetry (MCAP) of `rollwalk monitor`, a log of candump, a table (CSV)",
+        robot.name
+    );
     miette!(help = help, "{}: {error}", path.display())
 }
 
@@ -173,5 +188,14 @@ mod tests {
         assert!(why("cut.mcap", "\u{89}MCAP").contains("no column `time_s`"));
         assert!(why("odd.log", "(1.000005) act0 123\n").contains("line 1: no frame"));
         assert!(why("none.log", "(1.000005) act0 123#00\n").contains("0 actuator buses"));
+
+        // The log of a robot with fewer buses and motors.
+        let text = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/car.toml");
+        let car = Robot::from_toml("car", &std::fs::read_to_string(text).unwrap()).unwrap();
+        let [_, log] = run(&car);
+        let error = read("car.log", &log).unwrap_err();
+        assert!(error.to_string().contains("car.log"), "{error}");
+        let help = error.help().unwrap().to_string();
+        assert!(help.starts_with("is it a run of agilebot?"), "{help}");
     }
 }

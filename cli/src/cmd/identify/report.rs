@@ -1,120 +1,103 @@
-//! What was found, as tables and as JSON.
+//! What was found, for people.
 
+use super::document::{compared, fits};
+use super::outcome::{Fit, Outcome};
 use super::source::rounded;
 use crate::output::Table;
-use rollwalk_simulate::identify::{Found, Identified, Quality, Signal, Verdict};
-use serde::Serialize;
-use std::fmt::Write;
+use rollwalk_simulate::identify::{Combined, Found, Quality, Verdict};
 
-/// Another run, simulated with the numbers of the file and with those found; `None` if the robot falls.
-pub struct Prediction {
-    /// Its file.
-    pub run: String,
-    /// Before and after.
-    pub of: [Option<Quality>; 2],
-}
+/// Below the numbers of a single run.
+const ONE_RUN: &str = "\
+These deviations do not contain errors of the model that last through the run, such as in how contacts slip: the numbers can be off by many of
+them. Several motions tell: record two or more others, and give all of them to one `rollwalk identify`, whose deviations then contain what the runs
+disagree about.";
+/// Below those of two.
+const TWO_RUNS: &str = "\
+Two runs hardly tell how far runs disagree, so that these deviations are rough: record another motion.";
 
-/// Output of `--json`.
-#[derive(Serialize)]
-pub struct Document<'a> {
-    run: &'a str,
-    parameters: Vec<Parameter>,
-    correlated: Vec<(&'a str, &'a str, f64)>,
-    /// Root mean squares over the part of the run that was fitted, and over the part that was predicted.
-    fitted: Vec<Fit>,
-    predicted: Vec<Fit>,
-    /// Other runs.
-    others: Vec<Other<'a>>,
-    begin_s: f64,
-    predicted_from_s: f64,
-    end_s: f64,
-    /// Length of the fitted part, s. It ends before the predicted part begins if the simulated robot falls earlier.
-    horizon_s: f64,
-    rollouts: usize,
-}
+/// Below those of several.
+const SEVERAL_RUNS: &str = "\
+These deviations contain what the runs disagree about. An error of the model that is the same in all of them is in none.";
 
-#[derive(Serialize)]
-struct Other<'a> {
-    run: &'a str,
-    predicted: Vec<Fit>,
-}
-
-#[derive(Serialize)]
-struct Parameter {
-    name: String,
-    unit: &'static str,
-    before: f64,
-    fitted: f64,
-    /// None if the run does not tell.
-    deviation: Option<f64>,
-    verdict: &'static str,
-}
-
-/// None where the simulated robot falls.
-#[derive(Serialize)]
-struct Fit {
-    signal: &'static str,
-    unit: &'static str,
-    before: Option<f64>,
-    after: Option<f64>,
-}
-
-impl<'a> Document<'a> {
-    /// Of a run.
-    pub fn new(run: &'a str, found: &'a Identified, others: &'a [Prediction]) -> Self {
-        let other = |of: &'a Prediction| Other { run: &of.run, predicted: fits(&of.of) };
-        let parameter = |of: &Found| Parameter {
-            name: of.quantity.name(),
-            unit: of.quantity.kind.label().1,
-            before: of.before,
-            fitted: of.fitted,
-            deviation: Some(of.deviation).filter(|deviation| deviation.is_finite()),
-            verdict: word(of.verdict),
-        };
-        let [begin_s, predicted_from_s, end_s] = found.times_s;
-        let pairs = found.correlated.iter();
-        Self {
-            run,
-            parameters: found.found.iter().map(parameter).collect(),
-            correlated: pairs.map(|(one, other, by)| (one.as_str(), other.as_str(), *by)).collect(),
-            fitted: fits(&found.fitted),
-            predicted: fits(&found.predicted),
-            others: others.iter().map(other).collect(),
-            begin_s,
-            predicted_from_s,
-            end_s,
-            horizon_s: found.horizon_s,
-            rollouts: found.rollouts,
+/// As text.
+pub fn describe(outcome: &Outcome) -> String {
+    let mut parts: Vec<String> = Vec::new();
+    let heads = outcome.fits.iter().map(head).collect::<Vec<_>>();
+    parts.push(heads.join("\n"));
+    parts.push(parameters(outcome));
+    match &outcome.fits[..] {
+        [only] => {
+            parts.push(ONE_RUN.to_owned());
+            parts.extend(correlations(only));
+            parts.push(residuals(only));
+        }
+        fits => {
+            parts.push(SEVERAL_RUNS.to_owned());
+            if fits.len() == 2 {
+                parts.push(TWO_RUNS.to_owned());
+            }
+            parts.push(each_alone(outcome));
+            parts.extend(fits.iter().flat_map(gaps));
+            parts.extend(fits.iter().flat_map(correlations));
+            parts.extend(fits.iter().filter_map(comparison));
         }
     }
+    parts.extend(outcome.others.iter().map(|(run, of)| prediction(run, of)));
+    parts.extend(outcome.fits.iter().filter_map(warning));
+    parts.join("\n\n")
 }
 
-fn fits(of: &[Option<Quality>; 2]) -> Vec<Fit> {
-    let rms = |quality: &Option<Quality>, signal| {
-        quality.as_ref().and_then(|quality| quality.of_signal(signal))
-    };
-    let fit = |signal: Signal| {
-        let [before, after] = of.each_ref().map(|quality| rms(quality, signal));
-        let (label, unit) = signal.label();
-        (before.is_some() || after.is_some()).then_some(Fit { signal: label, unit, before, after })
-    };
-    Signal::ALL.into_iter().filter_map(fit).collect()
+fn head(of: &Fit) -> String {
+    let [begin_s, from_s, end_s] = of.found.times_s;
+    format!(
+        "{}: fitted from {begin_s:.2} to {:.2} s, predicted from {from_s:.2} to {end_s:.2} s, {} rollouts",
+        of.run,
+        begin_s + of.found.horizon_s,
+        of.found.rollouts
+    )
 }
 
-fn word(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Changed => "changed",
-        Verdict::Agrees => "agrees",
-        Verdict::Silent => "not told",
-        Verdict::Vague => "uncertain",
-        Verdict::Absurd => "absurd",
+/// What goes into the robot file, with what of each deviation is spread between runs.
+fn parameters(outcome: &Outcome) -> String {
+    let is_one = outcome.fits.len() == 1;
+    let mut titles = vec!["parameter", "before", "fitted", "±", "between runs", "unit", "verdict"];
+    if is_one {
+        titles.remove(4);
+    }
+    let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
+    for combined in &outcome.together.combined {
+        let of = &combined.found;
+        let mut row = vec![
+            of.quantity.name(),
+            rounded(of.before, 0.0).to_string(),
+            known(of, of.fitted),
+            known(of, of.deviation),
+        ];
+        if !is_one {
+            let between = combined.between;
+            row.push(between.map_or("–".to_owned(), |between| known(of, between)));
+        }
+        row.push(of.quantity.kind.label().1.to_owned());
+        row.push(sentence(combined, outcome));
+        rows.push(row);
+    }
+    Table::from(rows).render()
+}
+
+/// A number with the digits that its deviation leaves.
+fn known(of: &Found, value: f64) -> String {
+    if of.deviation.is_finite() {
+        rounded(value, of.deviation).to_string()
+    } else {
+        "–".to_owned()
     }
 }
 
-/// What to make of a number, for people.
-fn sentence(of: &Found) -> String {
+/// What to make of a number.
+fn sentence(combined: &Combined, outcome: &Outcome) -> String {
+    let of = &combined.found;
     let is_along = of.quantity.kind.is_along();
-    match of.verdict {
+    let verdict = match of.verdict {
         Verdict::Silent => format!("not told: {}", of.quantity.kind.silence()),
         Verdict::Changed if is_along => "found; robot files do not have it".to_owned(),
         Verdict::Agrees if is_along => "as simulated elsewhere".to_owned(),
@@ -125,50 +108,74 @@ fn sentence(of: &Found) -> String {
         Verdict::Agrees => "agrees with the file, which stays as it is".to_owned(),
         Verdict::Vague => "too uncertain: the file stays as it is".to_owned(),
         Verdict::Absurd => "makes no sense: something else is different, too".to_owned(),
+    };
+    match outcome.names(combined)[..] {
+        [only] if outcome.fits.len() > 1 => {
+            format!("{verdict}; {only} alone tells it, without errors of the model")
+        }
+        _ => verdict,
     }
 }
 
-/// As text.
-pub fn describe(run: &str, found: &Identified, others: &[Prediction]) -> String {
-    let [begin_s, from_s, end_s] = found.times_s;
-    let mut text = format!(
-        "{run}: fitted from {begin_s:.2} to {:.2} s, predicted from {from_s:.2} to {end_s:.2} s, {} rollouts\n\n",
-        begin_s + found.horizon_s,
-        found.rollouts
-    );
-    let mut table = Table::new(["parameter", "before", "fitted", "±", "unit", "verdict"]);
-    for of in &found.found {
-        let known = of.deviation.is_finite();
-        let cell = |value: f64| {
-            if known { rounded(value, of.deviation).to_string() } else { "–".to_owned() }
+/// A column for each run.
+fn each_alone(outcome: &Outcome) -> String {
+    let runs = outcome.fits.iter().map(|of| of.run.clone());
+    let mut rows = vec![["each run alone".to_owned()].into_iter().chain(runs).collect::<Vec<_>>()];
+    for combined in &outcome.together.combined {
+        let quantity = &combined.found.quantity;
+        let cell = |fit: &Fit| match found(fit, combined) {
+            Some(of) if of.deviation.is_finite() => {
+                format!("{} ± {}", known(of, of.fitted), known(of, of.deviation))
+            }
+            _ => "–".to_owned(),
         };
-        table.row([
-            of.quantity.name(),
-            rounded(of.before, 0.0).to_string(),
-            cell(of.fitted),
-            cell(of.deviation),
-            of.quantity.kind.label().1.to_owned(),
-            sentence(of),
-        ]);
+        let cells = outcome.fits.iter().map(cell);
+        rows.push([quantity.name()].into_iter().chain(cells).collect());
     }
-    let _ = writeln!(text, "{}\n", table.render());
-    for (one, other, by) in &found.correlated {
-        let _ = writeln!(
-            text,
-            "{one} and {other} are hardly told apart (correlation {by:.2}): this run knows a combination of them\n"
-        );
-    }
-    let mut table = Table::new([
-        "root mean square",
-        "fitted before",
-        "after",
-        "predicted before",
-        "after",
-        "unit",
-    ]);
-    let (fitted, predicted) = (fits(&found.fitted), fits(&found.predicted));
-    let cell = |rms: Option<f64>| rms.map_or("falls".to_owned(), |rms| format!("{rms:.5}"));
-    for fit in &fitted {
+    Table::from(rows).render()
+}
+
+fn found<'f>(fit: &'f Fit, combined: &Combined) -> Option<&'f Found> {
+    fit.found.found.iter().find(|of| of.quantity == combined.found.quantity)
+}
+
+/// What one of several runs does not tell.
+fn gaps(fit: &Fit) -> impl Iterator<Item = String> {
+    let run = &fit.run;
+    fit.found.found.iter().filter_map(move |of| {
+        let name = of.quantity.name();
+        match of.verdict {
+            Verdict::Silent => {
+                Some(format!("{run} does not tell {name}: {}", of.quantity.kind.silence()))
+            }
+            Verdict::Absurd => Some(format!(
+                "{run} does not count for {name}: its search ended at {}, which makes no sense",
+                rounded(of.fitted, 0.0)
+            )),
+            Verdict::Vague => Some(format!(
+                "{run} hardly tells {name}, and counts for as little as its deviation says"
+            )),
+            Verdict::Changed | Verdict::Agrees => None,
+        }
+    })
+}
+
+fn correlations(fit: &Fit) -> impl Iterator<Item = String> {
+    fit.found.correlated.iter().map(move |(one, other, by)| {
+        format!(
+            "{one} and {other} are hardly told apart (correlation {by:.2}): {} knows a combination of them",
+            fit.run
+        )
+    })
+}
+
+/// Root mean squares before and after, over the part of a run that was fitted and over the part that was predicted.
+fn residuals(fit: &Fit) -> String {
+    let titles =
+        ["root mean square", "fitted before", "after", "predicted before", "after", "unit"];
+    let mut table = Table::new(titles);
+    let predicted = fits(&fit.found.predicted);
+    for fit in fits(&fit.found.fitted) {
         let other = predicted.iter().find(|of| of.signal == fit.signal);
         table.row([
             fit.signal.to_owned(),
@@ -179,27 +186,170 @@ pub fn describe(run: &str, found: &Identified, others: &[Prediction]) -> String 
             fit.unit.to_owned(),
         ]);
     }
-    let _ = write!(text, "{}", table.render());
-    for Prediction { run, of } in others {
-        let mut table = Table::new([&format!("predicted: {run}"), "before", "after", "unit"]);
-        for fit in fits(of) {
-            table.row(
-                [fit.signal, &cell(fit.before), &cell(fit.after), fit.unit].map(str::to_owned),
-            );
-        }
-        let _ = write!(text, "\n\n{}", table.render());
+    table.render()
+}
+
+/// One of several runs, with the numbers of the file, its own and those of all.
+fn comparison(fit: &Fit) -> Option<String> {
+    let title = format!("{} after its first quarter", fit.run);
+    let mut table = Table::new([&title, "before", "alone", "together", "unit"]);
+    for of in compared(fit.compared.as_ref()?) {
+        let [before, alone, together] = [of.before, of.alone, of.together].map(cell);
+        table.row([of.signal.to_owned(), before, alone, together, of.unit.to_owned()]);
     }
-    let is_worse = |fit: &Fit| match (fit.before, fit.after) {
+    Some(table.render())
+}
+
+fn prediction(run: &str, of: &[Option<Quality>; 2]) -> String {
+    let mut table = Table::new([&format!("predicted: {run}"), "before", "after", "unit"]);
+    for fit in fits(of) {
+        table.row([fit.signal, &cell(fit.before), &cell(fit.after), fit.unit].map(str::to_owned));
+    }
+    table.render()
+}
+
+fn cell(rms: Option<f64>) -> String {
+    rms.map_or("falls".to_owned(), |rms| format!("{rms:.5}"))
+}
+
+/// Where the numbers found are worse than those of the file.
+fn warning(fit: &Fit) -> Option<String> {
+    let is_worse = |before: Option<f64>, after: Option<f64>| match (before, after) {
         (Some(before), Some(after)) => after > 1.1 * before,
         (Some(_), None) => true,
         _ => false,
     };
-    if let Some(worse) = predicted.iter().find(|fit| is_worse(fit)) {
-        let _ = write!(
-            text,
-            "\n\n{} of the end of the run, which took no part in the fit, are predicted worse than before: do not trust these numbers further than this run",
-            worse.signal
-        );
+    let run = &fit.run;
+    match &fit.compared {
+        None => fits(&fit.found.predicted).into_iter().find(|of| is_worse(of.before, of.after)).map(|of| {
+            format!(
+                "{} of the end of the run, which took no part in the fit, are predicted worse than before: do not trust these numbers further than this run",
+                of.signal
+            )
+        }),
+        Some(all) => compared(all).into_iter().find(|of| is_worse(of.before, of.together)).map(|of| {
+            format!(
+                "{} of {run} are simulated worse with the numbers of all runs than with those of the file: the runs do not go together",
+                of.signal
+            )
+        }),
     }
-    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::document::Document;
+    use super::*;
+    use rollwalk_robot::Robot;
+    use rollwalk_simulate::identify::{Identified, Kind, Model, Quantity, Signal, together};
+    use serde_json::{Value, json};
+
+    const FRICTION: Quantity = Quantity { kind: Kind::Friction, group: None };
+    const DELAY: Quantity = Quantity { kind: Kind::Delay, group: None };
+
+    /// Runs with friction and its deviation, of a robot whose file has 0.8, and with a delay that only the last one tells.
+    fn outcome(runs: &[(&str, f64, f64)]) -> Outcome {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml");
+        let robot = Robot::from_toml("agilebot", &std::fs::read_to_string(path).unwrap()).unwrap();
+        let quality = |rms| Some(Quality { rms: vec![(Signal::Position, rms)] });
+        let found = |(number, &(_, fitted, deviation)): (usize, &(&str, f64, f64))| {
+            let told = deviation.is_finite();
+            let verdict = if told { Verdict::Changed } else { Verdict::Silent };
+            let friction = Found { quantity: FRICTION, before: 0.8, fitted, deviation, verdict };
+            let (deviation, verdict) = match number + 1 == runs.len() {
+                true => (1e-4, Verdict::Changed),
+                false => (f64::INFINITY, Verdict::Silent),
+            };
+            let delay = Found { quantity: DELAY, before: 0.0, fitted: 4e-3, deviation, verdict };
+            Identified {
+                model: Model::new(&robot),
+                found: vec![friction, delay],
+                correlated: vec![("friction".into(), "delay".into(), 0.97)],
+                fitted: [quality(0.004), quality(0.002)],
+                predicted: [quality(0.005), None],
+                times_s: [0.3, 3.0, 4.0],
+                horizon_s: 2.7,
+                rollouts: 321,
+            }
+        };
+        let found: Vec<Identified> = runs.iter().enumerate().map(found).collect();
+        let together = together(&robot, &[FRICTION, DELAY], &found);
+        let compared = (runs.len() > 1).then(|| [quality(0.004), quality(0.002), quality(0.003)]);
+        let fits = runs.iter().zip(found).map(|((run, ..), found)| Fit {
+            run: (*run).to_owned(),
+            found,
+            compared: compared.clone(),
+        });
+        Outcome { fits: fits.collect(), together, others: vec![("trot.csv".into(), [None, None])] }
+    }
+
+    fn json_of(outcome: &Outcome) -> Value {
+        serde_json::to_value(Document::new(outcome)).unwrap()
+    }
+
+    #[test]
+    fn a_single_run_does_not_hide_that_errors_of_the_model_are_missing() {
+        let one = outcome(&[("walk.csv", 0.3, 0.01)]);
+        let text = describe(&one);
+        assert!(text.contains("do not contain errors of the model"), "{text}");
+        assert!(text.contains("record two or more others"), "{text}");
+        assert!(!text.contains("between runs") && !text.contains("alone"), "{text}");
+        assert!(text.contains("predicted worse than before"), "{text}");
+        let found = json_of(&one);
+        let expected = json!({
+            "name": "friction", "unit": "", "before": 0.8, "fitted": 0.3, "deviation": 0.01,
+            "verdict": "changed", "between_runs": null, "runs": ["walk.csv"],
+        });
+        assert_eq!(found["parameters"][0], expected);
+        assert_eq!(found["runs"][0]["compared"], json!([]));
+    }
+
+    #[test]
+    fn several_runs_have_their_spread_and_what_each_cannot_tell() {
+        let none = f64::INFINITY;
+        let of = [("slalom.csv", 0.3, 0.01), ("turn.csv", 0.8, none), ("walk.csv", 0.34, 0.01)];
+        let three = outcome(&of);
+        let text = describe(&three);
+        assert!(!text.contains("do not contain errors of the model"), "{text}");
+        assert!(text.contains("the same in all of them is in none"), "{text}");
+        assert!(text.contains("turn.csv does not tell friction: nothing slips"), "{text}");
+        assert!(text.contains("walk.csv alone tells it, without errors of the model"), "{text}");
+        assert!(text.contains("0.3 ± 0.01") && text.contains("0.34 ± 0.01"), "{text}");
+        assert!(text.contains("(correlation 0.97): walk.csv knows"), "{text}");
+        assert!(text.contains("turn.csv after its first quarter"), "{text}");
+        let found = json_of(&three);
+        let [friction, delay] = [0, 1].map(|number| &found["parameters"][number]);
+        assert_eq!(friction["runs"], json!(["slalom.csv", "walk.csv"]));
+        let between = friction["between_runs"].as_f64().unwrap();
+        // Two logarithms that differ by d, each with a deviation s of its own: τ² = d²/2 − s².
+        let (d, s) = ((0.34_f64 / 0.3).ln(), [0.01 / 0.3, 0.01 / 0.34]);
+        assert!((between / 0.3193 - (0.5 * d * d - s[0] * s[1]).sqrt()).abs() < 1e-3, "{friction}");
+        assert!(friction["deviation"].as_f64().unwrap() > between);
+        assert_eq!((&delay["runs"], &delay["between_runs"]), (&json!(["walk.csv"]), &Value::Null));
+        // What is not known has no deviation.
+        assert_eq!(found["runs"][1]["parameters"][0]["deviation"], Value::Null);
+        assert_eq!(found["runs"][1]["parameters"][0]["verdict"], "not told");
+        let place = json!({
+            "signal": Signal::Position.label().0, "unit": "m", "before": 0.004, "alone": 0.002,
+            "together": 0.003,
+        });
+        assert_eq!(found["runs"][2]["compared"], json!([place]));
+    }
+
+    #[test]
+    fn two_runs_are_few() {
+        let two = describe(&outcome(&[("a.csv", 0.3, 0.01), ("b.csv", 0.34, 0.01)]));
+        assert!(two.contains("Two runs hardly tell how far runs disagree"), "{two}");
+    }
+
+    #[test]
+    fn numbers_that_simulate_a_run_worse_than_the_file_are_a_warning() {
+        let mut two = outcome(&[("a.csv", 0.3, 0.01), ("b.csv", 0.34, 0.01)]);
+        assert!(!describe(&two).contains("do not go together"));
+        // The robot falls with them.
+        two.fits[1].compared.as_mut().unwrap()[2] = None;
+        let text = describe(&two);
+        assert!(text.contains("of b.csv are simulated worse"), "{text}");
+        assert!(text.contains("falls"), "{text}");
+    }
 }

@@ -1,0 +1,175 @@
+//! What was found, as JSON.
+
+use super::outcome::{self, Outcome};
+use rollwalk_simulate::identify::{Combined, Found, Quality, Signal, Verdict};
+use serde::Serialize;
+
+/// Output of `--json`.
+#[derive(Serialize)]
+pub struct Document<'a> {
+    /// Of all runs together.
+    parameters: Vec<Together<'a>>,
+    /// Each run, fitted alone.
+    runs: Vec<Run<'a>>,
+    /// Runs that took no part.
+    others: Vec<Other<'a>>,
+}
+
+#[derive(Serialize)]
+struct Together<'a> {
+    #[serde(flatten)]
+    of: Parameter,
+    /// The part of the deviation that runs disagree about. None if fewer than two runs tell it: errors of the model are then in no deviation.
+    between_runs: Option<f64>,
+    /// Those that tell it.
+    runs: Vec<&'a str>,
+}
+
+#[derive(Serialize)]
+struct Parameter {
+    name: String,
+    unit: &'static str,
+    before: f64,
+    fitted: f64,
+    /// None if no run tells it.
+    deviation: Option<f64>,
+    verdict: &'static str,
+}
+
+#[derive(Serialize)]
+struct Run<'a> {
+    run: &'a str,
+    parameters: Vec<Parameter>,
+    correlated: Vec<(&'a str, &'a str, f64)>,
+    /// Root mean squares over the part of the run that was fitted, and over the part that was predicted.
+    fitted: Vec<Fit>,
+    predicted: Vec<Fit>,
+    /// Of several runs: after the first quarter, with the numbers of this run and with those of all.
+    compared: Vec<Compared>,
+    begin_s: f64,
+    predicted_from_s: f64,
+    end_s: f64,
+    /// Length of the fitted part, s. It ends before the predicted part begins if the simulated robot falls earlier.
+    horizon_s: f64,
+    rollouts: usize,
+}
+
+#[derive(Serialize)]
+struct Other<'a> {
+    run: &'a str,
+    predicted: Vec<Fit>,
+}
+
+/// Root mean squares of a signal with the numbers of the file and with those found; none where the simulated robot falls.
+#[derive(Serialize)]
+pub struct Fit {
+    pub signal: &'static str,
+    pub unit: &'static str,
+    pub before: Option<f64>,
+    pub after: Option<f64>,
+}
+
+/// The same with the numbers of the file, of the run alone and of all runs.
+#[derive(Serialize)]
+pub struct Compared {
+    pub signal: &'static str,
+    pub unit: &'static str,
+    pub before: Option<f64>,
+    pub alone: Option<f64>,
+    pub together: Option<f64>,
+}
+
+impl<'a> Document<'a> {
+    /// Of what the runs give.
+    pub fn new(of: &'a Outcome) -> Self {
+        let together = |combined: &'a Combined| Together {
+            of: Parameter::new(&combined.found),
+            between_runs: combined.between,
+            runs: of.names(combined),
+        };
+        let others = of.others.iter();
+        Self {
+            parameters: of.together.combined.iter().map(together).collect(),
+            runs: of.fits.iter().map(Run::new).collect(),
+            others: others.map(|(run, of)| Other { run, predicted: fits(of) }).collect(),
+        }
+    }
+}
+
+impl<'a> Run<'a> {
+    fn new(of: &'a outcome::Fit) -> Self {
+        let found = &of.found;
+        let [begin_s, predicted_from_s, end_s] = found.times_s;
+        let pairs = found.correlated.iter();
+        Self {
+            run: &of.run,
+            parameters: found.found.iter().map(Parameter::new).collect(),
+            correlated: pairs.map(|(one, other, by)| (one.as_str(), other.as_str(), *by)).collect(),
+            fitted: fits(&found.fitted),
+            predicted: fits(&found.predicted),
+            compared: of.compared.as_ref().map(compared).unwrap_or_default(),
+            begin_s,
+            predicted_from_s,
+            end_s,
+            horizon_s: found.horizon_s,
+            rollouts: found.rollouts,
+        }
+    }
+}
+
+impl Parameter {
+    fn new(of: &Found) -> Self {
+        Self {
+            name: of.quantity.name(),
+            unit: of.quantity.kind.label().1,
+            before: of.before,
+            fitted: of.fitted,
+            deviation: Some(of.deviation).filter(|deviation| deviation.is_finite()),
+            verdict: word(of.verdict),
+        }
+    }
+}
+
+/// Before and after, of each signal that was measured.
+pub fn fits(of: &[Option<Quality>; 2]) -> Vec<Fit> {
+    let fit = |row: Row<2>| {
+        let Row { signal, unit, rms: [before, after] } = row;
+        Fit { signal, unit, before, after }
+    };
+    rows(of).map(fit).collect()
+}
+
+/// With the numbers of the file, of a run and of all runs.
+pub fn compared(of: &[Option<Quality>; 3]) -> Vec<Compared> {
+    let compared = |row: Row<3>| {
+        let Row { signal, unit, rms: [before, alone, together] } = row;
+        Compared { signal, unit, before, alone, together }
+    };
+    rows(of).map(compared).collect()
+}
+
+/// Root mean squares of a signal, one for each simulation of the run.
+struct Row<const N: usize> {
+    signal: &'static str,
+    unit: &'static str,
+    rms: [Option<f64>; N],
+}
+
+/// Of each signal that was measured.
+fn rows<const N: usize>(of: &[Option<Quality>; N]) -> impl Iterator<Item = Row<N>> {
+    Signal::ALL.into_iter().filter_map(move |signal| {
+        let rms = of.each_ref().map(|quality| quality.as_ref()?.of_signal(signal));
+        let (label, unit) = signal.label();
+        rms.iter().any(Option::is_some).then_some(Row { signal: label, unit, rms })
+    })
+}
+
+fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Changed => "changed",
+        Verdict::Agrees => "agrees",
+        Verdict::Silent => "not told",
+        Verdict::Vague => "uncertain",
+        Verdict::Absurd => "absurd",
+    }
+}

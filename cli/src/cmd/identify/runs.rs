@@ -1,0 +1,122 @@
+//! The recorded runs of a command line: each with its name, the part of it that is wanted, and what was recorded.
+
+use super::recorded;
+use miette::miette;
+use rollwalk_robot::Robot;
+use rollwalk_simulate::identify::{Recording, Wanted};
+use std::path::{Path, PathBuf};
+
+/// A run.
+pub struct Run {
+    /// Where it was read from.
+    pub path: PathBuf,
+    /// Its file without the folders that it shares with the other runs: robot files, which name it, travel.
+    pub name: String,
+    /// What was recorded.
+    pub recording: Recording,
+}
+
+/// Reads runs of a robot that are fitted together. Of `from_s` and `to_s` there is one for all runs, one for each, or none.
+///
+/// # Errors
+/// A file cannot be read or lacks something, a run is given twice, or times do not go with runs.
+pub fn read(
+    paths: &[PathBuf],
+    robot: &Robot,
+    from_s: &[f64],
+    to_s: &[f64],
+) -> miette::Result<Vec<Run>> {
+    let wanted_s = wanted(paths.len(), from_s, to_s)?;
+    let mut runs: Vec<Run> = Vec::new();
+    for ((path, name), wanted_s) in paths.iter().zip(names(paths)).zip(wanted_s) {
+        let recording = recorded::read(path, robot, wanted_s)?;
+        if let Some(same) = runs.iter().find(|run| is_same(run, path, &recording)) {
+            return Err(miette!(
+                help = "leave one of them out: what is counted twice looks surer than it is",
+                "{} and {} are the same run",
+                same.path.display(),
+                path.display()
+            ));
+        }
+        runs.push(Run { path: path.clone(), name, recording });
+    }
+    Ok(runs)
+}
+
+/// Reads runs that take no part in the fit, whole.
+///
+/// # Errors
+/// A file cannot be read or lacks something.
+pub fn read_others(paths: &[PathBuf], robot: &Robot) -> miette::Result<Vec<Run>> {
+    let read = |(path, name): (&PathBuf, String)| {
+        let recording = recorded::read(path, robot, [None; 2])?;
+        Ok(Run { path: path.clone(), name, recording })
+    };
+    paths.iter().zip(names(paths)).map(read).collect()
+}
+
+/// The same file, or the same measurements in another one.
+fn is_same(run: &Run, path: &Path, recording: &Recording) -> bool {
+    let is_file = same_file::is_same_file(&run.path, path).unwrap_or(false);
+    is_file || run.recording == *recording
+}
+
+/// What is wanted of each run.
+fn wanted(runs: usize, from_s: &[f64], to_s: &[f64]) -> miette::Result<Vec<Wanted>> {
+    let each = |option: &str, times_s: &[f64]| match times_s {
+        [] => Ok(vec![None; runs]),
+        [of_all] => Ok(vec![Some(*of_all); runs]),
+        of_each if of_each.len() == runs => Ok(of_each.iter().copied().map(Some).collect()),
+        _ => Err(miette!(
+            help = format!(
+                "give {option} once for all runs, or once for each of them, in their order"
+            ),
+            "{option} is given {} times for {}",
+            times_s.len(),
+            if runs == 1 { "1 run".to_owned() } else { format!("{runs} runs") }
+        )),
+    };
+    Ok(each("--from", from_s)?.into_iter().zip(each("--to", to_s)?).map(<[_; 2]>::from).collect())
+}
+
+/// Names that tell files apart: their own, or with as many folders as that takes.
+fn names(paths: &[PathBuf]) -> Vec<String> {
+    let name = |path: &PathBuf, parts: usize| {
+        let all: Vec<_> = path.components().collect();
+        let last: PathBuf = all[all.len().saturating_sub(parts)..].iter().collect();
+        last.to_string_lossy().into_owned()
+    };
+    let most = paths.iter().map(|path| path.components().count()).max().unwrap_or(1);
+    let with = |parts| -> Vec<String> { paths.iter().map(|path| name(path, parts)).collect() };
+    let differ = |names: &Vec<String>| (1..names.len()).all(|k| !names[..k].contains(&names[k]));
+    (1..most).map(with).find(differ).unwrap_or_else(|| with(most))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn paths(of: &[&str]) -> Vec<PathBuf> {
+        of.iter().map(PathBuf::from).collect()
+    }
+
+    #[test]
+    fn names_are_as_short_as_they_differ() {
+        assert_eq!(names(&paths(&["/logs/monday/walk.csv"])), ["walk.csv"]);
+        assert_eq!(names(&paths(&["a/walk.csv", "b/slalom.csv"])), ["walk.csv", "slalom.csv"]);
+        assert_eq!(names(&paths(&["a/walk.csv", "b/walk.csv"])), ["a/walk.csv", "b/walk.csv"]);
+        assert_eq!(names(&paths(&["x/a/walk.csv", "walk.csv"])), ["a/walk.csv", "walk.csv"]);
+        assert_eq!(names(&paths(&["a.csv", "a.csv"])), ["a.csv", "a.csv"]);
+    }
+
+    #[test]
+    fn times_are_of_all_runs_or_of_each() {
+        assert_eq!(wanted(2, &[], &[]).unwrap(), [[None; 2]; 2]);
+        assert_eq!(wanted(2, &[0.3], &[]).unwrap(), [[Some(0.3), None]; 2]);
+        let each = wanted(2, &[0.3, 1.0], &[8.0]).unwrap();
+        assert_eq!(each, [[Some(0.3), Some(8.0)], [Some(1.0), Some(8.0)]]);
+        let error = wanted(3, &[], &[0.3, 1.0]).unwrap_err();
+        assert_eq!(error.to_string(), "--to is given 2 times for 3 runs");
+        assert!(error.help().unwrap().to_string().contains("once for each of them"));
+    }
+}
