@@ -4,7 +4,7 @@
 //! | module | is |
 //! |---|---|
 //! | [`inputs`] | buttons and axes by name |
-//! | [`file`] | mapping files |
+//! | [`mod@file`] | mapping files |
 //! | [`pad`] | state machine from events to operator requests: motion only with the deadman held, emergency stop always |
 //! | [`standard`] | gamepads as browsers show them, as those events |
 
