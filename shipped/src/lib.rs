@@ -105,7 +105,8 @@ mod tests {
         for folder in ["robots", "motions", "motions/table_2_1", "gamepads"] {
             for entry in fs::read_dir(root.join(folder)).unwrap() {
                 let name = entry.unwrap().file_name().into_string().unwrap();
-                if name.ends_with(".toml") {
+                // The mappings of gamepads are beside the crate that reads them.
+                if name.ends_with(".toml") && name != "Cargo.toml" {
                     let path = format!("{folder}/{name}");
                     assert!(super::text(&path).is_some(), "{path} is not shipped");
                     found += 1;

@@ -12,6 +12,7 @@ const LAYERS: &[&[&str]] = &[
     &["problem"],
     &["sample"],
     &["torque", "growth"],
+    &["whole_body"],
     &["formulation"],
     &["solve"],
     &["start", "diagnose", "report"],
