@@ -23,9 +23,6 @@ use std::sync::Arc;
 /// A way to change a fresh scene by so much of a parameter.
 type Change = Box<dyn Fn(&mut System, &mut Vec<f64>, f64)>;
 
-/// What the solver's tolerance leaves open of a motion; a difference divides it by its size.
-const UNSOLVED: f64 = 1e-12;
-
 /// A parameter, how to change a scene by it, and a difference that is small for it.
 struct Case {
     name: String,
@@ -130,8 +127,7 @@ impl Scene<'_> {
             }
             println!("{name:28} {scale:9.3e} {:9.2e}", error / scale);
             assert!(scale > 0.0, "nothing depends on {name}");
-            let bound = self.bound * scale + UNSOLVED / size;
-            assert!(error < bound, "{name}: {error:e} of {scale:e}");
+            assert!(error < self.bound * scale, "{name}: {error:e} of {scale:e}");
         }
         agree(&rollout);
         rollout
@@ -446,14 +442,16 @@ fn moving_robot(name: &str, scheme: Scheme, soft: Option<SoftMaterial>, bound: f
         initial(Freedom::Position, &all, Vector3::z()),
         initial(Freedom::Rotation, &all, Vector3::y()),
         initial(Freedom::Velocity, &all, Vector3::x()),
-        initial(Freedom::Spin, &all, Vector3::z()),
+        initial(Freedom::Spin, &all, Vector3::z()).wider(10.0),
         constant("mass of the body", BodyMass { body: 0, of: OfMass::Mass }, &system),
         constant("inertia of the body", BodyMass { body: 0, of: OfMass::Inertia(1, 1) }, &system)
             .wider(30.0),
     ];
-    for of in [OfMotor::PositionGain, OfMotor::SpeedGain, OfMotor::Armature] {
+    let of_motors =
+        [(OfMotor::PositionGain, 1.0), (OfMotor::SpeedGain, 1.0), (OfMotor::Armature, 10.0)];
+    for (of, wider) in of_motors {
         let drive = Drive { motors: motors[..1].to_vec(), of };
-        cases.push(constant(&format!("{of:?}"), drive, &system));
+        cases.push(constant(&format!("{of:?}"), drive, &system).wider(wider));
     }
     let contacts: Vec<usize> =
         (0..robot.end_effectors.len()).flat_map(|number| world.contacts(number)).collect();
@@ -483,7 +481,7 @@ fn moving_robot(name: &str, scheme: Scheme, soft: Option<SoftMaterial>, bound: f
         Control::of_all(&motors[..joints], &curve).into_iter().enumerate().step_by(7)
     {
         let change: Change = Box::new(move |_, controls, by| controls[1 + number] += by);
-        cases.push(Case { name: format!("target {number}"), parameter, change, difference: 1e-6 });
+        cases.push(Case { name: format!("target {number}"), parameter, change, difference: 4e-6 });
     }
     println!("{name} {scheme:?}");
     scene.check(cases);
