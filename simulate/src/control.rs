@@ -27,6 +27,8 @@ pub(crate) struct Controller<'s, 'p> {
     /// The motors at rest, in channel order.
     servos: Vec<Law>,
     tracking: Option<Tracking>,
+    /// Steps in which the tracker had no solution, and the servos got the setpoints of the plan.
+    pub untracked: u32,
 }
 
 struct Tracking {
@@ -53,7 +55,12 @@ impl<'s, 'p> Controller<'s, 'p> {
             let shift = Translation3::from(world.base().0 - turn * start);
             Tracking { body, tracker, world_from_plan: Isometry3::from_parts(shift, turn) }
         });
-        Self { script, servos: robot.channels().map(|channel| servo(&channel)).collect(), tracking }
+        Self {
+            script,
+            servos: robot.channels().map(|channel| servo(&channel)).collect(),
+            tracking,
+            untracked: 0,
+        }
     }
 
     /// What the motors do in a step between two times of the motion, periods counted on; the world is where it begins.
@@ -76,7 +83,10 @@ impl<'s, 'p> Controller<'s, 'p> {
                     ..*servo
                 })
                 .collect(),
-            Err(_) => self.script.laws(to_s),
+            Err(_) => {
+                self.untracked += 1;
+                self.script.laws(to_s)
+            }
         }
     }
 }

@@ -30,6 +30,8 @@ pub struct Outcome {
     pub iterations_max: u32,
     /// Steps that were taken in parts because they did not converge in one.
     pub subdivided: u32,
+    /// Steps in which the tracker had no solution, and the servos got the setpoints of the plan instead.
+    pub untracked: u32,
 }
 
 impl Outcome {
@@ -112,7 +114,7 @@ impl Tracker {
         self.odometer.begin_again();
     }
 
-    pub fn finish(self, world: &World) -> Outcome {
+    pub fn finish(self, world: &World, untracked: u32) -> Outcome {
         Outcome {
             planned: self.planned,
             cycles: self.cycles,
@@ -122,6 +124,7 @@ impl Tracker {
             iterations: self.iterations as f64 / self.steps.max(1) as f64,
             iterations_max: self.iterations_max,
             subdivided: self.subdivided,
+            untracked,
         }
     }
 }

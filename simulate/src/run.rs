@@ -89,7 +89,7 @@ pub fn play(
             None => {}
         }
     }
-    Ok(tracker.finish(&world))
+    Ok(tracker.finish(&world, controller.untracked))
 }
 
 /// Length of a step, s, at about so many a second: a motion is a whole number of them.

@@ -53,11 +53,15 @@ struct Channel {
 #[derive(Clone, Debug)]
 struct Foot {
     stands: bool,
+    /// Whether it glides along itself.
+    is_blade: bool,
     friction: f64,
     /// Friction along a blade, which hardly has any.
     friction_along: f64,
     /// Of the material at the contact.
     jacobian: Matrix3xX<f64>,
+    /// Acceleration of the material there, J ν̇, that keeps it still.
+    still_m_s2: Vector3<f64>,
     /// Horizontal directions: along the way of a wheel or blade, and to its side.
     along: Vector3<f64>,
     side: Vector3<f64>,
@@ -122,9 +126,11 @@ impl Tracker {
                 let drag = end_effector.contact.drag().map_or(0.0, |drag| drag.rolling_resistance);
                 Foot {
                     stands: false,
+                    is_blade,
                     friction,
                     friction_along: if is_blade { drag } else { friction },
                     jacobian: Matrix3xX::zeros(dofs),
+                    still_m_s2: Vector3::zeros(),
                     along: Vector3::x(),
                     side: Vector3::y(),
                     force_n: Vector3::zeros(),
@@ -160,11 +166,6 @@ impl Tracker {
     /// The robot.
     pub fn tree(&self) -> &Tree {
         &self.tree
-    }
-
-    /// Forces of the ground that the last tick counts on, N, by end effector.
-    pub fn forces_n(&self) -> impl Iterator<Item = Vector3<f64>> {
-        self.feet.iter().map(|foot| foot.force_n)
     }
 
     /// Steps of the solver in the last tick.
@@ -226,7 +227,7 @@ impl Tracker {
 
     /// Kinematics and dynamics at both states, and an empty program.
     fn prepare(&mut self, reference: &Reference, state: &State) {
-        let Self { tree, planned, measured, .. } = self;
+        let Self { weights, tree, planned, measured, .. } = self;
         planned.update(tree, &reference.state.configuration(), &reference.state.velocity);
         planned.accelerate(tree, &reference.acceleration);
         measured.update(tree, &state.configuration(), &state.velocity);
@@ -243,6 +244,9 @@ impl Tracker {
             let Some(contact) = contact.filter(|_| reference.stands[j]) else { continue };
             foot.stands = true;
             contact.material_jacobian(tree, &measured.frames, &mut foot.jacobian);
+            let motion = contact.motion(measured);
+            foot.still_m_s2 = -motion.rolling_acceleration
+                - motion.material_velocity * weights.contact_decay_per_s;
             if let Some(along) = contact.axis.cross(&Vector3::z()).try_normalize(1e-9) {
                 (foot.along, foot.side) = (along, Vector3::z().cross(&along));
             }
@@ -251,22 +255,17 @@ impl Tracker {
 
     /// Contacts stay: the material at a contact that rolls or rests keeps still.
     fn want_contacts(&mut self) {
-        let Self { weights, tree, measured, program, row, feet, .. } = self;
-        for (j, foot) in feet.iter().enumerate().filter(|(_, foot)| foot.stands) {
-            let contact = RimContact::new(tree, &measured.frames, j, &Vector3::z());
-            let Some(contact) = contact else { continue };
-            let motion = contact.motion(measured);
-            let target = -motion.rolling_acceleration
-                - motion.material_velocity * weights.contact_decay_per_s;
-            let mut squares = Squares { program };
-            if tree.robot().end_effectors[j].contact.blade_length_m().is_none() {
-                squares.add(weights.contact, &foot.jacobian, &target);
+        let Self { weights, program, row, feet, .. } = self;
+        let mut squares = Squares { program };
+        for foot in feet.iter().filter(|foot| foot.stands) {
+            if !foot.is_blade {
+                squares.add(weights.contact, &foot.jacobian, &foot.still_m_s2);
                 continue;
             }
-            // A blade glides along itself.
             for direction in [foot.side, Vector3::z()] {
                 row.gemv_tr(1.0, &foot.jacobian, &direction, 0.0);
-                squares.add_row(weights.contact, row.as_view(), direction.dot(&target));
+                let still = direction.dot(&foot.still_m_s2);
+                squares.add_row(weights.contact, row.as_view(), still);
             }
         }
     }

@@ -117,7 +117,7 @@ fn tracked_by_its_whole_body_a_robot_comes_where_its_plan_says() {
     };
     let turn = tracked(&plan("anymal_wheels", "anymal_turn"), &shoves);
     assert!(turn.holds() && (turn.ratio(2).unwrap() - 1.0).abs() < 2e-3, "{turn:?}");
-    assert!(turn.totals.slid_m < 0.01, "{turn:?}");
+    assert!(turn.totals.slid_m < 0.01 && turn.untracked == 0, "{turn:?}");
     // What was pushed away comes back to its plan, not to its speed alone.
     let drive = plan("agilebot", "drive_1m");
     let shove = Shove::new(1.5, 0.1, [15.0, 0.0, 0.0]);

@@ -113,6 +113,13 @@ fn describe(plan: &Plan, outcome: &Outcome) -> String {
         "solved with {iterations:.2} iterations a step, at most {iterations_max}; {} steps in parts",
         outcome.subdivided
     );
+    if outcome.untracked > 0 {
+        let _ = writeln!(
+            text,
+            "in {} steps the tracker found no solution; the servos got the setpoints of the plan instead",
+            outcome.untracked
+        );
+    }
     match outcome.fell_at_s {
         Some(time_s) => {
             let _ = writeln!(text, "it fell after {time_s:.2} s");
