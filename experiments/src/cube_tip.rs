@@ -72,12 +72,12 @@ fn task<'a>(
     }
 }
 
-/// The cube as it is to lie, at all steps at which that is looked at; a metre counts as so many radians.
-fn lying(rollout: &Rollout, weight: f64) -> Vec<Residual> {
+/// Residuals of the cube's pose against the target pose, every few steps from when it should lie. `rad_per_m` converts distance to angle.
+fn lying(rollout: &Rollout, rad_per_m: f64) -> Vec<Residual> {
     let (target, turned) = tipped();
     let at_step = |step: usize| {
         let at =
-            |axis: Vector3<f64>| Residual::position(rollout, step, CUBE, &target, axis * weight);
+            |axis: Vector3<f64>| Residual::position(rollout, step, CUBE, &target, axis * rad_per_m);
         let place = [Vector3::x(), Vector3::y(), Vector3::z()].map(at);
         place.into_iter().chain(Residual::orientation(rollout, step, CUBE, &turned, 1.0))
     };

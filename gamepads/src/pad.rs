@@ -55,7 +55,7 @@ pub enum Wish {
 }
 
 impl Wish {
-    /// Does what is asked for; `catalog` has the names of the library in use.
+    /// Passes the wish to the operator's core. `catalog` resolves names of motions in the active library to command codes.
     pub fn give(self, now_us: u64, operator: &mut Operator, catalog: Option<&Catalog>) {
         match self {
             Self::Want(intent) => operator.want(now_us, intent),

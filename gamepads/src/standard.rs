@@ -79,7 +79,7 @@ impl Standard {
         events
     }
 
-    /// The event of a gamepad that is not seen any more. Once it is again, what is down then was pressed before.
+    /// The browser no longer lists the gamepad. When it comes back, buttons that are down then count as pressed before.
     pub fn gone(&mut self, why: &str) -> Option<Event> {
         self.last.take().map(|_| Event::Gone(why.to_owned()))
     }

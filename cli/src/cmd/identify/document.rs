@@ -19,9 +19,10 @@ pub struct Document<'a> {
 struct Together<'a> {
     #[serde(flatten)]
     of: Parameter,
-    /// The part of the deviation that runs disagree about. None if fewer than two runs tell it: errors of the model are then in no deviation.
+    /// Deviation of the value from run to run, beyond what noise explains (τ). None if fewer than two runs determine the value: `deviation` then
+    /// contains no error of the model.
     between_runs: Option<f64>,
-    /// Those that tell it.
+    /// Runs that determine the value.
     runs: Vec<&'a str>,
 }
 
@@ -31,7 +32,7 @@ struct Parameter {
     unit: &'static str,
     before: f64,
     fitted: f64,
-    /// None if no run tells it.
+    /// None if no run determines the value.
     deviation: Option<f64>,
     verdict: &'static str,
 }

@@ -1,4 +1,4 @@
-//! The recorded runs of a command line: each with its name, the part of it that is wanted, and what was recorded.
+//! Reads the recorded runs of a command line: cuts each to its `--from` and `--to`, and names it for the report.
 
 use super::recorded;
 use miette::miette;
