@@ -58,6 +58,7 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     desk.run(&["simulate", "drive.rwl", "--push", "4:0,100,0:0.2"])
         .succeeds_with(3, &["1 fall, the first after 4.", "waited for motion"]);
     desk.run(&["simulate", "drive.rwl", "--rate", "60"]).fails(1, &["--rate is for plans"]);
+    desk.run(&["simulate", "drive.rwl", "--tracking"]).fails(1, &["--tracking is for plans"]);
     desk.run(&["simulate", "drive.rwl", "--world-log", "run.csv"]).succeeds();
     let driven_m = logged_way_m(&desk.read_text("run.csv"), "drive_1m");
     assert!(

@@ -56,6 +56,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             "--rate is for plans: with a library the world is behind the firmware, and has a rate of its own"
         ));
     }
+    if args.tracking {
+        return Err(miette!(
+            help = "leave it out, or simulate a plan",
+            "--tracking is for plans: a library is played by the firmware, whose servos see their own angles only"
+        ));
+    }
     let packed = Packed::read(&args.what, args.robot.as_deref())?;
     let ground = args.ground.under(Support::Ground, &packed.robot)?;
     interrupt::listen();
