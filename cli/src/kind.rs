@@ -244,11 +244,14 @@ impl Kind {
         let is_toml = path.extension().is_some_and(|extension| extension == "toml");
         let is_document =
             |document: Document<&str>| KEYS.iter().any(|key| document.as_table().contains_key(key));
+        let parsed = Document::parse(text);
+        // Other texts show how to write such files.
+        let may_be = is_toml || parsed.is_ok();
         let (what, help) = match Self::of(text) {
-            Some(kind) if DOCUMENTS.contains(&kind) => return Ok(()),
-            Some(kind) => (kind.name(), kind.use_for()),
-            None if is_toml && Document::parse(text).map_or(true, is_document) => return Ok(()),
-            None => (
+            Some(kind) if DOCUMENTS.contains(&kind) && may_be => return Ok(()),
+            Some(kind) if !DOCUMENTS.contains(&kind) => (kind.name(), kind.use_for()),
+            None if is_toml && parsed.map_or(true, is_document) => return Ok(()),
+            _ => (
                 "something else",
                 "without a file, `rollwalk studio` has the robots and motions that ship",
             ),

@@ -235,6 +235,18 @@ fn a_document_with_faults_is_opened_to_be_mended() {
     }
 }
 
+/// The README shows robot and motion files, and is none.
+#[test]
+fn what_is_no_document_is_refused_with_what_would_be() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for file in ["README.md", "CHANGELOG.md", "Cargo.toml", "gamepads/xbox.toml"] {
+        let error = Desk::open(&[root.join(file)]).err().unwrap();
+        let text = error.to_string();
+        assert!(text.contains("robot, motion, library and design files"), "{text}");
+        assert!(text.ends_with(&format!("{file} is something else")), "{text}");
+    }
+}
+
 #[test]
 fn a_solve_can_be_cancelled_and_the_next_request_is_answered() {
     let server = start(&[]);
