@@ -47,7 +47,7 @@ impl Page {
 
     /// Ticks at the rate of a screen until the view is as wished.
     fn until(&mut self, what: &str, wished: impl Fn(&Value) -> bool) -> Value {
-        self.until_with(what, &json!({ "robot": "tick" }), wished)
+        self.until_with(what, &json!({ "robot": "tick", "attended": true }), wished)
     }
 
     fn until_with(&mut self, what: &str, tick: &Value, wished: impl Fn(&Value) -> bool) -> Value {
@@ -90,7 +90,7 @@ fn a_robot_in_the_page_is_flashed_armed_played_and_stopped() {
     let view = page.until("the stop", |view| view["torque"] == false);
     assert!(says(&view, "EMERGENCY STOP"));
     assert_eq!(page.ask(json!({ "robot": "leave" }), &[])["view"], Value::Null);
-    assert_eq!(page.ask(json!({ "robot": "tick" }), &[])["kind"], "error");
+    assert_eq!(page.ask(json!({ "robot": "tick", "attended": true }), &[])["kind"], "error");
 }
 
 #[test]
@@ -142,7 +142,7 @@ fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
     const START: usize = 9;
     const DEADMAN: usize = 5;
     let mut page = Page::flashed(true);
-    let tick = |gamepad: Value| json!({ "robot": "tick", "gamepad": gamepad });
+    let tick = |gamepad: Value| json!({ "robot": "tick", "attended": true, "gamepad": gamepad });
     let view = page.wish(json!({ "intent": "arm" }));
     assert!(says(&view, "hold the deadman"), "the page's own button is barred, too");
     assert!(view["gamepad"].as_str().is_some_and(|words| words.contains("press one")));
@@ -157,9 +157,9 @@ fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
     page.pass(0.02, &tick(pad(&[DEADMAN, 12])));
     page.until_with("the motion", &tick(pad(&[DEADMAN])), |view| view["playing"]["rate"] == 1.0);
     // A page that does not look at the gamepad holds nothing.
-    page.pass(0.2, &json!({ "robot": "tick" }));
-    assert_eq!(page.pass(0.02, &json!({ "robot": "tick" }))["state"], "playing");
-    let view = page.pass(0.3, &json!({ "robot": "tick" }));
+    page.pass(0.2, &json!({ "robot": "tick", "attended": true }));
+    assert_eq!(page.pass(0.02, &json!({ "robot": "tick", "attended": true }))["state"], "playing");
+    let view = page.pass(0.3, &json!({ "robot": "tick", "attended": true }));
     assert_eq!(view["state"], "paused", "{view}");
     // What was held all the time has to be let go of first.
     let view = page.pass(0.2, &tick(pad(&[DEADMAN, 12])));
@@ -201,6 +201,6 @@ fn a_file_that_is_no_key_is_refused_before_anything_is_sent() {
         json!({ "robot": "connect", "place": "serial", "files": [], "file": ROBOT, "node": 14, "key": key }),
         &[],
     );
-    page.ask(json!({ "robot": "tick" }), &[]);
+    page.ask(json!({ "robot": "tick", "attended": true }), &[]);
     assert!(!page.sent.is_empty(), "it asks for a session");
 }

@@ -71,7 +71,6 @@ pub enum Wanted {
     /// To go on; the request's bytes are what has arrived.
     Tick {
         /// Whether the page itself, and not its link alone, has answered lately.
-        #[serde(default = "yes")]
         attended: bool,
         /// The gamepad, if the page has looked at it since the last tick.
         #[serde(default)]
@@ -85,10 +84,6 @@ pub enum Wanted {
     Name,
     /// To end the connection at once.
     Leave,
-}
-
-fn yes() -> bool {
-    true
 }
 
 /// A link key, and random numbers for its use.
