@@ -142,7 +142,7 @@ fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
     const START: usize = 9;
     const DEADMAN: usize = 5;
     let mut page = Page::flashed(true);
-    let tick = |gamepad: Value| json!({ "robot": "tick", "attended": true, "gamepad": gamepad });
+    let tick = |gamepad: Value| json!({ "robot": "tick", "attended": true, "gamepad": [gamepad] });
     let view = page.wish(json!({ "intent": "arm" }));
     assert!(says(&view, "hold the deadman"), "the page's own button is barred, too");
     assert!(view["gamepad"].as_str().is_some_and(|words| words.contains("press one")));
@@ -159,13 +159,14 @@ fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
     // A page that does not look at the gamepad holds nothing.
     page.pass(0.2, &json!({ "robot": "tick", "attended": true }));
     assert_eq!(page.pass(0.02, &json!({ "robot": "tick", "attended": true }))["state"], "playing");
-    let view = page.pass(0.3, &json!({ "robot": "tick", "attended": true }));
+    let view = page.pass(0.1, &json!({ "robot": "tick", "attended": true }));
     assert_eq!(view["state"], "paused", "{view}");
     // What was held all the time has to be let go of first.
     let view = page.pass(0.2, &tick(pad(&[DEADMAN, 12])));
     assert_eq!(view["state"], "paused");
-    page.pass(0.1, &tick(pad(&[1])));
-    assert!(says(&page.pass(0.1, &tick(pad(&[]))), "EMERGENCY STOP"));
+    // A tap on the emergency stop within one tick.
+    let tap = json!({ "robot": "tick", "attended": true, "gamepad": [pad(&[1]), pad(&[])] });
+    assert!(says(&page.pass(0.02, &tap), "EMERGENCY STOP"));
 }
 
 #[test]

@@ -154,6 +154,9 @@ impl Operator {
         if let Some(why) = &self.bus_lost {
             return refused(&format!("the bus is lost, {why}"));
         }
+        if self.unattended && order.moves() {
+            return refused("nobody is at the controls");
+        }
         if let Some(why) = self.mismatch()
             && (self.visiting || order.moves())
         {

@@ -408,6 +408,10 @@ fn while_nobody_is_at_the_controls_it_sends_no_heartbeats_and_nothing_that_moves
         desk.hear(status(State::Playing, counter % 16).encode(node()));
     }
     assert_eq!(desk.sent, []);
+    // Nor what is asked for meanwhile.
+    desk.want(Intent::Play { code: 3 });
+    desk.pass(100_000);
+    assert_eq!(desk.sent, []);
     // A stop goes out whoever is there.
     desk.want(Intent::Estop);
     assert_eq!(desk.poll(), [ToController::Estop]);

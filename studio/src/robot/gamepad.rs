@@ -42,22 +42,20 @@ impl Gamepad {
         Self { standard: Standard::default(), pad: None, seen_us: now_us }
     }
 
-    /// What follows from what the page has seen; `None` if it has not looked since.
-    pub fn wishes(&mut self, now_us: u64, seen: Option<Seen>) -> Vec<Wish> {
-        let mut wishes = match seen {
-            Some(Seen::There(snapshot)) => {
-                self.seen_us = now_us;
-                self.there(now_us, &snapshot)
-            }
-            Some(Seen::Gone { gone }) => {
-                self.seen_us = now_us;
-                self.gone(now_us, &gone)
-            }
-            None if now_us.saturating_sub(self.seen_us) >= UNSEEN_US => {
-                self.gone(now_us, "the page has not looked at it for 0.25 s")
-            }
-            None => Vec::new(),
-        };
+    /// What follows from what the page has seen since it was asked last, which may be nothing.
+    pub fn wishes(&mut self, now_us: u64, seen: Vec<Seen>) -> Vec<Wish> {
+        let mut wishes = Vec::new();
+        if !seen.is_empty() {
+            self.seen_us = now_us;
+        } else if now_us.saturating_sub(self.seen_us) >= UNSEEN_US {
+            wishes = self.gone(now_us, "the page has not looked at it for 0.25 s");
+        }
+        for seen in seen {
+            wishes.extend(match seen {
+                Seen::There(snapshot) => self.there(now_us, &snapshot),
+                Seen::Gone { gone } => self.gone(now_us, &gone),
+            });
+        }
         if let Some((pad, _)) = &mut self.pad {
             wishes.extend(pad.tick(now_us));
         }

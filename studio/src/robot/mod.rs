@@ -72,9 +72,9 @@ pub enum Wanted {
     Tick {
         /// Whether the page itself, and not its link alone, has answered lately.
         attended: bool,
-        /// The gamepad, if the page has looked at it since the last tick.
+        /// What the page has seen of the gamepad since the last tick, in order.
         #[serde(default)]
-        gamepad: Option<Seen>,
+        gamepad: Vec<Seen>,
     },
     /// To obey an order.
     Wish(Wish),
@@ -299,7 +299,7 @@ impl Connection {
     }
 
     /// Notes whether an operator is at the page, and does what the gamepad asks for.
-    pub fn attend(&mut self, page_us: u64, attended: bool, gamepad: Option<Seen>) {
+    pub fn attend(&mut self, page_us: u64, attended: bool, gamepad: Vec<Seen>) {
         let now_us = self.now_us(page_us);
         self.operator.set_attended(now_us, attended);
         let Some(pad) = &mut self.gamepad else { return };

@@ -28,7 +28,7 @@ export type Intent = "arm" | "pause_or_resume" | "return" | "disarm" | "estop" |
 /** What is wanted of a robot at the other end of a link; bytes of the answer are to be sent to it. */
 export type RobotRequest =
   | { robot: "connect"; place: Place; files: File[]; file: string; node: number; gamepad: boolean; key: { text: string; nonce: [number, number] } | null }
-  | { robot: "tick"; attended: boolean; gamepad: GamepadSeen | null }
+  | { robot: "tick"; attended: boolean; gamepad: GamepadSeen[] }
   | { robot: "wish"; intent: Intent }
   | { robot: "wish"; intent: "play"; code: number }
   | { robot: "wish"; intent: "speed"; sixty_fourths: number }

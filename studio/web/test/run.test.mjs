@@ -84,6 +84,7 @@ for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
     await until(() => globalThis.studio.link.view.state === "ready");
     await hold(DEADMAN, UP);
     await until(() => globalThis.studio.link.view.playing?.name.includes("drive_1m"));
+    assert.equal(await studio.state("link.view.playing.rate"), 1, "a finger on the trigger does not slow it down");
     await hold();
     await until(() => globalThis.studio.link.view.state === "paused");
     await hold(DEADMAN);

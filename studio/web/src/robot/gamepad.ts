@@ -16,7 +16,7 @@ export function watchGamepad(saw: (seen: GamepadSeen) => void): () => void {
     const pad = standard.find((one) => one.index === index) ?? standard[0];
     if (!pad) return { gone: all.length > 0 ? `${all[0].id} is no standard gamepad for this browser` : "the browser has none" };
     index = pad.index;
-    return { id: pad.id, buttons: pad.buttons.map((one) => Math.max(one.value, Number(one.pressed))), axes: [...pad.axes] };
+    return { id: pad.id, buttons: pad.buttons.map((one) => one.value), axes: [...pad.axes] };
   };
   const timer = setInterval(() => saw(look()), LOOK_MS);
   return () => clearInterval(timer);

@@ -28,7 +28,8 @@ class Connection {
   #port: Port | null = null;
   #engine: LaneOfRequests;
   #arrived: Uint8Array[] = [];
-  #gamepad: GamepadSeen | null = null;
+  /** All that was seen of it since the last tick: a tap on the emergency stop may be shorter than a tick. */
+  #gamepad: GamepadSeen[] = [];
   #view: RobotView | null = null;
   #busy = false;
   /** A view has been posted that the page has not answered. */
@@ -55,11 +56,12 @@ class Connection {
   }
 
   heard(message: ToWorker) {
-    this.#heard_ms = performance.now();
+    // Bytes of a port and looks at a gamepad come by themselves, also from a page that shows nothing any more.
+    if (message.kind === "seen" || message.kind === "ask") this.#heard_ms = performance.now();
     if (message.kind === "seen") this.#unseen = false;
     else if (message.kind === "arrived") this.#take(message.bytes);
     else if (message.kind === "gamepad") {
-      this.#gamepad = message.seen;
+      this.#gamepad.push(message.seen);
       void this.#tick();
     } else if (message.kind === "ask") void this.#obey(message.id, message.wanted, message.binary);
   }
@@ -105,8 +107,7 @@ class Connection {
     if (this.#busy || !this.#timer) return;
     this.#busy = true;
     const arrived = joined(this.#arrived.splice(0));
-    const gamepad = this.#gamepad;
-    this.#gamepad = null;
+    const gamepad = this.#gamepad.splice(0);
     const attended = performance.now() - this.#heard_ms < PAGE_SILENT_MS;
     try {
       await this.#ask({ robot: "tick", attended, gamepad }, arrived.length > 0 ? arrived : undefined);
