@@ -35,8 +35,8 @@ const STEPS: usize = 30;
 const ROUNDS: usize = 8;
 const IN_VAIN: usize = 2;
 const LESS: f64 = 0.7;
-/// Part of the pull that is left after a round in vain. Against a pull, multipliers hardly move a flaw of the second order, such as a
-/// tilt, whose slope vanishes where it is cured.
+/// Part of the pull that is left after a round in vain. A flaw of the second order, such as a tilt, has no slope where it is cured:
+/// near there a pull outweighs it, and multipliers push past it. Penalties with a weaker pull find the way.
 const FADES: f64 = 0.1;
 /// Iterations of a plan of a design that may be able to do its motion.
 const ITERATIONS: usize = 60;
@@ -267,13 +267,17 @@ impl<E> Work<'_, '_, E> {
             if in_vain >= IN_VAIN {
                 break;
             }
-            let pressed: Result<Vec<_>, _> =
-                short.iter().map(|short| short.pressed(&mut self.iterated())).collect();
-            if in_vain > 0 {
+            // After a round in vain the pull and its counterpart, the multipliers, give way.
+            let next = if in_vain == 0 {
+                Shortfall::pressed
+            } else {
                 self.pull *= FADES;
-            }
-            match pressed {
-                Ok(pressed) => short = pressed,
+                Shortfall::released
+            };
+            let next: Result<Vec<_>, _> =
+                short.iter().map(|short| next(short, &mut self.iterated())).collect();
+            match next {
+                Ok(next) => short = next,
                 Err(NotOptimal::NoOptimum { .. }) => break,
                 Err(error) => return Err(error.into()),
             }

@@ -280,6 +280,16 @@ impl Shortfall {
         Self::near(problem, &self.motion, unknowns, held, progress)
     }
 
+    /// The same without multipliers: with its penalties alone.
+    ///
+    /// # Errors
+    /// As [`pressed`](Self::pressed).
+    pub fn released(&self, progress: &mut Watch<'_>) -> Result<Self, NotOptimal> {
+        let (problem, unknowns) = (self.problem.clone(), self.unknowns.clone());
+        let held = Held { shifts: vec![0.0; self.held.shifts.len()], ..self.held.clone() };
+        Self::near(problem, &self.motion, unknowns, held, progress)
+    }
+
     /// Plans the motion from here: a plan like others, which converges if the design can do it.
     pub fn replan(&self, options: &Options, progress: &mut Watch<'_>) -> Solution {
         let mut problem = self.problem.clone();
