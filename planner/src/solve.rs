@@ -70,8 +70,9 @@ pub struct Iteration {
     pub progress: Progress,
     /// Status of the solve if it has ended.
     pub ended: Option<Status>,
-    /// By how much the energy differs from what its quadratic model had at the end of the step; infinite without a step. It is
-    /// what the rows depart from their linearisation, and about what the next step can gain.
+    /// By how much the energy differs from what its quadratic model had at the end of the step. Of a step without damping it is
+    /// what the rows depart from their linearisation, and about what the next step can gain. Infinite without a step, and after a
+    /// damped one, which is short: there the model is right far from any optimum.
     pub mismatch: f64,
     /// Whether the energy is nearly minimal for the present multipliers with a constraint violated, so that the
     /// multipliers should be shifted.
@@ -247,7 +248,8 @@ impl<'a> Solver<'a> {
             if ratio > 1e-3 {
                 let gain = energy - trial.energy;
                 let decrease = gain / energy.max(f64::MIN_POSITIVE);
-                let mismatch = (gain / ratio - gain).abs();
+                let is_full = self.damping <= DAMPING_NEAR;
+                let mismatch = if is_full { (gain / ratio - gain).abs() } else { f64::INFINITY };
                 self.step_length = trial.step.iter().map(|d| d * d).sum::<f64>().sqrt();
                 self.energy = trial.energy;
                 self.trials.spare.push(std::mem::replace(&mut self.point, trial.point).rows);
