@@ -19,7 +19,7 @@ mod spline;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use rates::PlannedContact;
+pub(crate) use rates::{PlannedContact, Rates};
 pub use resample::resample;
 
 use crate::motion::Ends;

@@ -11,7 +11,7 @@ mod tests;
 
 use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
-use crate::sample::PlanSpline;
+use crate::sample::{PlanSpline, PlannedContact, Rates};
 use ground_forces::{Support, Wanted};
 use nalgebra::{Matrix3xX, Vector3};
 use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree, about_com};
@@ -77,6 +77,11 @@ impl InverseDynamics {
 
     /// Torques and forces at a time of the plan. A periodic motion repeats, any other holds its ends.
     pub fn at(&mut self, plan_time_s: f64) -> Actuation {
+        self.moving(plan_time_s).2
+    }
+
+    /// The same with the motion and the planned contacts.
+    pub(crate) fn moving(&mut self, plan_time_s: f64) -> (Rates, Vec<PlannedContact>, Actuation) {
         let (tree, kinematics) = (&self.tree, &mut self.kinematics);
         let rates = self.spline.rates(plan_time_s, tree);
         kinematics.update(tree, &rates.state.configuration(), &rates.state.velocity);
@@ -87,16 +92,15 @@ impl InverseDynamics {
 
         let com = kinematics.frames.com(tree);
         let base_to_com = com - kinematics.frames.link_origins[0];
-        let contacts: Vec<(RimContact, Support)> = self
-            .spline
-            .planned_contacts(plan_time_s)
-            .into_iter()
+        let planned = self.spline.planned_contacts(plan_time_s);
+        let contacts: Vec<(RimContact, Support)> = planned
+            .iter()
             .enumerate()
             .filter(|(_, planned)| planned.share > NO_SHARE)
             .filter_map(|(j, planned)| {
                 let contact = RimContact::new(tree, &kinematics.frames, j, &Vector3::z())?;
                 let foot = &tree.robot().end_effectors[j];
-                let support = Support::new(foot, &contact, kinematics, &planned, &com);
+                let support = Support::new(foot, &contact, kinematics, planned, &com);
                 Some((contact, support))
             })
             .collect();
@@ -124,13 +128,14 @@ impl InverseDynamics {
         let motor = |(j, foot): (usize, &EndEffector)| {
             foot.contact.actuator().and_then(|_| tree.wheel_dof(j)).map(|dof| generalised[dof])
         };
-        Actuation {
+        let actuation = Actuation {
             motor_nm: feet.map(motor).collect(),
             joint_nm: generalised[JOINTS..JOINTS + joints].to_vec(),
             force_n,
             unmet_force_n: unmet.fixed_rows::<3>(0).into(),
             unmet_moment_nm: unmet.fixed_rows::<3>(3).into(),
-        }
+        };
+        (rates, planned, actuation)
     }
 }
 

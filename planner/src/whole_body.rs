@@ -15,7 +15,7 @@ pub struct WholeBody {
     inverse: InverseDynamics,
 }
 
-/// The robot at a time of its plan, in the plan's world frame.
+/// The robot at a time of its plan, in the world.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Instant {
     /// Pose and velocity.
@@ -24,8 +24,8 @@ pub struct Instant {
     pub acceleration: Vec<f64>,
     /// Whether each end effector stands.
     pub stands: Vec<bool>,
-    /// Force of the ground on each end effector, N: with these torques of motors alone make the acceleration, but for what no
-    /// ground can supply.
+    /// Force of the ground on each end effector, N. With these forces, motor torques alone produce the acceleration, except for
+    /// the part that no ground can supply.
     pub force_n: Vec<Vector3<f64>>,
 }
 
@@ -40,23 +40,21 @@ impl WholeBody {
         self.inverse.tree()
     }
 
-    /// The robot at a time. A periodic motion goes on in later periods, any other holds its ends.
-    pub fn at(&mut self, plan_time_s: f64) -> Instant {
-        let actuation = self.inverse.at(plan_time_s);
-        let (spline, tree) = (self.inverse.spline(), self.inverse.tree());
-        let rates = spline.rates(plan_time_s, tree);
-        let placement = spline.placement(plan_time_s);
+    /// The robot at a time, where `world_from_plan` says that the plan lies. A periodic motion goes on in later periods, any other
+    /// holds its ends.
+    pub fn at(&mut self, plan_time_s: f64, world_from_plan: &Isometry3<f64>) -> Instant {
+        let (rates, contacts, actuation) = self.inverse.moving(plan_time_s);
+        let placement = self.inverse.spline().placement(plan_time_s);
         let [x, y] = placement.offset_m;
         let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), placement.yaw_rad);
-        let there = Isometry3::from_parts(Translation3::new(x, y, 0.0), yaw);
+        let there = world_from_plan * Isometry3::from_parts(Translation3::new(x, y, 0.0), yaw);
         let mut acceleration = rates.acceleration;
-        turn_base(&mut acceleration, yaw.to_rotation_matrix().matrix());
-        let contacts = spline.planned_contacts(plan_time_s);
+        turn_base(&mut acceleration, there.rotation.to_rotation_matrix().matrix());
         Instant {
             state: rates.state.moved(&there),
             acceleration,
             stands: contacts.iter().map(|contact| contact.share >= STANDS).collect(),
-            force_n: actuation.force_n.iter().map(|force| yaw * force).collect(),
+            force_n: actuation.force_n.iter().map(|force| there.rotation * force).collect(),
         }
     }
 }

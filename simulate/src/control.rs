@@ -2,7 +2,6 @@
 
 use crate::script::{Script, servo};
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion};
-use rollwalk_multibody::turn_base;
 use rollwalk_physics::World;
 use rollwalk_physics::motor::Law;
 use rollwalk_planner::whole_body::{Instant, WholeBody};
@@ -51,8 +50,9 @@ impl<'s, 'p> Controller<'s, 'p> {
             let mut body = WholeBody::new(script.plan());
             let tracker = Tracker::new(body.tree().clone(), Weights::default(), step_s);
             let turn = UnitQuaternion::from_rotation_matrix(world_from_plan);
-            let start = body.at(0.0).state.base_position_m;
-            let shift = Translation3::from(world.base().0 - turn * start);
+            let turned = Isometry3::from_parts(Translation3::identity(), turn);
+            let start = body.at(0.0, &turned).state.base_position_m;
+            let shift = Translation3::from(world.base().0 - start);
             Tracking { body, tracker, world_from_plan: Isometry3::from_parts(shift, turn) }
         });
         Self {
@@ -93,10 +93,8 @@ impl<'s, 'p> Controller<'s, 'p> {
 
 impl Tracking {
     fn reference(&mut self, time_s: f64) -> Reference {
-        let Instant { state, mut acceleration, stands, mut force_n } = self.body.at(time_s);
-        let turn = self.world_from_plan.rotation;
-        turn_base(&mut acceleration, turn.to_rotation_matrix().matrix());
-        force_n.iter_mut().for_each(|force| *force = turn * *force);
-        Reference { state: state.moved(&self.world_from_plan), acceleration, stands, force_n }
+        let Instant { state, acceleration, stands, force_n } =
+            self.body.at(time_s, &self.world_from_plan);
+        Reference { state, acceleration, stands, force_n }
     }
 }
