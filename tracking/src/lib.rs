@@ -6,14 +6,15 @@
 //! | [`mod@reference`] | what is planned for a moment |
 //! | [`tasks`] | what a tick wants of accelerations and ground forces, as weighted squares |
 //! | [`tracker`] | the tick: inverse dynamics as a quadratic program |
-//! | [`quadratic`] | a solver of small dense quadratic programs |
+//! | `quadratic` | a solver of small dense quadratic programs |
 //!
 //! The caller has the plan and the sensors: `rollwalk-simulate`, with the simulated world.
 
-pub mod quadratic;
+mod quadratic;
 pub mod reference;
 pub mod tasks;
 pub mod tracker;
 
+pub use quadratic::Unsolved;
 pub use reference::Reference;
 pub use tracker::{Setpoint, Tracker};

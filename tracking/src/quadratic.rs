@@ -72,9 +72,10 @@ pub struct Solver {
     steps: u32,
 }
 
-/// Violation of a constraint that counts as none, relative to the size of its terms.
+/// Violation of a constraint that counts as none, relative to the size of its terms: rounding of a product of some dozens of
+/// numbers is 1e-14, and a factor of H with the condition 1e8 leaves 1e-10 of it.
 const FEASIBLE: f64 = 1e-10;
-/// Part of a normal that the active ones do not span beneath which it depends on them.
+/// Square of the part of a normal that the active ones do not span beneath which it depends on them: 1e-6 of its length.
 const DEPENDENT: f64 = 1e-12;
 
 impl Solver {
@@ -99,6 +100,7 @@ impl Solver {
     }
 
     /// x of the last solve that had a solution.
+    #[cfg(test)]
     pub fn solution(&self) -> &DVector<f64> {
         &self.x
     }
@@ -109,7 +111,8 @@ impl Solver {
     }
 
     /// Constraints that bind at the last solution, and their multipliers, which are not negative for inequalities.
-    pub fn active(&self) -> impl Iterator<Item = (usize, f64)> {
+    #[cfg(test)]
+    fn active(&self) -> impl Iterator<Item = (usize, f64)> {
         self.active.iter().copied().zip(self.multipliers.iter().copied())
     }
 
@@ -196,10 +199,9 @@ impl Solver {
             let curvature = self.projected.rows_range(count..).norm_squared();
             let depends = curvature <= DEPENDENT * self.projected.norm_squared();
             if depends && is_equality {
-                let scale = program.bounds[constraint].abs() + normal.norm();
                 // One that says again what others say needs no place; one that contradicts them has none.
-                let said = slack.abs() <= 1e-9 * scale;
-                return if said { Ok(()) } else { Err(Unsolved::Infeasible) };
+                let says_it_again = slack.abs() <= self.rounding(program, constraint);
+                return if says_it_again { Ok(()) } else { Err(Unsolved::Infeasible) };
             }
             let full = if depends { f64::INFINITY } else { -slack / curvature };
             let blocking = if is_equality { None } else { self.blocking(program) };
@@ -290,6 +292,12 @@ impl Solver {
         }
     }
 
+    /// Violation of a constraint that may be rounding.
+    fn rounding(&self, program: &Program, constraint: usize) -> f64 {
+        let length = program.normals.column(constraint).norm();
+        FEASIBLE * (program.bounds[constraint].abs() + length * (1.0 + self.x.norm()))
+    }
+
     /// The inequality that is violated most, relative to the length of its normal.
     fn most_violated(&self, program: &Program) -> Option<usize> {
         let (mut worst, mut found) = (0.0, None);
@@ -300,9 +308,7 @@ impl Solver {
             let normal = program.normals.column(constraint);
             let (length, bound) = (normal.norm(), program.bounds[constraint]);
             let violation = bound - normal.dot(&self.x);
-            if violation > FEASIBLE * (bound.abs() + length * (1.0 + self.x.norm()))
-                && violation > worst * length
-            {
+            if violation > self.rounding(program, constraint) && violation > worst * length {
                 (worst, found) = (violation / length, Some(constraint));
             }
         }

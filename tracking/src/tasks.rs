@@ -47,7 +47,7 @@ pub struct Weights {
     pub posture: f64,
     /// Their feedback.
     pub posture_feedback: Feedback,
-    /// Spin of a driven wheel in the air, per (rad/s²)², fed back by this, 1/s.
+    /// How fast the spin of a wheel in the air comes to the planned one, 1/s; its weight is `posture`.
     pub spin_per_s: f64,
     /// Forces of the ground against the planned ones, per square of the robot's weight.
     pub force: f64,
@@ -56,7 +56,7 @@ pub struct Weights {
 }
 
 impl Default for Weights {
-    /// What tracked every plan of ANYmal and AgileBot in a prototype, the same for all robots.
+    /// The same for all robots; docs/tracking.md has what they make of the shipped plans.
     fn default() -> Self {
         Self {
             contact: 1e3,

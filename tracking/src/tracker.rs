@@ -176,8 +176,20 @@ impl Tracker {
     /// Setpoints of all channels, in channel order, for a state that was measured.
     ///
     /// # Errors
-    /// There are none, as of a state that is none; the robot should go to a safe state by other means.
+    /// No setpoints meet the constraints, for example because the state is not finite. The caller has to bring the robot to a safe
+    /// state by other means.
+    ///
+    /// # Panics
+    /// The reference or the state is of another robot: its vectors have other lengths.
     pub fn tick(&mut self, reference: &Reference, state: &State) -> Result<&[Setpoint], Unsolved> {
+        let (joints, feet) = (self.tree.robot().joints.len(), self.feet.len());
+        for of in [&reference.state, state] {
+            let lengths = (of.joint_rad.len(), of.velocity.len());
+            assert_eq!(lengths, (joints, self.tree.dofs()), "a state of another robot");
+        }
+        let lengths =
+            (reference.acceleration.len(), reference.stands.len(), reference.force_n.len());
+        assert_eq!(lengths, (self.tree.dofs(), feet, feet), "a reference of another robot");
         self.prepare(reference, state);
         self.want_contacts();
         self.want_body(reference);
@@ -222,7 +234,10 @@ impl Tracker {
                 kd_nm_s_rad: channel.kd_nm_s_rad,
             };
         }
-        Ok(&self.setpoints)
+        match self.setpoints.iter().all(|setpoint| setpoint.torque_nm.is_finite()) {
+            true => Ok(&self.setpoints),
+            false => Err(Unsolved::NotConvex),
+        }
     }
 
     /// Kinematics and dynamics at both states, and an empty program.
