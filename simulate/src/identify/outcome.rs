@@ -74,8 +74,8 @@ pub struct Found {
 }
 
 impl Found {
-    /// Whether it counts beside other runs: this one depends on it, and the search came to an end within sensible values. One that is too uncertain
-    /// to be written down counts for as little as its deviation says.
+    /// Whether the value takes part in the mean of several runs: the run determines it, and the search ended within sensible values. A value that is
+    /// too uncertain for the robot file takes part, with the little weight that its deviation gives it.
     pub(super) fn is_counted(&self) -> bool {
         self.deviation.is_finite() && self.deviation > 0.0 && self.verdict != Verdict::Absurd
     }
