@@ -17,20 +17,34 @@ const PACKAGES: [&str; 4] = ["chromium", "firefox-esr", "xvfb", "libgl1-mesa-dri
 /// What differs, what failed, or the command that installs what is missing.
 pub fn check(extent: Extent) -> Result<(), String> {
     install()?;
-    shell::run(&mut npm(&["ci", "--no-audit", "--no-fund"]))?;
     shell::run(&mut npm(&["run", "types"]))?;
     compare_with_sources()?;
-    let programs = workspace::programs()?;
-    let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
-    let simulator = workspace::find(&programs, "tests", "rollwalk-sim-under-test", false)?;
-    let mut tests = match extent {
-        Extent::Short => npm(&["run", "served"]),
-        Extent::Full => npm(&["test"]),
-    };
+    let mut tests = tests(match extent {
+        Extent::Short => &["run", "served"],
+        Extent::Full => &["test"],
+    })?;
     if extent == Extent::Full {
         tests.env("STUDIO_WASM", studio::engine()?);
     }
-    shell::run(tests.env("STUDIO_ROLLWALK", &rollwalk.path).env("STUDIO_SIM", &simulator.path))
+    shell::run(&mut tests)
+}
+
+/// Drives robots in real time from the page: a heartbeat that is late for want of a processor stops them.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_robots() -> Result<(), String> {
+    install()?;
+    shell::run(&mut tests(&["run", "robots"])?)
+}
+
+fn tests(script: &[&str]) -> Result<Command, String> {
+    let programs = workspace::programs()?;
+    let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
+    let simulator = workspace::find(&programs, "tests", "rollwalk-sim-under-test", false)?;
+    let mut tests = npm(script);
+    tests.env("STUDIO_ROLLWALK", &rollwalk.path).env("STUDIO_SIM", &simulator.path);
+    Ok(tests)
 }
 
 fn npm(args: &[&str]) -> Command {
@@ -44,10 +58,10 @@ fn install() -> Result<(), String> {
         format!("the studio's page is tested in real browsers. On Debian:\n\n    {install}")
     };
     debian::need(&PACKAGES).map_err(missing)?;
-    if shell::succeeds(&mut shell::command("npm", &["--version"])) {
-        return Ok(());
+    if !shell::succeeds(&mut shell::command("npm", &["--version"])) {
+        debian::need(&["nodejs", "npm"]).map_err(missing)?;
     }
-    debian::need(&["nodejs", "npm"]).map_err(missing)
+    shell::run(&mut npm(&["ci", "--no-audit", "--no-fund"]))
 }
 
 /// Builds the page elsewhere: every committed file must come out to the byte.

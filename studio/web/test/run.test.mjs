@@ -26,8 +26,7 @@ for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
   });
 
   test("stays armed while the page is busy for half a second, and does not for three", async () => {
-    await armRobot(studio);
-    await play(studio);
+    await flashRobot(studio);
     await outlivesBusyPage(studio);
     await leave();
   });

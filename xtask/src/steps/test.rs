@@ -22,7 +22,7 @@ pub enum TestStep {
     Build,
     /// Tools and a simulated robot with three motors on real CAN interfaces.
     Vcan,
-    /// The studio's page in Chromium and Firefox.
+    /// The studio's page in Chromium and Firefox, without robots.
     Studio,
     /// `rollwalk-protocol` and `rollwalk-firmware` for the Cortex-M4, without std.
     NoStd,
@@ -40,6 +40,8 @@ pub enum TestStep {
     Replay,
     /// The rules by which attacks on a simulated robot are judged.
     Hostile,
+    /// Robots that the studio's page drives in real time.
+    Robots,
     /// All tests of all crates.
     Test,
 }
@@ -65,6 +67,7 @@ impl Step for TestStep {
             Self::Multibody => "kinematics and dynamics against MuJoCo",
             Self::Replay => "the replay harness against closed forms",
             Self::Hostile => "the rules of attacks on a simulated robot",
+            Self::Robots => "robots that the studio's page drives in real time",
             Self::Test => "all tests",
         }
     }
@@ -89,6 +92,7 @@ impl Step for TestStep {
             Self::Multibody => mujoco::check(Extent::Short),
             Self::Replay => replay::check(Extent::Short),
             Self::Hostile => hostile::check(Extent::Short),
+            Self::Robots => browsers::check_robots(),
             Self::Test => {
                 need_python()?;
                 shell::run(&mut workspace::cargo(&["test", "--doc"]))?;
@@ -105,9 +109,9 @@ impl Step for TestStep {
         *self == Self::Studio || *self == Self::Vcan && vcan::in_virtual_machine()
     }
 
-    /// Simulated robots at serial lines play in real time.
+    /// Simulated robots at pages and serial lines play in real time.
     fn is_alone(&self) -> bool {
-        *self == Self::Test
+        matches!(self, Self::Robots | Self::Test)
     }
 }
 
