@@ -45,7 +45,7 @@ pub enum Unsolved {
     NotConvex,
     /// No x meets all constraints.
     Infeasible,
-    /// More steps than [`Solver::STEPS_MAX`].
+    /// The solver took more steps than it may.
     TooManySteps,
 }
 
