@@ -4,12 +4,10 @@ use crate::chart::{self, Curve, Labels};
 use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
 use miette::IntoDiagnostic;
 use nalgebra::{Matrix3, Vector3};
-use rollwalk_physics::ground::Plane;
 use rollwalk_planner::plan::Status;
 use rollwalk_planner::{Options, optimise};
 use rollwalk_simulate::{Control, Script, play};
 use serde::Serialize;
-use std::sync::Arc;
 
 pub const MOTION: &str = "motions/anymal_duck.toml";
 /// Steps of the world per second.
@@ -40,11 +38,8 @@ pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
     program.say(&format!("{}: {:?}", motion.name, plan.solve.status));
     let script = Script::new(&plan, true);
     let options = rollwalk_simulate::Options {
-        control: Control::FeedForward,
         cycles: 1,
-        rate_hz: RATE_HZ,
-        ground: Arc::new(Plane::level()),
-        shoves: Vec::new(),
+        ..rollwalk_simulate::Options::new(Control::FeedForward, RATE_HZ)
     };
     let mut rows = Vec::new();
     let outcome = play(&plan, &options, |moment| {

@@ -23,6 +23,7 @@ mod suggestions;
 mod table_2_1;
 mod table_3_2;
 mod table_3_3;
+mod tracking;
 
 pub use library_format::PlannedLibrary;
 
@@ -57,6 +58,8 @@ pub enum Benchmark {
     /// Figure 3.6: planned and simulated trajectories of ANYmal's forward duck.
     #[command(name = "figure-3-6")]
     Figure36,
+    /// Closed loop against servos: as planned, with other masses, friction, delay and slopes, and pushed.
+    Tracking(tracking::Args),
     /// Table 3.2: SwizzleBots with two to five motors a leg.
     #[command(name = "table-3-2")]
     Table32(table_3_2::Args),
@@ -112,6 +115,7 @@ impl Benchmark {
             Self::DesignEdits(only) => whole(|| design_edits::run(only, program)),
             Self::Suggestions(args) if args.near => whole(|| suggestions::run_near(args, program)),
             Self::Suggestions(args) => Work::Split(suggestions::split(args, program)),
+            Self::Tracking(args) => Work::Split(tracking::split(args, program)?),
             Self::Physics(args) => whole(|| physics::run(args, program)),
             Self::FaultCampaign(args) => match fault_campaign::single(args) {
                 Some(case) => whole(move || fault_campaign::run_single(args, case, program)),
@@ -234,6 +238,7 @@ pub fn motions() -> impl Iterator<Item = String> {
     let rows = rows.chain(table_3_2::ROWS.map(|row| row.0)).chain(table_3_3::ROWS.map(|row| row.0));
     let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION, figure_3_6::MOTION]);
     let others = others.chain([figure_2_8::CAR, figure_2_8::WALK]);
+    let others = others.chain(tracking::MOTIONS);
     rows.chain(others).map(str::to_owned).chain(gaits).chain(suggestions::motions())
 }
 

@@ -2,10 +2,8 @@
 
 use crate::interrupt;
 use miette::IntoDiagnostic;
-use rollwalk_physics::ground::Plane;
 use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::{Control, Options, Outcome};
-use std::sync::Arc;
 
 /// Steps of the world per second, and periods of motions that repeat.
 const RATE_HZ: u32 = 120;
@@ -16,13 +14,7 @@ const PERIODS: usize = 5;
 /// # Errors
 /// A step of the world has no solution.
 pub fn play(plan: &Plan, control: Control) -> miette::Result<Outcome> {
-    let options = Options {
-        control,
-        cycles: PERIODS,
-        rate_hz: RATE_HZ,
-        ground: Arc::new(Plane::level()),
-        shoves: Vec::new(),
-    };
+    let options = Options { cycles: PERIODS, ..Options::new(control, RATE_HZ) };
     rollwalk_simulate::play(plan, &options, |_| !interrupt::requested()).into_diagnostic()
 }
 

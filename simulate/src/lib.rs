@@ -18,13 +18,15 @@ pub mod control;
 pub mod identify;
 pub mod judgement;
 pub mod log;
+pub mod mismatch;
 pub mod outcome;
 pub mod retarget;
 pub mod run;
 pub mod script;
 
-pub use control::Control;
+pub use control::{Control, Feedback};
 pub use judgement::PlannedWay;
+pub use mismatch::Mismatch;
 pub use outcome::Outcome;
 pub use run::{Moment, Options, play};
 pub use script::Script;

@@ -179,7 +179,7 @@ fn rollout(
     let robot = script.robot();
     let joints = robot.joints.len();
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
-    let (mut world, _) = begin(script, &ground, &Parameters::new(robot));
+    let (mut world, _) = begin(script, robot, &ground, &Parameters::new(robot));
     let fall_watch = FallWatch::new(&world, &ground);
     let curves: Vec<_> = (0..joints).map(|joint| of_joint(knots, joints, joint)).collect();
     let parameters = Control::of_all(&world.motors()[..joints], curve);

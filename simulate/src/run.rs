@@ -1,6 +1,7 @@
 //! A plan played in the world.
 
 use crate::control::{Control, Controller};
+use crate::mismatch::Mismatch;
 use crate::outcome::{Outcome, Tracker};
 use crate::script::Script;
 use nalgebra::{Rotation3, Vector3};
@@ -9,6 +10,7 @@ use rollwalk_physics::push::{Shove, mean_force};
 use rollwalk_physics::world::{Parameters, ground_from_world, heading_rad, normal_at_start};
 use rollwalk_physics::{StepError, World};
 use rollwalk_planner::plan::Plan;
+use rollwalk_robot::Robot;
 use std::sync::Arc;
 
 /// How a plan is played.
@@ -24,6 +26,16 @@ pub struct Options {
     pub ground: Arc<dyn Ground>,
     /// Pushes, from the start of the simulation on.
     pub shoves: Vec<Shove>,
+    /// How the robot differs from the planned one.
+    pub mismatch: Mismatch,
+}
+
+impl Options {
+    /// On level ground, with nothing in the way: five periods.
+    pub fn new(control: Control, rate_hz: u32) -> Self {
+        let (ground, shoves) = (Arc::new(Plane::level()), Vec::new());
+        Self { control, cycles: 5, rate_hz, ground, shoves, mismatch: Mismatch::default() }
+    }
 }
 
 /// Time for which a motion that ends stands still before and after, s.
@@ -53,14 +65,15 @@ pub fn play(
     mut goes_on: impl FnMut(&Moment<'_>) -> bool,
 ) -> Result<Outcome, StepError> {
     let script = Script::new(plan, options.control != Control::Servos);
-    let parameters = Parameters::new(&plan.robot);
-    let (mut world, world_from_plan) = begin(&script, &options.ground, &parameters);
+    let robot = options.mismatch.of(&plan.robot);
+    let parameters = Parameters::new(&robot);
+    let (mut world, world_from_plan) = begin(&script, &robot, &options.ground, &parameters);
     let mut tracker = Tracker::new(&script, &world, &options.ground, world_from_plan.inverse());
     let step_s = step_s(&script, options.rate_hz);
     let (beats, total) = beats(&script, options.cycles, step_s);
     let total_s = total as f64 * step_s;
-    let mut controller =
-        Controller::new(&script, options.control, &world, &world_from_plan, step_s);
+    let steps = [step_s, options.mismatch.delay_s];
+    let mut controller = Controller::new(&script, options.control, &world, &world_from_plan, steps);
     let mut from_s = 0.0;
     for (done, beat) in (1..).zip(beats) {
         let done_s = done as f64 * step_s;
@@ -101,10 +114,10 @@ pub(crate) fn step_s(script: &Script<'_>, rate_hz: u32) -> f64 {
 /// The robot as its plan begins, on the ground at the origin, and how its plan lies there.
 pub(crate) fn begin(
     script: &Script<'_>,
+    robot: &Robot,
     ground: &Arc<dyn Ground>,
     parameters: &Parameters,
 ) -> (World, Rotation3<f64>) {
-    let robot = script.robot();
     let surface = ground.at(&Vector3::zeros());
     let normal = normal_at_start(ground.as_ref());
     let plane = match normal == surface.normal {

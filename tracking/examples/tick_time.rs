@@ -4,7 +4,7 @@
 
 use cpu_time::ThreadTime;
 use fastrand::Rng;
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Isometry3, Rotation3, Vector3};
 use rollwalk_multibody::{State, Tree};
 use rollwalk_robot::{GRAVITY_M_S2, Robot};
 use rollwalk_tracking::tasks::Weights;
@@ -29,6 +29,8 @@ fn measure(robot: &Robot, ticks: usize) {
     let feet = robot.end_effectors.len();
     let part_n = tree.total_mass_kg() * GRAVITY_M_S2 / feet as f64;
     let mut reference = Reference {
+        time_s: 0.0,
+        world_from_ground: Isometry3::identity(),
         state: State::nominal(&tree),
         acceleration: vec![0.0; tree.dofs()],
         stands: vec![true; feet],
@@ -49,7 +51,7 @@ fn measure(robot: &Robot, ticks: usize) {
         state.velocity.iter_mut().for_each(|speed| *speed = error(0.3));
         reference.stands.iter_mut().for_each(|stands| *stands = random.bool() || random.bool());
         let before = ThreadTime::now();
-        failed += usize::from(tracker.tick(&reference, &state).is_err());
+        failed += usize::from(tracker.tick(&reference, &state, &reference.stands).is_err());
         times_us.push(1e6 * before.elapsed().as_secs_f64());
         steps = steps.max(tracker.steps());
     }

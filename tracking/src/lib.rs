@@ -10,11 +10,16 @@
 //!
 //! The caller has the plan and the sensors: `rollwalk-simulate`, with the simulated world.
 
+mod contacts;
+mod correction;
+pub mod gains;
+pub mod model;
 mod quadratic;
 pub mod reference;
 pub mod tasks;
 pub mod tracker;
 
+pub use gains::Gains;
 pub use quadratic::Unsolved;
 pub use reference::Reference;
 pub use tracker::{Setpoint, Tracker};

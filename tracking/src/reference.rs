@@ -1,11 +1,15 @@
 //! What is planned for a moment.
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use rollwalk_multibody::State;
 
 /// What is planned for a moment, in the same world frame as the measured state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference {
+    /// Time of the plan, s; of one that repeats, later periods counted on.
+    pub time_s: f64,
+    /// The ground: its plane z = 0, whose normal is z.
+    pub world_from_ground: Isometry3<f64>,
     /// Pose and velocity.
     pub state: State,
     /// ν̇.

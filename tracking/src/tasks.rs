@@ -64,7 +64,7 @@ impl Default for Weights {
             com: 10.0,
             com_feedback: Feedback { per_s2: 80.0, per_s: 18.0 },
             com_most_m_s2: 10.0,
-            body: 20.0,
+            body: 5.0,
             body_feedback: Feedback { per_s2: 150.0, per_s: 24.0 },
             body_most_rad_s2: 80.0,
             swing: 10.0,

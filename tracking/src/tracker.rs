@@ -11,12 +11,15 @@
 //! J̇ is taken at the point of contact, which moves along the rim: at the centre, or with a point fixed to the tyre, a wheel
 //! would be asked for forces that it cannot have.
 
+use crate::contacts::{self, Phase, Planned, Recovery};
+use crate::correction::{Correction, Place};
+use crate::gains::Gains;
 use crate::quadratic::{Program, Solver, Unsolved};
 use crate::reference::Reference;
 use crate::tasks::{Feedback, Squares, Weights};
-use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Point3, Vector2, Vector3};
 use rollwalk_multibody::{
-    ANGULAR, CompositeInertia, JOINTS, Kinematics, RimContact, State, Tree, rotation,
+    ANGULAR, CompositeInertia, Configuration, JOINTS, Kinematics, RimContact, State, Tree, rotation,
 };
 use rollwalk_robot::GRAVITY_M_S2;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -52,7 +55,7 @@ struct Channel {
 /// An end effector at this tick.
 #[derive(Clone, Debug)]
 struct Foot {
-    stands: bool,
+    phase: Phase,
     /// Whether it glides along itself.
     is_blade: bool,
     friction: f64,
@@ -66,6 +69,17 @@ struct Foot {
     along: Vector3<f64>,
     side: Vector3<f64>,
     force_n: Vector3<f64>,
+    /// Contact, or lowest point, planned and measured, m.
+    planned: Vector3<f64>,
+    measured: Vector3<f64>,
+    /// Planned height of the lowest point above the ground, m.
+    height_m: f64,
+}
+
+impl Foot {
+    fn stands(&self) -> bool {
+        self.phase == Phase::Stance
+    }
 }
 
 /// The controller of one robot.
@@ -85,10 +99,17 @@ pub struct Tracker {
     jacobian: Matrix3xX<f64>,
     row: DVector<f64>,
     feet: Vec<Foot>,
+    /// Normal of the ground.
+    normal: Vector3<f64>,
     program: Program,
     solver: Solver,
     setpoints: Vec<Setpoint>,
+    correction: Option<Correction>,
+    recovery: Recovery,
 }
+
+/// How far below the planned ground an end effector aims that has to land, m.
+const BELOW_M: f64 = 0.02;
 
 /// Inequalities of a contact: four sides of the pyramid, and no pull.
 const OF_CONTACT: usize = 5;
@@ -125,7 +146,7 @@ impl Tracker {
                 let is_blade = end_effector.contact.blade_length_m().is_some();
                 let drag = end_effector.contact.drag().map_or(0.0, |drag| drag.rolling_resistance);
                 Foot {
-                    stands: false,
+                    phase: Phase::Swing,
                     is_blade,
                     friction,
                     friction_along: if is_blade { drag } else { friction },
@@ -134,6 +155,9 @@ impl Tracker {
                     along: Vector3::x(),
                     side: Vector3::y(),
                     force_n: Vector3::zeros(),
+                    planned: Vector3::zeros(),
+                    measured: Vector3::zeros(),
+                    height_m: 0.0,
                 }
             })
             .collect();
@@ -157,10 +181,19 @@ impl Tracker {
             jacobian: Matrix3xX::zeros(dofs),
             row: DVector::zeros(dofs),
             feet,
+            normal: Vector3::z(),
             program,
             solver: Solver::new(unknowns, constraints),
             tree,
+            correction: None,
+            recovery: Recovery::default(),
         }
+    }
+
+    /// The same with gains of the plan that it is to track.
+    pub fn with_gains(mut self, gains: Gains) -> Self {
+        self.correction = Some(Correction::new(gains, &self.tree));
+        self
     }
 
     /// The robot.
@@ -173,7 +206,7 @@ impl Tracker {
         self.solver.steps()
     }
 
-    /// Setpoints of all channels, in channel order, for a state that was measured.
+    /// Setpoints of all channels, in channel order, for a state that was measured, and whether each end effector touches the ground.
     ///
     /// # Errors
     /// No setpoints meet the constraints, for example because the state is not finite. The caller has to bring the robot to a safe
@@ -181,7 +214,12 @@ impl Tracker {
     ///
     /// # Panics
     /// The reference or the state is of another robot: its vectors have other lengths.
-    pub fn tick(&mut self, reference: &Reference, state: &State) -> Result<&[Setpoint], Unsolved> {
+    pub fn tick(
+        &mut self,
+        reference: &Reference,
+        state: &State,
+        touches: &[bool],
+    ) -> Result<&[Setpoint], Unsolved> {
         let (joints, feet) = (self.tree.robot().joints.len(), self.feet.len());
         for of in [&reference.state, state] {
             let lengths = (of.joint_rad.len(), of.velocity.len());
@@ -190,7 +228,9 @@ impl Tracker {
         let lengths =
             (reference.acceleration.len(), reference.stands.len(), reference.force_n.len());
         assert_eq!(lengths, (self.tree.dofs(), feet, feet), "a reference of another robot");
-        self.prepare(reference, state);
+        assert_eq!(touches.len(), feet, "contacts of another robot");
+        self.prepare(reference, state, touches);
+        self.correct(reference);
         self.want_contacts();
         self.want_body(reference);
         self.want_feet(reference, state);
@@ -210,7 +250,7 @@ impl Tracker {
             for (dof, row) in self.mass.row(channel.dof).iter().enumerate() {
                 torque_nm += row * x[dof];
             }
-            for foot in self.feet.iter().filter(|foot| foot.stands) {
+            for foot in self.feet.iter().filter(|foot| foot.stands()) {
                 torque_nm -= foot.jacobian.column(channel.dof).dot(&foot.force_n);
             }
             let speed = state.velocity[channel.dof];
@@ -241,9 +281,14 @@ impl Tracker {
     }
 
     /// Kinematics and dynamics at both states, and an empty program.
-    fn prepare(&mut self, reference: &Reference, state: &State) {
+    fn prepare(&mut self, reference: &Reference, state: &State, touches: &[bool]) {
         let Self { weights, tree, planned, measured, .. } = self;
-        planned.update(tree, &reference.state.configuration(), &reference.state.velocity);
+        let anchor_m = self.correction.as_ref().map_or(Vector2::zeros(), |of| of.anchor_m);
+        let mut base_position_m = reference.state.base_position_m;
+        base_position_m.x += anchor_m.x;
+        base_position_m.y += anchor_m.y;
+        let there = Configuration { base_position_m, ..reference.state.configuration() };
+        planned.update(tree, &there, &reference.state.velocity);
         planned.accelerate(tree, &reference.acceleration);
         measured.update(tree, &state.configuration(), &state.velocity);
         self.composite.update(tree, &measured.frames);
@@ -253,31 +298,64 @@ impl Tracker {
         self.program.hessian.fill(0.0);
         self.program.gradient.fill(0.0);
         self.program.normals.fill(0.0);
+        let (there, here) = (planned.frames.com(tree), measured.frames.com(tree));
+        let velocity = measured.com_velocity(tree) - planned.com_velocity(tree);
+        self.recovery.update((here - there).xy(), velocity.xy(), there.z);
+        let ground_from_world = reference.world_from_ground.inverse();
+        self.normal = reference.world_from_ground.rotation * Vector3::z();
+        let normal = self.normal;
         for (j, foot) in self.feet.iter_mut().enumerate() {
-            foot.stands = false;
-            let contact = RimContact::new(tree, &measured.frames, j, &Vector3::z());
-            let Some(contact) = contact.filter(|_| reference.stands[j]) else { continue };
-            foot.stands = true;
+            let of = &tree.robot().end_effectors[j];
+            let contact_of = |at: &Kinematics| RimContact::new(tree, &at.frames, j, &normal);
+            let center = |at: &Kinematics| at.frames.point(of.link, &of.center_in_link_m);
+            let lowest = |at: &Kinematics, contact: &Option<RimContact>| {
+                contact.as_ref().map_or(center(at), RimContact::position)
+            };
+            let contact = contact_of(measured);
+            foot.measured = lowest(measured, &contact);
+            foot.planned = lowest(planned, &contact_of(planned));
+            foot.height_m = (ground_from_world * Point3::from(foot.planned)).z;
+            let as_planned = Planned {
+                stands: reference.stands[j],
+                height_m: foot.height_m,
+                rises_m_s: planned.point_velocity(of.link, &center(planned)).dot(&normal),
+            };
+            // A wheel that lies flat has no contact to stand on.
+            let touches = touches[j] && contact.is_some();
+            foot.phase = contacts::phase(as_planned, touches, self.recovery.is_active);
+            let Some(contact) = contact.filter(|_| foot.stands()) else { continue };
             contact.material_jacobian(tree, &measured.frames, &mut foot.jacobian);
             let motion = contact.motion(measured);
             foot.still_m_s2 = -motion.rolling_acceleration
                 - motion.material_velocity * weights.contact_decay_per_s;
-            if let Some(along) = contact.axis.cross(&Vector3::z()).try_normalize(1e-9) {
-                (foot.along, foot.side) = (along, Vector3::z().cross(&along));
+            if let Some(along) = contact.axis.cross(&normal).try_normalize(1e-9) {
+                (foot.along, foot.side) = (along, normal.cross(&along));
             }
         }
     }
 
+    /// Corrections of what is off the plan, if there are gains.
+    fn correct(&mut self, reference: &Reference) {
+        let Self { correction, tree, planned, measured, mass, feet, tick_s, .. } = self;
+        let Some(correction) = correction else { return };
+        let places = feet.iter().zip(&reference.force_n).map(|(foot, force_n)| Place {
+            planned: foot.planned,
+            measured: foot.measured,
+            force_n: foot.stands().then_some(*force_n),
+        });
+        correction.update(tree, [reference.time_s, *tick_s], [planned, measured], mass, places);
+    }
+
     /// Contacts stay: the material at a contact that rolls or rests keeps still.
     fn want_contacts(&mut self) {
-        let Self { weights, program, row, feet, .. } = self;
+        let Self { weights, program, row, feet, normal, .. } = self;
         let mut squares = Squares { program };
-        for foot in feet.iter().filter(|foot| foot.stands) {
+        for foot in feet.iter().filter(|foot| foot.stands()) {
             if !foot.is_blade {
                 squares.add(weights.contact, &foot.jacobian, &foot.still_m_s2);
                 continue;
             }
-            for direction in [foot.side, Vector3::z()] {
+            for direction in [foot.side, *normal] {
                 row.gemv_tr(1.0, &foot.jacobian, &direction, 0.0);
                 let still = direction.dot(&foot.still_m_s2);
                 squares.add_row(weights.contact, row.as_view(), still);
@@ -287,18 +365,24 @@ impl Tracker {
 
     /// Centre of mass and body follow the plan.
     fn want_body(&mut self, reference: &Reference) {
-        let Self { weights, tree, planned, measured, program, jacobian, .. } = self;
+        let Self { weights, tree, planned, measured, program, jacobian, correction, .. } = self;
         let mut squares = Squares { program };
         let (there, here) = (&planned.frames, &measured.frames);
         let place = there.com(tree) - here.com(tree);
         let speed = planned.com_velocity(tree) - measured.com_velocity(tree);
-        let wanted = planned.com_acceleration(tree)
-            + weights.com_feedback.limited(&place, &speed, weights.com_most_m_s2);
+        let feedback = match correction {
+            Some(correction) => limited(correction.com_m_s2, weights.com_most_m_s2),
+            None => weights.com_feedback.limited(&place, &speed, weights.com_most_m_s2),
+        };
+        let wanted = planned.com_acceleration(tree) + feedback;
         here.com_jacobian(tree, jacobian);
         squares.add(weights.com, jacobian, &(wanted - measured.com_acceleration(tree)));
         let turn = rotation::log(&(there.world_from_link[0] * here.world_from_link[0].transpose()));
         let spin = planned.angular_velocity[0] - measured.angular_velocity[0];
-        let feedback = weights.body_feedback.limited(&turn, &spin, weights.body_most_rad_s2);
+        let feedback = match correction {
+            Some(correction) => limited(correction.body_rad_s2, weights.body_most_rad_s2),
+            None => weights.body_feedback.limited(&turn, &spin, weights.body_most_rad_s2),
+        };
         for k in 0..3 {
             let wanted = reference.acceleration[ANGULAR + k] + feedback[k];
             squares.add_one(weights.body, ANGULAR + k, wanted);
@@ -307,18 +391,39 @@ impl Tracker {
 
     /// Feet in the air follow the plan; wheels on the ground go as fast as it says.
     fn want_feet(&mut self, reference: &Reference, state: &State) {
-        let Self { weights, tree, planned, measured, program, jacobian, row, feet, .. } = self;
+        let Self {
+            weights,
+            tree,
+            planned,
+            measured,
+            program,
+            jacobian,
+            row,
+            feet,
+            correction,
+            normal,
+            ..
+        } = self;
         for (end_effector, (j, foot)) in
             tree.robot().end_effectors.iter().zip(feet.iter().enumerate())
         {
             let link = end_effector.link;
             let center = |at: &Kinematics| at.frames.point(link, &end_effector.center_in_link_m);
-            let (there, here) = (center(planned), center(measured));
-            let speed = planned.point_velocity(link, &there) - measured.point_velocity(link, &here);
+            let (mut there, here) = (center(planned), center(measured));
+            let mut speed =
+                planned.point_velocity(link, &there) - measured.point_velocity(link, &here);
             let bias = measured.point_acceleration(link, &here);
             let planned_acceleration = planned.point_acceleration(link, &there);
+            if let Some(correction) = correction {
+                speed += correction.speed_m_s[j];
+                there += correction.foothold_m[j];
+            }
             let mut squares = Squares { program };
-            if !foot.stands {
+            if foot.phase == Phase::Landing {
+                there -= *normal * (BELOW_M + foot.height_m.max(0.0));
+                speed -= *normal * (speed + measured.point_velocity(link, &here)).dot(normal);
+            }
+            if !foot.stands() {
                 let wanted =
                     planned_acceleration + weights.swing_feedback.of(&(there - here), &speed);
                 measured.frames.point_jacobian(tree, link, &here, jacobian);
@@ -329,8 +434,9 @@ impl Tracker {
                     squares.add_one(weights.posture, dof, wanted);
                 }
             } else if end_effector.contact.rolls() {
-                let wanted =
-                    planned_acceleration + weights.roll_feedback.of(&(there - here), &speed) - bias;
+                // With gains, the place is theirs to feed back.
+                let place = if correction.is_some() { Vector3::zeros() } else { there - here };
+                let wanted = planned_acceleration + weights.roll_feedback.of(&place, &speed) - bias;
                 measured.frames.point_jacobian(tree, link, &here, jacobian);
                 row.gemv_tr(1.0, jacobian, &foot.along, 0.0);
                 squares.add_row(weights.roll, row.as_view(), foot.along.dot(&wanted));
@@ -358,7 +464,9 @@ impl Tracker {
         let price = self.weights.force / (weight_n * weight_n);
         let mut squares = Squares { program: &mut self.program };
         for (j, foot) in self.feet.iter().enumerate() {
-            let planned = if foot.stands { reference.force_n[j] } else { Vector3::zeros() };
+            let change = self.correction.as_ref().map_or(Vector3::zeros(), |of| of.force_n[j]);
+            let planned =
+                if foot.stands() { reference.force_n[j] + change } else { Vector3::zeros() };
             for k in 0..3 {
                 squares.add_one(price, self.tree.dofs() + 3 * j + k, planned[k]);
             }
@@ -378,13 +486,13 @@ impl Tracker {
     fn keep_limits(&mut self) {
         let dofs = self.tree.dofs();
         let mut constraint = self.program.equalities;
-        for (j, foot) in self.feet.iter().enumerate().filter(|(_, foot)| foot.stands) {
+        for (j, foot) in self.feet.iter().enumerate().filter(|(_, foot)| foot.stands()) {
             let sides = [
-                Vector3::z() * foot.friction_along - foot.along,
-                Vector3::z() * foot.friction_along + foot.along,
-                Vector3::z() * foot.friction - foot.side,
-                Vector3::z() * foot.friction + foot.side,
-                Vector3::z(),
+                self.normal * foot.friction_along - foot.along,
+                self.normal * foot.friction_along + foot.along,
+                self.normal * foot.friction - foot.side,
+                self.normal * foot.friction + foot.side,
+                self.normal,
             ];
             for side in sides {
                 for k in 0..3 {
@@ -406,6 +514,11 @@ impl Tracker {
     }
 }
 
+/// No more of it than a limit.
+fn limited(wanted: Vector3<f64>, most: f64) -> Vector3<f64> {
+    wanted * (most / wanted.norm().max(most))
+}
+
 /// Writes the torque of a degree of freedom without its bias, times a sign, as the normal of a constraint.
 fn write_torque(
     program: &mut Program,
@@ -420,7 +533,7 @@ fn write_torque(
     for other in 0..dofs {
         normal[other] = sign * mass[(dof, other)];
     }
-    for (j, foot) in feet.iter().enumerate().filter(|(_, foot)| foot.stands) {
+    for (j, foot) in feet.iter().enumerate().filter(|(_, foot)| foot.stands()) {
         for k in 0..3 {
             normal[dofs + 3 * j + k] = -sign * foot.jacobian[(k, dof)];
         }

@@ -1,7 +1,6 @@
 //! Steps that the simulator needs for the motions that are hardest to it: impacts, skates that slide, motors at their limits,
 //! free wheels.
 
-use rollwalk_physics::ground::Plane;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Status;
 use rollwalk_planner::{Options as SolverOptions, optimise};
@@ -9,7 +8,6 @@ use rollwalk_robot::Robot;
 use rollwalk_simulate::{Control, Options, play};
 use std::fs;
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
@@ -32,10 +30,8 @@ fn a_step_takes_few_iterations_and_none_is_taken_in_parts() {
         let plan = optimise(&robot, &motion, &SolverOptions::default(), &mut go_on);
         assert_eq!(plan.solve.status, Status::Converged, "{}", motion.name);
         for rate_hz in [60, 240] {
-            let (ground, shoves) = (Arc::new(Plane::level()), Vec::new());
-            let options =
-                Options { control: Control::FeedForward, cycles: 5, rate_hz, ground, shoves };
-            let outcome = play(&plan, &options, |_| true).unwrap();
+            let outcome =
+                play(&plan, &Options::new(Control::FeedForward, rate_hz), |_| true).unwrap();
             let mean = outcome.iterations;
             assert!(mean < 4.0, "{}, {rate_hz} Hz: {mean}", motion.name);
             assert_eq!(outcome.subdivided, 0, "{}, {rate_hz} Hz", motion.name);

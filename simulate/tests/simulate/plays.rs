@@ -6,11 +6,12 @@ use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{Options as SolverOptions, optimise};
 use rollwalk_robot::Robot;
-use rollwalk_simulate::{Control, Options, Outcome, play};
+use rollwalk_simulate::{Control, Feedback, Mismatch, Options, Outcome, play};
 use std::fs;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+const TRACKING: Control = Control::Tracking(Feedback::Gains);
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 fn plan(robot: &str, motion: &str) -> Plan {
@@ -26,7 +27,7 @@ fn plan(robot: &str, motion: &str) -> Plan {
 fn on(slope_rad: f64, plan: &Plan, feed_forward: bool) -> Outcome {
     let ground = Arc::new(Plane::rising(slope_rad));
     let control = if feed_forward { Control::FeedForward } else { Control::Servos };
-    let options = Options { control, cycles: 3, rate_hz: 60, ground, shoves: Vec::new() };
+    let options = Options { cycles: 3, ground, ..Options::new(control, 60) };
     play(plan, &options, |_| true).unwrap()
 }
 
@@ -62,14 +63,7 @@ fn without_feed_forward_a_robot_lags_and_on_a_roof_it_does_not_come_there() {
 #[test]
 fn a_run_can_be_ended_and_tells_how_far_it_is() {
     let plan = plan("agilebot", "drive_1m");
-    let ground = Arc::new(Plane::level());
-    let options = Options {
-        control: Control::FeedForward,
-        cycles: 1,
-        rate_hz: 60,
-        ground,
-        shoves: Vec::new(),
-    };
+    let options = Options { cycles: 1, ..Options::new(Control::FeedForward, 60) };
     let mut seen = Vec::new();
     let outcome = play(&plan, &options, |moment| {
         seen.push(moment.done_s / moment.all_s);
@@ -89,7 +83,7 @@ fn terrain_and_pushes_act_on_the_robot() {
         let shoves = vec![Shove::new(2.0, 0.1, [0.0, push_n, 0.0])];
         let ground = Arc::clone(ground);
         let options =
-            Options { control: Control::FeedForward, cycles: 1, rate_hz: 120, ground, shoves };
+            Options { cycles: 1, ground, shoves, ..Options::new(Control::FeedForward, 120) };
         play(&plan, &options, |_| true).unwrap()
     };
     let pushed = run(&level, 5.0);
@@ -108,11 +102,9 @@ fn terrain_and_pushes_act_on_the_robot() {
 /// The wheels of two legs leave the ground at a time: without feed-forward ANYmal makes half of its turn, with it 0.985.
 #[test]
 fn tracked_by_its_whole_body_a_robot_comes_where_its_plan_says() {
-    let (level, shoves) = (Arc::new(Plane::level()), Vec::new());
+    let shoves = Vec::new();
     let tracked = |plan: &Plan, shoves: &[Shove]| {
-        let (ground, shoves) = (level.clone(), shoves.to_vec());
-        let options =
-            Options { control: Control::Tracking, cycles: 2, rate_hz: 500, ground, shoves };
+        let options = Options { cycles: 2, shoves: shoves.to_vec(), ..Options::new(TRACKING, 500) };
         play(plan, &options, |_| true).unwrap()
     };
     let turn = tracked(&plan("anymal_wheels", "anymal_turn"), &shoves);
@@ -125,4 +117,26 @@ fn tracked_by_its_whole_body_a_robot_comes_where_its_plan_says() {
         let drive = tracked(&drive, shoves);
         assert!(drive.holds() && (drive.ratio(0).unwrap() - 1.0).abs() < 2e-3, "{drive:?}");
     }
+}
+
+#[test]
+fn a_tracked_robot_keeps_its_feet_when_the_world_is_another() {
+    let plan = plan("anymal_wheels", "anymal_turn");
+    let played = |mismatch: Mismatch, push_n: f64| {
+        let shoves = vec![Shove::new(1.2, 0.1, [0.0, push_n, 0.0])];
+        play(&plan, &Options { cycles: 2, shoves, mismatch, ..Options::new(control, 500) }, |_| {
+            true
+        })
+        .unwrap()
+    };
+    for mismatch in [
+        Mismatch { mass: 1.1, ..Mismatch::default() },
+        Mismatch { friction: Some(0.5), ..Mismatch::default() },
+        Mismatch { delay_s: 0.01, ..Mismatch::default() },
+    ] {
+        let turn = played(mismatch, 0.0);
+        assert!(turn.holds() && (turn.ratio(2).unwrap() - 1.0).abs() < 0.02, "{turn:?}");
+    }
+    let pushed = played(Mismatch::default(), 250.0);
+    assert!(pushed.fell_at_s.is_none(), "{pushed:?}");
 }

@@ -1,6 +1,5 @@
 //! Robots with soft servos, back on their plans.
 
-use rollwalk_physics::ground::Plane;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Sample, Status};
 use rollwalk_planner::{Options as SolverOptions, optimise};
@@ -9,7 +8,6 @@ use rollwalk_simulate::retarget::{Options, retarget};
 use rollwalk_simulate::{Control, Options as RunOptions, play};
 use std::fs;
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 /// Gains of the servos, as a share of those that the motion was planned for.
@@ -29,10 +27,7 @@ fn soft(robot: &str, motion: &str) -> Plan {
 
 /// Share of its way that a robot makes without feed-forward.
 fn share(plan: &Plan) -> f64 {
-    let (cycles, rate_hz) = (4, 60);
-    let ground = Arc::new(Plane::level());
-    let options =
-        RunOptions { control: Control::Servos, cycles, rate_hz, ground, shoves: Vec::new() };
+    let options = RunOptions { cycles: 4, ..RunOptions::new(Control::Servos, 60) };
     play(plan, &options, |_| true).unwrap().ratio(0).expect("the motion goes somewhere")
 }
 

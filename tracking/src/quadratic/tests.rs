@@ -2,7 +2,9 @@
 
 use super::*;
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SupportedConeT};
+use clarabel::solver::{
+    DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT,
+};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -45,7 +47,8 @@ fn check(program: &Program, solver: &Solver) {
     }
 }
 
-fn by_clarabel(program: &Program) -> Vec<f64> {
+/// The least objective, if the other solver finds it: some of these programs take it more iterations than it has.
+fn by_clarabel(program: &Program) -> Option<f64> {
     let n = program.gradient.len();
     let rows = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
         matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
@@ -59,15 +62,15 @@ fn by_clarabel(program: &Program) -> Vec<f64> {
     ];
     let settings = DefaultSettingsBuilder::default()
         .verbose(false)
-        .tol_gap_abs(1e-12)
-        .tol_gap_rel(1e-12)
+        .tol_gap_abs(1e-10)
+        .tol_gap_rel(1e-10)
         .build()
         .unwrap();
     let gradient = program.gradient.as_slice();
     let mut solver =
         DefaultSolver::new(&upper, gradient, &constraints, &right, &cones, settings).unwrap();
     solver.solve();
-    solver.solution.x[..n].to_vec()
+    (solver.solution.status == SolverStatus::Solved).then_some(solver.solution.obj_val)
 }
 
 proptest! {
@@ -83,9 +86,26 @@ proptest! {
         let _ = solver.solve(&other);
         let found = solver.solve(&program).unwrap().clone();
         check(&program, &solver);
-        for (one, other) in found.iter().zip(by_clarabel(&program)) {
-            prop_assert!((one - other).abs() < 1e-4 * (1.0 + found.amax()), "{one} {other}");
+        // Both end within rounding and gap of the minimum; x of a flat one may differ by the root of that.
+        if let Some(least) = by_clarabel(&program) {
+            let objective = 0.5 * found.dot(&(&program.hessian * &found)) + program.gradient.dot(&found);
+            prop_assert!((objective - least).abs() < 1e-8 * (1.0 + least.abs()), "{objective} {least}");
         }
+    }
+
+    /// Constraints that say the same, many of which bind in one point.
+    #[test]
+    fn degenerate_programs_are_solved(numbers in vec(-1.0..1.0, NUMBERS)) {
+        let mut program = program(N, SIZE.0, SIZE.1, &numbers);
+        for (from, to, scale) in [(0, 1, -3.0), (2, 3, 1.0), (4, 5, 2.0), (6, 7, 1e3), (8, 9, 1e-3)] {
+            let copy = program.normals.column(from) * scale;
+            program.normals.set_column(to, &copy);
+            program.bounds[to] = program.bounds[from] * scale;
+        }
+        program.bounds.fill(0.0);
+        let mut solver = Solver::new(N, SIZE.0 + SIZE.1);
+        solver.solve(&program).unwrap();
+        check(&program, &solver);
     }
 }
 

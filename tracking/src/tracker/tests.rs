@@ -1,7 +1,7 @@
 //! Shipped robots at rest, in motion and with bad measurements.
 
 use super::*;
-use nalgebra::{DVector, Rotation3};
+use nalgebra::{DVector, Isometry3, Rotation3};
 use proptest::prelude::*;
 use rollwalk_multibody::forward_dynamics;
 use rollwalk_robot::Robot;
@@ -26,6 +26,8 @@ fn standing(tree: &Tree) -> Reference {
     let feet = tree.robot().end_effectors.len();
     let part_n = tree.total_mass_kg() * GRAVITY_M_S2 / feet as f64;
     Reference {
+        time_s: 0.0,
+        world_from_ground: Isometry3::identity(),
         state: State::nominal(tree),
         acceleration: vec![0.0; tree.dofs()],
         stands: vec![true; feet],
@@ -40,7 +42,7 @@ fn accelerations(tracker: &Tracker) -> (DVector<f64>, DVector<f64>) {
     for (channel, setpoint) in tracker.channels.iter().zip(&tracker.setpoints) {
         generalised[channel.dof] = setpoint.torque_nm;
     }
-    for foot in tracker.feet.iter().filter(|foot| foot.stands) {
+    for foot in tracker.feet.iter().filter(|foot| foot.stands()) {
         generalised += foot.jacobian.tr_mul(&foot.force_n);
     }
     let bias = DVector::from_column_slice(&tracker.bias);
@@ -63,7 +65,7 @@ fn at_rest_the_ground_bears_the_weight_and_nothing_moves() {
         let mut tracker = without_drives(name);
         let reference = standing(&tracker.tree);
         let state = reference.state.clone();
-        tracker.tick(&reference, &state).unwrap();
+        tracker.tick(&reference, &state, &reference.stands).unwrap();
         let weight_n = tracker.tree.total_mass_kg() * GRAVITY_M_S2;
         let sum: Vector3<f64> = tracker.feet.iter().map(|foot| foot.force_n).sum();
         let (there, expected) = accelerations(&tracker);
@@ -79,9 +81,9 @@ fn the_drives_of_a_standing_robot_hold_it_at_the_planned_place() {
     let mut tracker = tracker("anymal_wheels");
     let reference = standing(&tracker.tree);
     let state = reference.state.clone();
-    let setpoints = tracker.tick(&reference, &state).unwrap().to_vec();
+    let setpoints = tracker.tick(&reference, &state, &reference.stands).unwrap().to_vec();
     let mut bare = without_drives("anymal_wheels");
-    let torques = bare.tick(&reference, &state).unwrap();
+    let torques = bare.tick(&reference, &state, &reference.stands).unwrap();
     for (joint, (setpoint, torque)) in setpoints.iter().zip(torques).enumerate().take(12) {
         assert_eq!(setpoint.position_rad, state.joint_rad[joint]);
         assert!(setpoint.kp_nm_rad > 0.0 && torque.kp_nm_rad == 0.0);
@@ -97,10 +99,10 @@ fn motors_that_are_too_weak_get_what_they_have() {
     let mut tracker = without_drives("anymal_wheels");
     let reference = standing(&tracker.tree);
     let state = reference.state.clone();
-    let strong = tracker.tick(&reference, &state).unwrap();
+    let strong = tracker.tick(&reference, &state, &reference.stands).unwrap();
     let most = strong.iter().map(|setpoint| setpoint.torque_nm.abs()).fold(0.0, f64::max);
     tracker.channels.iter_mut().for_each(|channel| channel.torque_max_nm = 0.6 * most);
-    let weak = tracker.tick(&reference, &state).unwrap();
+    let weak = tracker.tick(&reference, &state, &reference.stands).unwrap();
     let weak = weak.iter().map(|setpoint| setpoint.torque_nm.abs()).fold(0.0, f64::max);
     assert!((weak - 0.6 * most).abs() < 1e-6 * most, "{weak} of {most}");
 }
@@ -110,19 +112,19 @@ fn bad_measurements_are_an_error_and_leave_no_trace() {
     let mut tracker = tracker("anymal_wheels");
     let reference = standing(&tracker.tree);
     let state = reference.state.clone();
-    let before = tracker.tick(&reference, &state).unwrap().to_vec();
+    let before = tracker.tick(&reference, &state, &reference.stands).unwrap().to_vec();
     for bad in [f64::NAN, f64::INFINITY] {
         let mut broken = state.clone();
         broken.velocity[7] = bad;
-        assert!(tracker.tick(&reference, &broken).is_err());
+        assert!(tracker.tick(&reference, &broken, &reference.stands).is_err());
         let mut broken = state.clone();
         broken.world_from_body[(0, 1)] = bad;
-        assert!(tracker.tick(&reference, &broken).is_err());
+        assert!(tracker.tick(&reference, &broken, &reference.stands).is_err());
         let mut broken = state.clone();
         broken.joint_rad[3] = bad;
-        assert!(tracker.tick(&reference, &broken).is_err());
+        assert!(tracker.tick(&reference, &broken, &reference.stands).is_err());
     }
-    assert_eq!(tracker.tick(&reference, &state).unwrap(), before);
+    assert_eq!(tracker.tick(&reference, &state, &reference.stands).unwrap(), before);
 }
 
 proptest! {
@@ -147,12 +149,12 @@ proptest! {
         let (joints, velocities) = errors[6..].split_at(20);
         state.joint_rad.iter_mut().zip(joints).for_each(|(q, error)| *q += 0.1 * error);
         state.velocity.iter_mut().zip(velocities).for_each(|(v, error)| *v += 0.3 * error);
-        tracker.tick(&reference, &state).unwrap();
+        tracker.tick(&reference, &state, &reference.stands).unwrap();
         let weight_n = tracker.tree.total_mass_kg() * GRAVITY_M_S2;
         let slack_n = 1e-6 * weight_n;
         for foot in &tracker.feet {
             let force = &foot.force_n;
-            if !foot.stands {
+            if !foot.stands() {
                 prop_assert!(force.norm() < slack_n, "{force}");
                 continue;
             }

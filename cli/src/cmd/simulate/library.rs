@@ -62,6 +62,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             "--tracking is for plans: a library is played by the firmware, whose servos see their own angles only"
         ));
     }
+    if args.mass != 1.0 || args.friction.is_some() {
+        return Err(miette!(
+            help = "leave them out, or simulate a plan",
+            "--mass and --friction are for plans"
+        ));
+    }
     let packed = Packed::read(&args.what, args.robot.as_deref())?;
     let ground = args.ground.under(Support::Ground, &packed.robot)?;
     interrupt::listen();

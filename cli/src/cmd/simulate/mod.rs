@@ -6,6 +6,7 @@ mod plan;
 use crate::Exit;
 use crate::terrain::GroundArgs;
 use crate::world_log::WorldLogArgs;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 /// Play a plan or a motion library on the simulated ground.
@@ -23,6 +24,7 @@ Examples:
   rollwalk simulate walk.plan.json
   rollwalk simulate walk.plan.json --cycles 20 --no-feed-forward
   rollwalk simulate turn.plan.json --tracking
+  rollwalk simulate turn.plan.json --tracking --mass 1.1 --friction 0.5 --delay-ms 6
   rollwalk simulate walk.plan.json --terrain doorstep.toml --push 2:20,0,0:0.1
   rollwalk simulate walk.plan.json --slope 5 --json
   rollwalk simulate demo-out/agilebot.rwl --cycles 3 --world-log run.csv
@@ -43,6 +45,15 @@ pub struct Args {
     /// Let a controller of the whole body track a plan: it sees the robot at each step, and tells its motors torques.
     #[arg(long, conflicts_with = "no_feed_forward")]
     tracking: bool,
+    /// Masses of the simulated robot over those of the plan's.
+    #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = ratio)]
+    mass: f64,
+    /// Coefficient of friction of all feet, wheels and blades of the simulated robot [default: those of the plan's].
+    #[arg(long, value_name = "COEFFICIENT", value_parser = ratio)]
+    friction: Option<f64>,
+    /// Time from a measurement to the setpoints that answer it, ms, with --tracking.
+    #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "tracking", value_parser = delay_ms)]
+    delay_ms: f64,
     #[command(flatten)]
     ground: GroundArgs,
     /// Steps of the simulation of a plan per second [default: 120, with --tracking 500]; with a library they are 240.
@@ -53,6 +64,22 @@ pub struct Args {
     /// Print as JSON.
     #[arg(long)]
     json: bool,
+}
+
+fn ratio(text: &str) -> Result<f64, String> {
+    within(text, 0.01..=10.0)
+}
+
+fn delay_ms(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=100.0)
+}
+
+fn within(text: &str, range: RangeInclusive<f64>) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
+    match range.contains(&value) {
+        true => Ok(value),
+        false => Err(format!("must be from {} to {}", range.start(), range.end())),
+    }
 }
 
 /// Runs the subcommand.

@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_physics::world::Totals;
 use rollwalk_planner::plan::Plan;
-use rollwalk_simulate::{Control, Moment, Options, Outcome, log, play};
+use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, Outcome, log, play};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -33,7 +33,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let plan = inputs::plan(&args.what)?;
     let (control, rate_hz) = match (args.tracking, args.no_feed_forward) {
-        (true, _) => (Control::Tracking, TRACKING_HZ),
+        (true, _) => (Control::Tracking(Feedback::Gains), TRACKING_HZ),
         (false, true) => (Control::Servos, RATE_HZ),
         (false, false) => (Control::FeedForward, RATE_HZ),
     };
@@ -43,6 +43,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         rate_hz: args.rate.unwrap_or(rate_hz),
         ground: args.ground.ground_for(&plan.robot)?,
         shoves: args.ground.shoves(),
+        mismatch: Mismatch {
+            mass: args.mass,
+            friction: args.friction,
+            delay_s: 1e-3 * args.delay_ms,
+        },
     };
     interrupt::listen();
     let bar = ProgressBar::new(1000).with_style(

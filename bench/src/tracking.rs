@@ -1,0 +1,241 @@
+//! Plans in the world as it is and as it is not expected: servos, feed-forward, and the whole body in closed loop (docs/tracking.md).
+
+use crate::only::Only;
+use crate::split::{Rows, Split};
+use crate::{Block, Findings, Program, Table, table, unless_interrupted};
+use miette::IntoDiagnostic;
+use rollwalk_physics::ground::Plane;
+use rollwalk_physics::push::Shove;
+use rollwalk_planner::motion::Ends;
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::{Options as SolverOptions, optimise};
+use rollwalk_robot::GRAVITY_M_S2;
+use rollwalk_simulate::{Control, Feedback, Mismatch, Options, Outcome, play};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Motion files.
+pub const MOTIONS: [&str; 14] = [
+    "motions/anymal_drive.toml",
+    "motions/anymal_duck.toml",
+    "motions/anymal_turn.toml",
+    "motions/drive_1m.toml",
+    "motions/walk.toml",
+    "motions/trot.toml",
+    "motions/pace.toml",
+    "motions/walk_and_roll.toml",
+    "motions/flying_trot.toml",
+    "motions/legbot_walk.toml",
+    "motions/table_2_1/swizzlebot_forward.toml",
+    "motions/table_2_1/creature3_walk.toml",
+    "motions/table_2_1/creature3_fast_walk.toml",
+    "motions/skate.toml",
+];
+const CONTROLS: [(&str, Control); 4] = [
+    ("servos", Control::Servos),
+    ("feed-forward", Control::FeedForward),
+    ("tracking, tasks", Control::Tracking(Feedback::Tasks)),
+    ("tracking, gains", Control::Tracking(Feedback::Gains)),
+];
+/// Steps of the world and ticks of the controller per second, the same for all.
+const RATE_HZ: u32 = 500;
+/// How long a push is, s; the largest, as a part of the robot's weight; and how exactly the largest that is survived is found.
+const PUSH_S: f64 = 0.1;
+const PUSH_MOST: f64 = 1.6;
+const PUSH_STEP: f64 = 0.1;
+const DIRECTIONS: [[f64; 2]; 4] = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
+const SLOPE_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
+
+/// A world that is another than the planned one.
+struct World {
+    name: &'static str,
+    mismatch: Mismatch,
+    slope_rad: f64,
+}
+
+/// The worlds, in the order of the columns.
+fn worlds() -> [World; 8] {
+    let as_planned = Mismatch::default();
+    let world = |name, mismatch| World { name, mismatch, slope_rad: 0.0 };
+    let together = Mismatch { mass: 1.1, friction: Some(0.5), delay_s: 0.006 };
+    [
+        world("as planned", as_planned),
+        world("mass + 10 %", Mismatch { mass: 1.1, ..as_planned }),
+        world("mass − 10 %", Mismatch { mass: 0.9, ..as_planned }),
+        world("friction 0.5", Mismatch { friction: Some(0.5), ..as_planned }),
+        world("delay 6 ms", Mismatch { delay_s: 0.006, ..as_planned }),
+        world("delay 10 ms", Mismatch { delay_s: 0.01, ..as_planned }),
+        World { name: "slope 5°", mismatch: as_planned, slope_rad: SLOPE_RAD },
+        world("mass + 10 %, friction 0.5, 6 ms", together),
+    ]
+}
+
+/// What to run.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Periods of motions that repeat.
+    #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    cycles: u32,
+    /// Moments of a period at which robots are pushed, in four directions; 0 leaves pushes out.
+    #[arg(long, value_name = "COUNT", default_value_t = 8, value_parser = clap::value_parser!(u32).range(0..=100))]
+    phases: u32,
+    #[command(flatten)]
+    only: Only,
+}
+
+/// A motion under a controller.
+#[derive(Serialize, Deserialize)]
+struct Row {
+    motion: String,
+    control: String,
+    /// In every world.
+    runs: Vec<Played>,
+    /// Largest push that is survived, as a part of the weight, for every phase and direction.
+    pushes: Vec<f64>,
+}
+
+/// A run.
+#[derive(Serialize, Deserialize)]
+struct Played {
+    /// Achieved by planned, of the first goal.
+    ratio: Option<f64>,
+    fell_at_s: Option<f64>,
+    /// A step of the world had no solution.
+    ended: bool,
+    untracked: u32,
+}
+
+/// The benchmark, a unit for each motion.
+///
+/// # Errors
+/// A row that does not exist.
+pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
+    let mut words = ["tracking", "--cycles"].map(str::to_owned).to_vec();
+    words.extend([args.cycles.to_string(), "--phases".into(), args.phases.to_string()]);
+    words.extend(args.only.words());
+    Ok(Box::new(Rows {
+        words,
+        is_timed: false,
+        rows: args.only.choose(&MOTIONS, |row| row)?,
+        row: Box::new(|file| rows(file, args, program)),
+        findings: Box::new(|rows: &[Vec<Row>]| findings(rows.iter().flatten())),
+    }))
+}
+
+fn rows(file: &str, args: &Args, program: &dyn Program) -> miette::Result<Option<Vec<Row>>> {
+    let (robot, motion) = program.motion(file)?;
+    let mut watch = |_: &_| unless_interrupted(program);
+    let plan = optimise(&robot, &motion, &SolverOptions::default(), &mut watch);
+    let mut rows = Vec::new();
+    for (name, control) in CONTROLS {
+        program.say(&format!("{}, {name}", motion.name));
+        let bench = Bench { plan: &plan, control, cycles: args.cycles as usize, program };
+        let runs = worlds().iter().map(|world| bench.played(world)).collect();
+        let pushes = bench.pushes(args.phases);
+        if program.interrupted() {
+            return Ok(None);
+        }
+        rows.push(Row { motion: motion.name.clone(), control: name.into(), runs, pushes });
+    }
+    Ok(Some(rows))
+}
+
+/// Runs of a plan under a controller.
+struct Bench<'a> {
+    plan: &'a Plan,
+    control: Control,
+    cycles: usize,
+    program: &'a dyn Program,
+}
+
+impl Bench<'_> {
+    fn play(&self, world: &World, shoves: Vec<Shove>) -> miette::Result<Outcome> {
+        let options = Options {
+            cycles: self.cycles,
+            ground: Arc::new(Plane::rising(world.slope_rad)),
+            shoves,
+            mismatch: world.mismatch,
+            ..Options::new(self.control, RATE_HZ)
+        };
+        play(self.plan, &options, |_| !self.program.interrupted()).into_diagnostic()
+    }
+
+    fn played(&self, world: &World) -> Played {
+        match self.play(world, Vec::new()) {
+            Ok(outcome) => Played {
+                ratio: (0..3).find_map(|of| outcome.ratio(of)),
+                fell_at_s: outcome.fell_at_s,
+                ended: false,
+                untracked: outcome.untracked,
+            },
+            Err(_) => Played { ratio: None, fell_at_s: None, ended: true, untracked: 0 },
+        }
+    }
+
+    /// Largest pushes that are survived, found by halving: a push is one that the robot survives if it stands all the way.
+    fn pushes(&self, phases: u32) -> Vec<f64> {
+        let [as_planned, ..] = worlds();
+        let mass_kg: f64 = self.plan.robot.links.iter().map(|link| link.mass_kg).sum();
+        let weight_n = mass_kg * GRAVITY_M_S2;
+        let period_s = self.plan.motion.duration_s;
+        // In the second period, or while a motion that ends moves.
+        let begin_s = match self.plan.motion.ends {
+            Ends::Periodic => period_s,
+            _ => 1.0,
+        };
+        let mut largest = Vec::new();
+        for phase in 0..phases {
+            let from_s = begin_s + period_s * f64::from(phase) / f64::from(phases);
+            for [ahead, left] in DIRECTIONS {
+                let survives = |part: f64| {
+                    let force_n = [part * weight_n * ahead, part * weight_n * left, 0.0];
+                    let shoves = vec![Shove::new(from_s, PUSH_S, force_n)];
+                    self.play(&as_planned, shoves).is_ok_and(|of| of.fell_at_s.is_none())
+                };
+                let (mut low, mut high) = (0.0, PUSH_MOST);
+                while high - low > 1.01 * PUSH_STEP && !self.program.interrupted() {
+                    let middle = 0.5 * (low + high);
+                    if survives(middle) { low = middle } else { high = middle }
+                }
+                largest.push(low);
+            }
+        }
+        largest
+    }
+}
+
+fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
+    let rows: Vec<&Row> = rows.collect();
+    let mut runs: Table = vec![["motion", "control"].map(str::to_owned).to_vec()];
+    runs[0].extend(worlds().iter().map(|world| world.name.to_owned()));
+    let mut pushes = table(["motion", "control", "mean", "least"]);
+    for row in &rows {
+        let names = [row.motion.clone(), row.control.clone()];
+        let mut cells = names.to_vec();
+        cells.extend(row.runs.iter().map(said));
+        runs.push(cells);
+        if !row.pushes.is_empty() {
+            let mean = row.pushes.iter().sum::<f64>() / row.pushes.len() as f64;
+            let least = row.pushes.iter().copied().fold(f64::INFINITY, f64::min);
+            let numbers = [mean, least].map(|part| format!("{part:.2}"));
+            pushes.push(names.into_iter().chain(numbers).collect());
+        }
+    }
+    let text = format!(
+        "Way or turn over plan, the mean of the periods. {RATE_HZ} ticks a second, exact state, touches by the force of the ground.\n\
+         Pushes: for {PUSH_S} s at every phase of the second period, to the front, back, left and right; the largest after which the robot \
+         stands to the end, in weights, up to {:.1}.",
+        PUSH_MOST - PUSH_STEP
+    );
+    let blocks = vec![Block::Table(runs), Block::Table(pushes), Block::Text(text)];
+    Findings::new("tracking", blocks, &rows)
+}
+
+fn said(played: &Played) -> String {
+    match (played.fell_at_s, played.ratio) {
+        _ if played.ended => "no step".into(),
+        (Some(fell_at_s), _) => format!("falls {fell_at_s:.1} s"),
+        (None, Some(ratio)) => format!("{ratio:.3}"),
+        (None, None) => "stands".into(),
+    }
+}

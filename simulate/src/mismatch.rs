@@ -1,0 +1,37 @@
+//! How the robot in the world differs from the one that was planned for.
+
+use rollwalk_robot::Robot;
+
+/// Differences between the plan's robot and the simulated one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mismatch {
+    /// Masses and inertias of all links over the planned ones.
+    pub mass: f64,
+    /// Coefficient of friction of all feet, wheels and blades; `None` for the planned ones.
+    pub friction: Option<f64>,
+    /// Time from a measurement to the setpoints that answer it, s, in closed loop.
+    pub delay_s: f64,
+}
+
+impl Default for Mismatch {
+    /// No difference.
+    fn default() -> Self {
+        Self { mass: 1.0, friction: None, delay_s: 0.0 }
+    }
+}
+
+impl Mismatch {
+    /// The robot in the world.
+    pub fn of(&self, planned: &Robot) -> Robot {
+        let mut robot = planned.clone();
+        for link in &mut robot.links {
+            link.mass_kg *= self.mass;
+            link.inertia_in_link_kg_m2 *= self.mass;
+        }
+        for end_effector in &mut robot.end_effectors {
+            end_effector.friction_coefficient =
+                self.friction.unwrap_or(end_effector.friction_coefficient);
+        }
+        robot
+    }
+}

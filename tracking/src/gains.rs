@@ -1,0 +1,125 @@
+//! Gains of a plan: the feedback that is best for its linear model ([`model`](crate::model)), from a Riccati recursion backwards over the
+//! plan, computed once before it is played.
+
+use crate::model::{self, Costs, FEET, Model, Moment};
+use crate::reference::Reference;
+use nalgebra::{DMatrix, DMatrixViewMut, Rotation2, Rotation3, Vector3};
+use rollwalk_multibody::Tree;
+
+/// Interval of gains, s, about.
+const INTERVAL_S: f64 = 0.02;
+/// Rounds in which gains of a motion that repeats have to settle, and the relative change that counts as none.
+const ROUNDS: usize = 60;
+const SETTLED: f64 = 1e-6;
+/// How long a motion that ends is held, for its last gains, s.
+const HELD_S: f64 = 5.0;
+
+/// Gains K of a plan, u = −K x in axes of the planned heading.
+#[derive(Clone, Debug)]
+pub struct Gains {
+    interval_s: f64,
+    repeats: bool,
+    gains: Vec<DMatrix<f64>>,
+}
+
+impl Gains {
+    /// Gains of a plan of this duration, whose `reference` at any time goes on in later periods if it repeats.
+    pub fn new(
+        tree: &Tree,
+        costs: &Costs,
+        duration_s: f64,
+        repeats: bool,
+        mut reference: impl FnMut(f64) -> Reference,
+    ) -> Self {
+        let count = (duration_s / INTERVAL_S).round().max(1.0) as usize;
+        let interval_s = duration_s / count as f64;
+        let mut model = Model::new(tree);
+        let mut about =
+            |k: usize| model.about(tree, costs, &reference((k as f64 + 0.5) * interval_s));
+        let moments: Vec<Moment> = (0..=count).map(&mut about).collect();
+        let stages: Vec<Stage> =
+            moments.windows(2).map(|pair| Stage::new(&pair[0], &pair[1], interval_s)).collect();
+        let size = model::states(tree.robot().end_effectors.len());
+        let mut value = DMatrix::zeros(size, size);
+        if !repeats {
+            let last = Stage::new(&moments[count], &moments[count], interval_s);
+            for _ in 0..(HELD_S / interval_s) as usize {
+                last.step_back(&mut value);
+            }
+        }
+        let mut gains: Vec<DMatrix<f64>> = Vec::new();
+        for _ in 0..ROUNDS {
+            let mut round: Vec<DMatrix<f64>> =
+                stages.iter().rev().map(|stage| stage.step_back(&mut value)).collect();
+            round.reverse();
+            let settled = gains.len() == round.len()
+                && gains.iter().zip(&round).all(|(a, b)| (a - b).norm() <= SETTLED * b.norm());
+            gains = round;
+            if settled || !repeats {
+                break;
+            }
+        }
+        Self { interval_s, repeats, gains }
+    }
+
+    /// K at a time of the plan.
+    pub(crate) fn at(&self, time_s: f64) -> &DMatrix<f64> {
+        let count = self.gains.len();
+        let at = (time_s / self.interval_s).floor();
+        let at = if self.repeats { at.rem_euclid(count as f64) } else { at };
+        &self.gains[(at.max(0.0) as usize).min(count - 1)]
+    }
+}
+
+/// An interval in discrete time: x' = A x + B u, costs xᵀ Q x + uᵀ R u.
+struct Stage {
+    a: DMatrix<f64>,
+    b: DMatrix<f64>,
+    q: DMatrix<f64>,
+    r: DMatrix<f64>,
+}
+
+impl Stage {
+    /// From one moment to the next, with the axes of each.
+    fn new(from: &Moment, to: &Moment, interval_s: f64) -> Self {
+        let size = from.a.nrows();
+        let h = interval_s;
+        // exp(h A): A is nilpotent but for the way in which it falls, whose rate is far below 1 / h.
+        let square = &from.a * &from.a;
+        let identity = DMatrix::identity(size, size);
+        let moves = &identity * h + &from.a * (h * h / 2.0) + &square * (h.powi(3) / 6.0);
+        let mut a = &identity + &moves * &from.a;
+        let mut b = moves * &from.b;
+        let turn_rad = from.heading_rad - to.heading_rad;
+        turn(a.as_view_mut(), turn_rad);
+        turn(b.as_view_mut(), turn_rad);
+        Self { a, b, q: &from.q * h, r: &from.r * h }
+    }
+
+    /// Gains of the interval, and the value at its beginning from that at its end.
+    fn step_back(&self, value: &mut DMatrix<f64>) -> DMatrix<f64> {
+        let Self { a, b, q, r } = self;
+        let pb = &*value * b;
+        let curvature = r + b.tr_mul(&pb);
+        let factor = curvature.cholesky().expect("costs of inputs are positive");
+        let gain = factor.solve(&pb.tr_mul(a));
+        let closed = a - b * &gain;
+        let next = q + gain.tr_mul(&(r * &gain)) + closed.tr_mul(&(&*value * &closed));
+        *value = (&next + next.transpose()) * 0.5;
+        gain
+    }
+}
+
+/// Turns the rows of a state about the vertical.
+fn turn(mut rows: DMatrixViewMut<'_, f64>, angle_rad: f64) {
+    let (three, two) =
+        (Rotation3::from_axis_angle(&Vector3::z_axis(), angle_rad), Rotation2::new(angle_rad));
+    for at in (0..FEET).step_by(3) {
+        let turned = three.matrix() * rows.fixed_rows::<3>(at);
+        rows.fixed_rows_mut::<3>(at).copy_from(&turned);
+    }
+    for at in (FEET..rows.nrows()).step_by(2) {
+        let turned = two.matrix() * rows.fixed_rows::<2>(at);
+        rows.fixed_rows_mut::<2>(at).copy_from(&turned);
+    }
+}
