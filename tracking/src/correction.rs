@@ -6,8 +6,9 @@ use crate::model::{self, COM, FEET, SPIN, TURN, VELOCITY, heading_rad};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6xX, Rotation3, Vector2, Vector3};
 use rollwalk_multibody::{ANGULAR, Kinematics, Tree, centroidal_momentum_matrix, rotation};
 
-/// Error of place from which on the plan moves along with the robot, m: a push is not paid back by a sprint.
-const ANCHOR_M: f64 = 0.1;
+/// Error of place from which on the plan moves along with the robot, as a part of the height of its centre of mass: a push is not paid
+/// back by a sprint.
+const ANCHOR: f64 = 0.2;
 /// Farthest that a foothold moves away from the planned one, m.
 const STEP_M: f64 = 0.25;
 
@@ -114,13 +115,14 @@ impl Correction {
         centroidal_momentum_matrix(mass, &(com - here.link_origins[0]), &mut self.momentum);
         let inertia: Matrix3<f64> = self.momentum.fixed_view::<3, 3>(ANGULAR, ANGULAR).into();
         self.body_rad_s2 = inertia.try_inverse().map_or(Vector3::zeros(), |per| per * moment);
-        self.slide(shift.xy());
+        self.slide(shift.xy(), there.com(tree).z);
     }
 
-    fn slide(&mut self, error: Vector2<f64>) {
+    fn slide(&mut self, error: Vector2<f64>, height_m: f64) {
         let length = error.norm();
-        if length > ANCHOR_M {
-            self.anchor_m += error * (1.0 - ANCHOR_M / length);
+        let most_m = ANCHOR * height_m;
+        if length > most_m {
+            self.anchor_m += error * (1.0 - most_m / length);
         }
     }
 }

@@ -123,3 +123,74 @@ fn turn(mut rows: DMatrixViewMut<'_, f64>, angle_rad: f64) {
         rows.fixed_rows_mut::<2>(at).copy_from(&turned);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DVector;
+
+    fn numbers(rows: usize, columns: usize, random: &mut fastrand::Rng) -> DMatrix<f64> {
+        DMatrix::from_fn(rows, columns, |_, _| random.f64() - 0.5)
+    }
+
+    /// Of all inputs the gain's costs least from here to the end, and the value is that cost.
+    #[test]
+    fn a_gain_is_the_cheapest_input() {
+        let mut random = fastrand::Rng::with_seed(1);
+        let (a, b) = (numbers(6, 6, &mut random), numbers(6, 3, &mut random));
+        let (q, r) = (DMatrix::identity(6, 6), DMatrix::identity(3, 3) * 0.3);
+        let stage = Stage { a, b, q, r };
+        let later = numbers(6, 6, &mut random);
+        let later = later.tr_mul(&later);
+        let mut value = later.clone();
+        let gain = stage.step_back(&mut value);
+        let x = DVector::from_fn(6, |_, _| random.f64() - 0.5);
+        let cost = |u: &DVector<f64>| {
+            let next = &stage.a * &x + &stage.b * u;
+            x.dot(&(&stage.q * &x)) + u.dot(&(&stage.r * u)) + next.dot(&(&later * &next))
+        };
+        let best = -&gain * &x;
+        let least = cost(&best);
+        assert!((least - x.dot(&(&value * &x))).abs() < 1e-12 * least);
+        for _ in 0..100 {
+            let other = DVector::from_fn(3, |_, _| 0.1 * (random.f64() - 0.5));
+            assert!(cost(&(&best + &other)) > least);
+        }
+    }
+
+    /// ẍ = u with costs of x² and u²: the gains that are known in closed form, 1 and √2, for short intervals.
+    #[test]
+    fn gains_of_a_mass_are_those_of_the_closed_form() {
+        let h = 1e-3;
+        let stage = Stage {
+            a: DMatrix::from_row_slice(2, 2, &[1.0, h, 0.0, 1.0]),
+            b: DMatrix::from_row_slice(2, 1, &[h * h / 2.0, h]),
+            q: DMatrix::from_diagonal(&DVector::from_row_slice(&[h, 0.0])),
+            r: DMatrix::identity(1, 1) * h,
+        };
+        let mut value = DMatrix::zeros(2, 2);
+        let gain = (0..30_000).map(|_| stage.step_back(&mut value)).last().unwrap();
+        assert!((gain[0] - 1.0).abs() < 2e-3 && (gain[1] - 2f64.sqrt()).abs() < 2e-3, "{gain}");
+    }
+
+    #[test]
+    fn a_motion_that_repeats_wraps_and_one_that_ends_stays() {
+        let gains = |repeats: bool| Gains {
+            interval_s: 0.02,
+            repeats,
+            gains: (0..3).map(|k| DMatrix::from_element(1, 1, f64::from(k))).collect(),
+        };
+        let at = |repeats: bool, time_s: f64| gains(repeats).at(time_s)[0];
+        assert_eq!([-0.01, 0.01, 0.03, 0.05, 0.07].map(|t| at(true, t)), [2.0, 0.0, 1.0, 2.0, 0.0]);
+        assert_eq!([-0.01, 0.01, 0.05, 9.0].map(|t| at(false, t)), [0.0, 0.0, 2.0, 2.0]);
+    }
+
+    #[test]
+    fn turned_by_a_heading_all_parts_of_a_state_turn() {
+        let mut rows = DMatrix::from_fn(FEET + 4, 1, |k, _| k as f64);
+        turn(rows.as_view_mut(), std::f64::consts::FRAC_PI_2);
+        let turned: Vec<f64> = rows.iter().map(|value| value.round()).collect();
+        assert_eq!(turned[..6], [-1.0, 0.0, 2.0, -4.0, 3.0, 5.0]);
+        assert_eq!(turned[FEET..], [-13.0, 12.0, -15.0, 14.0]);
+    }
+}

@@ -206,3 +206,92 @@ impl Model {
 pub(crate) fn heading_rad(world_from_body: &Matrix3<f64>) -> f64 {
     world_from_body[(1, 0)].atan2(world_from_body[(0, 0)])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DVector, Isometry3, UnitQuaternion};
+    use rollwalk_multibody::State;
+    use rollwalk_robot::Robot;
+
+    /// A rigid body that is pushed at its end effectors: δv̇, δω̇ of errors of state and input, in axes of the heading.
+    fn accelerations(
+        levers: &[Vector3<f64>],
+        forces: &[Vector3<f64>],
+        [mass_kg, feet]: [f64; 2],
+        inertia: &Matrix3<f64>,
+        [x, u]: [&DVector<f64>; 2],
+    ) -> DVector<f64> {
+        let feet = feet as usize;
+        let shift = x.fixed_rows::<3>(COM).into_owned();
+        let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
+        for j in 0..feet {
+            let off = Vector3::new(x[FEET + 2 * j], x[FEET + 2 * j + 1], 0.0) - shift;
+            let here = forces[j] + u.fixed_rows::<3>(3 * j);
+            force += here;
+            moment += (levers[j] + off).cross(&here);
+        }
+        let angular = inertia.try_inverse().unwrap() * moment;
+        DVector::from_iterator(6, (force / mass_kg).iter().chain(angular.iter()).copied())
+    }
+
+    #[test]
+    fn the_system_is_the_derivative_of_a_rigid_body_that_turns_with_its_heading() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/anymal_wheels.toml");
+        let text = std::fs::read_to_string(path).unwrap();
+        let robot = Robot::from_toml("anymal_wheels", &text).unwrap();
+        let tree = Tree::new(&robot).with_spinning_wheels(|_| 1e-3).with_armature();
+        let mut state = State::nominal(&tree);
+        state.world_from_body =
+            UnitQuaternion::from_euler_angles(0.1, -0.05, 0.8).to_rotation_matrix().into_inner();
+        let forces: Vec<_> =
+            (0..4).map(|j| Vector3::new(3.0 * j as f64, -10.0, 60.0 + 20.0 * j as f64)).collect();
+        let reference = Reference {
+            time_s: 0.0,
+            world_from_ground: Isometry3::identity(),
+            acceleration: vec![0.0; tree.dofs()],
+            stands: vec![true; 4],
+            force_n: forces.clone(),
+            state,
+        };
+        let mut model = Model::new(&tree);
+        let moment = model.about(&tree, &Costs::default(), &reference);
+        let kinematics = &model.kinematics;
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), -moment.heading_rad);
+        let com = kinematics.frames.com(&tree);
+        let levers: Vec<_> = (0..4)
+            .map(|j| {
+                let contact = RimContact::new(&tree, &kinematics.frames, j, &Vector3::z()).unwrap();
+                turn * (contact.position() - com)
+            })
+            .collect();
+        let forces: Vec<_> = forces.iter().map(|force| turn * force).collect();
+        let inertia: Matrix3<f64> = model.momentum.fixed_view::<3, 3>(ANGULAR, ANGULAR).into();
+        let inertia = turn * inertia * turn.transpose();
+        let at = |x: &DVector<f64>, u: &DVector<f64>| {
+            let size = [tree.total_mass_kg(), 4.0];
+            accelerations(&levers, &forces, size, &inertia, [x, u])
+        };
+        let (x, u) = (DVector::zeros(states(4)), DVector::zeros(inputs(4)));
+        let step = 1e-6;
+        for k in 0..x.len() + u.len() {
+            let shifted = |by: f64| {
+                let (mut x, mut u) = (x.clone(), u.clone());
+                if k < x.len() {
+                    x[k] += by
+                } else {
+                    u[k - x.len()] += by
+                }
+                at(&x, &u)
+            };
+            let slope = (shifted(step) - shifted(-step)) / (2.0 * step);
+            let column =
+                if k < x.len() { moment.a.column(k) } else { moment.b.column(k - x.len()) };
+            let error = (column.rows(VELOCITY, 6) - &slope).amax();
+            assert!(error < 1e-7 * (1.0 + slope.amax()), "{k}: {error} {slope}");
+        }
+        // Wheels go along their way, 0.8 rad from x in the world and so along x here, but for the tilt of the body.
+        let speed = moment.b.view((FEET, speed_of(0, 4)), (2, 2)).into_owned();
+        assert!((speed[(0, 0)] - 1.0).abs() < 0.02 && speed[(1, 1)].abs() < 0.02, "{speed}");
+    }
+}

@@ -298,27 +298,29 @@ impl Tracker {
         self.program.hessian.fill(0.0);
         self.program.gradient.fill(0.0);
         self.program.normals.fill(0.0);
-        let (there, here) = (planned.frames.com(tree), measured.frames.com(tree));
-        let velocity = measured.com_velocity(tree) - planned.com_velocity(tree);
-        self.recovery.update((here - there).xy(), velocity.xy(), there.z);
         let ground_from_world = reference.world_from_ground.inverse();
         self.normal = reference.world_from_ground.rotation * Vector3::z();
         let normal = self.normal;
         for (j, foot) in self.feet.iter_mut().enumerate() {
             let of = &tree.robot().end_effectors[j];
-            let contact_of = |at: &Kinematics| RimContact::new(tree, &at.frames, j, &normal);
-            let center = |at: &Kinematics| at.frames.point(of.link, &of.center_in_link_m);
-            let lowest = |at: &Kinematics, contact: &Option<RimContact>| {
-                contact.as_ref().map_or(center(at), RimContact::position)
+            let lowest = |at: &Kinematics| {
+                let contact = RimContact::new(tree, &at.frames, j, &normal);
+                contact.map_or(at.frames.point(of.link, &of.center_in_link_m), |of| of.position())
             };
-            let contact = contact_of(measured);
-            foot.measured = lowest(measured, &contact);
-            foot.planned = lowest(planned, &contact_of(planned));
+            (foot.planned, foot.measured) = (lowest(planned), lowest(measured));
             foot.height_m = (ground_from_world * Point3::from(foot.planned)).z;
+        }
+        let (there, here) = (planned.frames.com(tree), measured.frames.com(tree));
+        let velocity = measured.com_velocity(tree) - planned.com_velocity(tree);
+        self.recovery.update((here - there).xy(), velocity.xy(), there.z);
+        for (j, foot) in self.feet.iter_mut().enumerate() {
+            let of = &tree.robot().end_effectors[j];
+            let contact = RimContact::new(tree, &measured.frames, j, &normal);
+            let center = planned.frames.point(of.link, &of.center_in_link_m);
             let as_planned = Planned {
                 stands: reference.stands[j],
                 height_m: foot.height_m,
-                rises_m_s: planned.point_velocity(of.link, &center(planned)).dot(&normal),
+                rises_m_s: planned.point_velocity(of.link, &center).dot(&normal),
             };
             // A wheel that lies flat has no contact to stand on.
             let touches = touches[j] && contact.is_some();
@@ -365,11 +367,15 @@ impl Tracker {
 
     /// Centre of mass and body follow the plan.
     fn want_body(&mut self, reference: &Reference) {
-        let Self { weights, tree, planned, measured, program, jacobian, correction, .. } = self;
+        let Self {
+            weights, tree, planned, measured, program, jacobian, correction, recovery, ..
+        } = self;
         let mut squares = Squares { program };
         let (there, here) = (&planned.frames, &measured.frames);
         let place = there.com(tree) - here.com(tree);
         let speed = planned.com_velocity(tree) - measured.com_velocity(tree);
+        // Far from the plan its linear model says little: there each task finds its way by itself, which survives larger pushes.
+        let correction = correction.as_ref().filter(|_| !recovery.is_active);
         let feedback = match correction {
             Some(correction) => limited(correction.com_m_s2, weights.com_most_m_s2),
             None => weights.com_feedback.limited(&place, &speed, weights.com_most_m_s2),
