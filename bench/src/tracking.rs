@@ -10,6 +10,7 @@ use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::{Options as SolverOptions, optimise};
 use rollwalk_robot::GRAVITY_M_S2;
+use rollwalk_simulate::sensors::Noise;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Options, Outcome, play};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -54,10 +55,11 @@ struct World {
 }
 
 /// The worlds, in the order of the columns.
-fn worlds() -> [World; 8] {
+fn worlds() -> [World; 9] {
     let as_planned = Mismatch::default();
     let world = |name, mismatch| World { name, mismatch, slope_rad: 0.0 };
-    let together = Mismatch { mass: 1.1, friction: Some(0.5), delay_s: 0.006 };
+    let together =
+        Mismatch { mass: 1.1, friction: Some(0.5), delay_s: 0.006, noise: Some(Noise::USUAL) };
     [
         world("as planned", as_planned),
         world("mass + 10 %", Mismatch { mass: 1.1, ..as_planned }),
@@ -65,8 +67,9 @@ fn worlds() -> [World; 8] {
         world("friction 0.5", Mismatch { friction: Some(0.5), ..as_planned }),
         world("delay 6 ms", Mismatch { delay_s: 0.006, ..as_planned }),
         world("delay 10 ms", Mismatch { delay_s: 0.01, ..as_planned }),
+        world("noise, estimated state", Mismatch { noise: Some(Noise::USUAL), ..as_planned }),
         World { name: "slope 5°", mismatch: as_planned, slope_rad: SLOPE_RAD },
-        world("mass + 10 %, friction 0.5, 6 ms", together),
+        world("+ 10 %, 0.5, 6 ms, noise", together),
     ]
 }
 
@@ -222,7 +225,7 @@ fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
         }
     }
     let text = format!(
-        "Way or turn over plan, the mean of the periods. {RATE_HZ} ticks a second, exact state, touches by the force of the ground.\n\
+        "Way or turn over plan, the mean of the periods. {RATE_HZ} ticks a second; exact state but where there is noise; contacts by the force of the ground.\n\
          Pushes: for {PUSH_S} s at every phase of the second period, to the front, back, left and right; the largest after which the robot \
          stands to the end, in weights, up to {:.1}.",
         PUSH_MOST - PUSH_STEP

@@ -1,14 +1,17 @@
 //! What turns a plan into what motors do: its setpoints to the servos, or a controller that sees the robot.
 
+use crate::run::Options;
 use crate::script::{Script, servo};
+use crate::sensors::{Noise, SimulatedSensors, touches};
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion};
+use rollwalk_multibody::Tree;
 use rollwalk_physics::World;
 use rollwalk_physics::motor::Law;
 use rollwalk_planner::whole_body::{Instant, WholeBody};
-use rollwalk_robot::{GRAVITY_M_S2, Robot};
+use rollwalk_robot::Robot;
 use rollwalk_tracking::model::Costs;
 use rollwalk_tracking::tasks::Weights;
-use rollwalk_tracking::{Gains, Reference, Tracker};
+use rollwalk_tracking::{Estimator, Gains, Reference, Setpoint, Tracker};
 use std::collections::VecDeque;
 
 /// How a plan is played.
@@ -18,7 +21,7 @@ pub enum Control {
     Servos,
     /// With the planned torques on top.
     FeedForward,
-    /// A controller of the whole body sees the state of the robot at each step ([`rollwalk_tracking`]); it knows the state exactly.
+    /// A controller of the whole body sees the state of the robot at each step ([`rollwalk_tracking`]).
     Tracking(Feedback),
 }
 
@@ -30,9 +33,6 @@ pub enum Feedback {
     /// Gains of the plan's linear model, for all of them together.
     Gains,
 }
-
-/// Part of the robot's weight on an end effector from which on it touches the ground.
-const TOUCHES: f64 = 0.005;
 
 /// What the motors do, step by step.
 pub(crate) struct Controller<'s, 'p> {
@@ -50,8 +50,16 @@ pub(crate) struct Controller<'s, 'p> {
 struct Tracking {
     body: WholeBody,
     tracker: Tracker,
-    weight_n: f64,
     world_from_plan: Isometry3<f64>,
+    estimation: Option<Estimation>,
+    touches: Vec<bool>,
+    step_s: f64,
+}
+
+/// The state as a robot knows it.
+struct Estimation {
+    sensors: SimulatedSensors,
+    estimator: Estimator,
 }
 
 impl<'s, 'p> Controller<'s, 'p> {
@@ -59,13 +67,13 @@ impl<'s, 'p> Controller<'s, 'p> {
     /// setpoints act after a delay, s.
     pub fn new(
         script: &'s Script<'p>,
-        control: Control,
+        options: &Options,
         world: &World,
         world_from_plan: &Rotation3<f64>,
-        [step_s, delay_s]: [f64; 2],
+        step_s: f64,
     ) -> Self {
         let robot: &Robot = script.robot();
-        let feedback = match control {
+        let feedback = match options.control {
             Control::Tracking(feedback) => Some(feedback),
             Control::Servos | Control::FeedForward => None,
         };
@@ -76,9 +84,12 @@ impl<'s, 'p> Controller<'s, 'p> {
             let turned = Isometry3::from_parts(Translation3::identity(), turn);
             let start = body.at(0.0, &turned).state.base_position_m;
             let shift = Translation3::from(world.base().0 - start);
-            let weight_n = body.tree().total_mass_kg() * GRAVITY_M_S2;
             let world_from_plan = Isometry3::from_parts(shift, turn);
-            let mut tracking = Tracking { body, tracker, weight_n, world_from_plan };
+            let noise = options.mismatch.noise;
+            let estimation = noise.map(|noise| Estimation::new(body.tree(), noise, world));
+            let touches = vec![false; robot.end_effectors.len()];
+            let mut tracking =
+                Tracking { body, tracker, world_from_plan, estimation, touches, step_s };
             if feedback == Feedback::Gains {
                 let tree = tracking.body.tree().clone();
                 let gains = Gains::new(
@@ -95,7 +106,7 @@ impl<'s, 'p> Controller<'s, 'p> {
         Self {
             script,
             on_their_way: VecDeque::new(),
-            delay: (delay_s / step_s).round() as usize,
+            delay: (options.mismatch.delay_s / step_s).round() as usize,
             servos: robot.channels().map(|channel| servo(&channel)).collect(),
             tracking,
             untracked: 0,
@@ -106,12 +117,8 @@ impl<'s, 'p> Controller<'s, 'p> {
     pub fn laws(&mut self, [from_s, to_s]: [f64; 2], world: &World) -> Vec<Law> {
         // The law at the end of the step is the one that acts in it.
         let Some(tracking) = &mut self.tracking else { return self.script.laws(to_s) };
-        let reference = tracking.reference(from_s);
-        let state = world.state(tracking.tracker.tree());
-        let touches: Vec<bool> =
-            world.touches().map(|touch| touch.normal_n > TOUCHES * tracking.weight_n).collect();
-        let laws = match tracking.tracker.tick(&reference, &state, &touches) {
-            Ok(setpoints) => self
+        let laws = match tracking.tick(from_s, world) {
+            Some(setpoints) => self
                 .servos
                 .iter()
                 .zip(setpoints)
@@ -124,7 +131,7 @@ impl<'s, 'p> Controller<'s, 'p> {
                     ..*servo
                 })
                 .collect(),
-            Err(_) => {
+            None => {
                 self.untracked += 1;
                 self.script.laws(to_s)
             }
@@ -138,10 +145,42 @@ impl<'s, 'p> Controller<'s, 'p> {
 }
 
 impl Tracking {
+    /// Setpoints at a time of the motion; `None` if there are none, or the state is not known well enough.
+    fn tick(&mut self, time_s: f64, world: &World) -> Option<&[Setpoint]> {
+        let reference = self.reference(time_s);
+        let exact;
+        let state = match &mut self.estimation {
+            None => {
+                exact = world.state(self.tracker.tree());
+                self.touches.clear();
+                self.touches.extend(touches(world, self.tracker.tree()));
+                &exact
+            }
+            Some(Estimation { sensors, estimator }) => {
+                let sensed = sensors.sample(world, self.step_s);
+                self.touches.copy_from_slice(sensed.touches);
+                estimator.tick(&sensed, self.step_s).ok()?
+            }
+        };
+        self.tracker.tick(&reference, state, &self.touches).ok()
+    }
+
     fn reference(&mut self, time_s: f64) -> Reference {
         let Instant { state, acceleration, stands, force_n } =
             self.body.at(time_s, &self.world_from_plan);
         let world_from_ground = self.world_from_plan;
         Reference { time_s, world_from_ground, state, acceleration, stands, force_n }
+    }
+}
+
+/// Seed of the noise.
+const SEED: u64 = 1;
+
+impl Estimation {
+    /// The robot knows where it begins.
+    fn new(tree: &Tree, noise: Noise, world: &World) -> Self {
+        let mut estimator = Estimator::new(tree.clone());
+        estimator.align(&world.state(tree)).expect("the state of a world is finite");
+        Self { sensors: SimulatedSensors::new(tree.clone(), noise, SEED), estimator }
     }
 }

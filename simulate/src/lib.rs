@@ -6,6 +6,7 @@
 //! | [`script`] | a plan as the state in which it begins and the control law of each motor at any time |
 //! | [`control`] | setpoints of the plan for the servos, open loop, or a controller that sees the robot |
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
+//! | [`sensors`] | what an IMU, encoders and contact switches of a simulated robot measure, with noise |
 //! | [`outcome`] | ways, turns, falls, slip and forces |
 //! | [`log`] | a run as a table, a line for each step |
 //! | [`identify`] | numbers of a robot, such as friction and gains, from a recorded run
@@ -23,6 +24,7 @@ pub mod outcome;
 pub mod retarget;
 pub mod run;
 pub mod script;
+pub mod sensors;
 
 pub use control::{Control, Feedback};
 pub use judgement::PlannedWay;
@@ -30,3 +32,4 @@ pub use mismatch::Mismatch;
 pub use outcome::Outcome;
 pub use run::{Moment, Options, play};
 pub use script::Script;
+pub use sensors::{Noise, SimulatedSensors};

@@ -1,5 +1,6 @@
 //! How the robot in the world differs from the one that was planned for.
 
+use crate::sensors::Noise;
 use rollwalk_robot::Robot;
 
 /// Differences between the plan's robot and the simulated one.
@@ -11,12 +12,14 @@ pub struct Mismatch {
     pub friction: Option<f64>,
     /// Time from a measurement to the setpoints that answer it, s, in closed loop.
     pub delay_s: f64,
+    /// Noise of the sensors from which a controller in closed loop estimates the state; `None` if it knows the state.
+    pub noise: Option<Noise>,
 }
 
 impl Default for Mismatch {
     /// No difference.
     fn default() -> Self {
-        Self { mass: 1.0, friction: None, delay_s: 0.0 }
+        Self { mass: 1.0, friction: None, delay_s: 0.0, noise: None }
     }
 }
 

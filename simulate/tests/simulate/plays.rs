@@ -124,7 +124,7 @@ fn a_tracked_robot_keeps_its_feet_when_the_world_is_another() {
     let plan = plan("anymal_wheels", "anymal_turn");
     let played = |mismatch: Mismatch, push_n: f64| {
         let shoves = vec![Shove::new(1.2, 0.1, [0.0, push_n, 0.0])];
-        play(&plan, &Options { cycles: 2, shoves, mismatch, ..Options::new(control, 500) }, |_| {
+        play(&plan, &Options { cycles: 2, shoves, mismatch, ..Options::new(TRACKING, 500) }, |_| {
             true
         })
         .unwrap()

@@ -49,7 +49,6 @@ fn check(program: &Program, solver: &Solver) {
 
 /// The least objective, if the other solver finds it: some of these programs take it more iterations than it has.
 fn by_clarabel(program: &Program) -> Option<f64> {
-    let n = program.gradient.len();
     let rows = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
         matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
     };

@@ -24,7 +24,7 @@ Examples:
   rollwalk simulate walk.plan.json
   rollwalk simulate walk.plan.json --cycles 20 --no-feed-forward
   rollwalk simulate turn.plan.json --tracking
-  rollwalk simulate turn.plan.json --tracking --mass 1.1 --friction 0.5 --delay-ms 6
+  rollwalk simulate turn.plan.json --tracking --estimate --mass 1.1 --friction 0.5 --delay-ms 6
   rollwalk simulate walk.plan.json --terrain doorstep.toml --push 2:20,0,0:0.1
   rollwalk simulate walk.plan.json --slope 5 --json
   rollwalk simulate demo-out/agilebot.rwl --cycles 3 --world-log run.csv
@@ -54,6 +54,9 @@ pub struct Args {
     /// Time from a measurement to the setpoints that answer it, ms, with --tracking.
     #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "tracking", value_parser = delay_ms)]
     delay_ms: f64,
+    /// With --tracking, let the controller estimate the state from an IMU, encoders and contacts with noise, instead of knowing it.
+    #[arg(long, requires = "tracking")]
+    estimate: bool,
     #[command(flatten)]
     ground: GroundArgs,
     /// Steps of the simulation of a plan per second [default: 120, with --tracking 500]; with a library they are 240.

@@ -7,6 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_physics::world::Totals;
 use rollwalk_planner::plan::Plan;
+use rollwalk_simulate::sensors::Noise;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, Outcome, log, play};
 use serde::Serialize;
 use std::fmt::Write;
@@ -47,6 +48,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             mass: args.mass,
             friction: args.friction,
             delay_s: 1e-3 * args.delay_ms,
+            noise: args.estimate.then_some(Noise::USUAL),
         },
     };
     interrupt::listen();

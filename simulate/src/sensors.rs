@@ -1,0 +1,122 @@
+//! Sensors of a simulated robot: an IMU at the origin of the root link, encoders, and contact switches.
+
+use fastrand::Rng;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, Tree, rotation};
+use rollwalk_physics::World;
+use rollwalk_robot::GRAVITY_M_S2;
+use rollwalk_tracking::Sensors;
+use std::f64::consts::TAU;
+
+/// Part of the weight from which on an end effector counts as touching.
+const TOUCHES: f64 = 0.005;
+
+/// Errors of sensors: standard deviations of white noise in each sample, and a bias. The default has none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Noise {
+    /// Of the gyro, rad/s.
+    pub gyro_rad_s: f64,
+    /// Bias of the gyro, body axes, rad/s.
+    pub gyro_bias_rad_s: Vector3<f64>,
+    /// Of the accelerometer, m/s².
+    pub accelerometer_m_s2: f64,
+    /// Of the speeds of joints and wheels, rad/s.
+    pub speed_rad_s: f64,
+}
+
+/// Whether each end effector touches the ground.
+pub(crate) fn touches(world: &World, tree: &Tree) -> impl Iterator<Item = bool> {
+    let least_n = TOUCHES * tree.total_mass_kg() * GRAVITY_M_S2;
+    world.touches().map(move |touch| touch.normal_n > least_n)
+}
+
+/// Sensors of a robot, with the samples of a step.
+#[derive(Clone, Debug)]
+pub struct SimulatedSensors {
+    tree: Tree,
+    noise: Noise,
+    random: Rng,
+    /// Velocity of the IMU, m/s, and world from body at the last sample.
+    last: Option<(Vector3<f64>, Matrix3<f64>)>,
+    joint_rad: Vec<f64>,
+    speed_rad_s: Vec<f64>,
+    touches: Vec<bool>,
+}
+
+impl Noise {
+    /// That of an IMU of a few euros, and of magnetic encoders.
+    pub const USUAL: Self = Self {
+        gyro_rad_s: 0.02,
+        gyro_bias_rad_s: Vector3::new(0.005, -0.005, 0.005),
+        accelerometer_m_s2: 0.1,
+        speed_rad_s: 0.05,
+    };
+}
+
+impl SimulatedSensors {
+    /// Sensors of the robot of a tree with spinning wheels; equal seeds give equal noise.
+    pub fn new(tree: Tree, noise: Noise, seed: u64) -> Self {
+        Self {
+            tree,
+            noise,
+            random: Rng::with_seed(seed),
+            last: None,
+            joint_rad: Vec::new(),
+            speed_rad_s: Vec::new(),
+            touches: Vec::new(),
+        }
+    }
+
+    /// Samples at the end of a step of `step_s`. The specific force is the mean over the step; at the first sample
+    /// there is none.
+    pub fn sample(&mut self, world: &World, step_s: f64) -> Sensors<'_> {
+        let state = world.state(&self.tree);
+        let part = |of: usize| Vector3::from_column_slice(&state.velocity[of..of + 3]);
+        let now = (part(LINEAR), state.world_from_body);
+        let Noise { gyro_rad_s, gyro_bias_rad_s, accelerometer_m_s2, speed_rad_s } = self.noise;
+        let force = self.last.replace(now).map(|(velocity, world_from_body)| {
+            let turn = world_from_body.tr_mul(&now.1);
+            let midway = world_from_body * Rotation3::new(rotation::log(&turn) / 2.0).matrix();
+            let acceleration = (now.0 - velocity) / step_s;
+            midway.tr_mul(&(acceleration + Vector3::z() * GRAVITY_M_S2))
+        });
+        let mut noise = |deviation: f64| deviation * normal(&mut self.random);
+        let turning = now.1.tr_mul(&part(ANGULAR)) + gyro_bias_rad_s;
+        let gyro_rad_s = turning.map(|rate| rate + noise(gyro_rad_s));
+        let force = force.map(|force| force.map(|along| along + noise(accelerometer_m_s2)));
+        self.joint_rad.clone_from(&state.joint_rad);
+        self.speed_rad_s.clear();
+        let speeds = state.velocity[JOINTS..].iter();
+        self.speed_rad_s.extend(speeds.map(|speed| speed + noise(speed_rad_s)));
+        self.touches.clear();
+        self.touches.extend(touches(world, &self.tree));
+        Sensors {
+            gyro_rad_s: Some(gyro_rad_s),
+            accelerometer_m_s2: force,
+            joint_rad: &self.joint_rad,
+            speed_rad_s: &self.speed_rad_s,
+            touches: &self.touches,
+        }
+    }
+}
+
+/// A number of the standard normal distribution (Box and Muller).
+fn normal(random: &mut Rng) -> f64 {
+    let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
+    radius * (TAU * random.f64()).cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_normal() {
+        let mut random = Rng::with_seed(1);
+        let samples: Vec<f64> = (0..100_000).map(|_| normal(&mut random)).collect();
+        let moment = |power: i32| samples.iter().map(|x| x.powi(power)).sum::<f64>() / 1e5;
+        // Deviations of the moments of so many samples: 0.003, 0.0045, 0.03.
+        assert!(moment(1).abs() < 0.01 && (moment(2) - 1.0).abs() < 0.02, "{}", moment(2));
+        assert!((moment(4) - 3.0).abs() < 0.1, "{}", moment(4));
+    }
+}

@@ -1,0 +1,422 @@
+//! State estimation: pose and velocity of a robot from its IMU, its encoders and the feet that touch the ground.
+//!
+//! An extended Kalman filter integrates gyro and accelerometer. The measurement that corrects velocity, tilt and gyro bias is
+//! that the material at each contact has zero velocity: contact-aided invariant filtering after Hartley, Ghaffari, Eustice and
+//! Grizzle (*Contact-aided invariant extended Kalman filtering for robot state estimation*, 2020), here with velocities of contacts in
+//! place of their positions, because wheels roll. Contacts are rim points ([`RimContact`]), and the spin of a wheel is part of
+//! their velocity; a blade has zero velocity across it only.
+//!
+//! - **World** has z up. The ground below the contacts is z = 0: the height of the base follows the mean of the contacts that touch, and
+//!   does not rise on ground that rises. The first alignment puts the base origin at x = y = 0 with yaw 0; later ones keep
+//!   position and yaw.
+//! - **Position and yaw drift**, since neither is observable: the position with the velocity error and the slip of feet, the yaw
+//!   with the error of the gyro bias about the vertical. The bias is estimated at rest within a second, and in motion within
+//!   several.
+//! - **Tilt** has the error of the accelerometer's bias, which is not estimated: 1 mrad for each 0.01 m/s².
+
+mod filter;
+mod rest;
+
+use filter::{Contact, Filter};
+use nalgebra::{Matrix3, Matrix3xX, Vector3};
+use rest::Rest;
+use rollwalk_multibody::{
+    ANGULAR, Configuration, JOINTS, Kinematics, LINEAR, RimContact, State, Tree, rotation,
+};
+use std::error::Error;
+use std::fmt;
+
+/// White noise of joint and wheel speeds, rad/s.
+const SPEED_RAD_S: f64 = 0.05;
+/// Standard deviation of the velocity of the material at a contact, m/s: contacts yield and creep. Larger than the velocity itself,
+/// because its errors persist over many ticks, which the filter takes for independent.
+const SLIP_M_S: f64 = 0.1;
+/// The same along a blade, m/s: no information.
+const GLIDE_M_S: f64 = 100.0;
+/// Time constant with which the height follows the height above the contacts, s: it does not jump at a touch-down.
+const HEIGHT_S: f64 = 0.04;
+/// Longest time without an IMU, s.
+const WITHOUT_IMU_S: f64 = 0.05;
+/// Longest flight, s.
+const WITHOUT_CONTACT_S: f64 = 0.5;
+/// Largest mean velocity of the material at the slowest contact, m/s, and time constant of the mean, s. Shipped motions reach
+/// 0.01 m/s, those that slip at touch-down 0.05 m/s (`flying_trot`).
+const TOO_FAST_M_S: f64 = 0.1;
+const SLIP_S: f64 = 0.2;
+/// Largest gyro bias, rad/s: no gyro in order has as much.
+const TOO_BIASED_RAD_S: f64 = 0.1;
+/// Steepest line through two contacts (22°), and height difference that is allowed in any case, m.
+const TOO_STEEP: f64 = 0.4;
+const STEP_M: f64 = 0.05;
+/// Longest time for which contacts may be steeper, s.
+const STEEP_S: f64 = 0.1;
+/// Range of sensors in order: gyro, rad/s; accelerometer, m/s²; angles, rad; speeds, rad/s.
+const RANGES: [f64; 4] = [100.0, 1000.0, 1e4, 1e3];
+/// Rest before an alignment, and before zero angular velocity is a measurement, s.
+const REST_S: f64 = 0.4;
+/// Largest mean of the gyro less its bias at which zero angular velocity is a measurement, rad/s.
+const STILL_RAD_S: f64 = 0.02;
+
+/// What a robot measures at a tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Sensors<'a> {
+    /// Angular velocity of the root link in its own axes, rad/s; `None` if the IMU gave none.
+    pub gyro_rad_s: Option<Vector3<f64>>,
+    /// Specific force at the origin of the root link in its axes (acceleration minus gravity: at rest 9.81 m/s² upwards), mean since
+    /// the last tick, m/s²; `None` if the IMU gave none.
+    pub accelerometer_m_s2: Option<Vector3<f64>>,
+    /// Angles in joint order, rad.
+    pub joint_rad: &'a [f64],
+    /// Speeds of the joints, then of all spinning wheels relative to their links, rad/s: ν without the base.
+    pub speed_rad_s: &'a [f64],
+    /// Whether each end effector touches the ground.
+    pub touches: &'a [bool],
+}
+
+/// Why an estimate must not be used. The controller has to bring the robot to a safe state without it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Untrusted {
+    /// A sensor or the length of the tick is not finite, or out of the range of any sensor in order. The tick counts as one without
+    /// IMU and contacts; the next one may be good.
+    BadSensor,
+    /// The robot has not stood still yet, at the start or since one of the errors below: only rest aligns the estimate again.
+    NotAligned,
+    /// No gyro or no accelerometer for more than 0.05 s, or as many bad ticks.
+    ImuMissing,
+    /// No contact for more than 0.5 s.
+    NoContact,
+    /// IMU and contacts contradict each other: the estimated velocity of the material at every contact is above 0.1 m/s in the mean over
+    /// 0.2 s; or the estimated gyro bias is above 0.1 rad/s; or two contacts are on a line steeper than 22° for 0.1 s. Tilt or
+    /// velocity are wrong, a contact is reported that is none, or all feet slip.
+    Contradiction,
+}
+
+impl fmt::Display for Untrusted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::BadSensor => "a sensor is not finite or out of range",
+            Self::NotAligned => "the robot has not stood still yet",
+            Self::ImuMissing => "the IMU is missing",
+            Self::NoContact => "no end effector touches the ground",
+            Self::Contradiction => "the IMU contradicts the contacts",
+        })
+    }
+}
+
+impl Error for Untrusted {}
+
+/// The estimator of one robot.
+#[derive(Clone, Debug)]
+pub struct Estimator {
+    tree: Tree,
+    kinematics: Kinematics,
+    jacobian: Matrix3xX<f64>,
+    filter: Filter,
+    state: State,
+    rest: Rest,
+    is_aligned: bool,
+    without_imu_s: f64,
+    without_contact_s: f64,
+    steep_s: f64,
+    /// Low-passed velocity of the material at the slowest contact, m/s.
+    slip_m_s: Vector3<f64>,
+}
+
+impl Estimator {
+    /// An estimator that aligns itself within a second of rest. `tree` has spinning wheels
+    /// ([`Tree::with_spinning_wheels`]) if the robot has any.
+    pub fn new(tree: Tree) -> Self {
+        let state = State::nominal(&tree);
+        let zero = Vector3::zeros();
+        Self {
+            kinematics: Kinematics::new(&tree, &state.configuration()),
+            jacobian: Matrix3xX::zeros(tree.dofs()),
+            filter: Filter::new(Matrix3::identity(), zero, zero, zero),
+            state,
+            rest: Rest::new(tree.dofs() - JOINTS),
+            is_aligned: false,
+            without_imu_s: 0.0,
+            without_contact_s: 0.0,
+            steep_s: 0.0,
+            slip_m_s: zero,
+            tree,
+        }
+    }
+
+    /// Starts from a state that is known by other means to 10 mrad and 20 mm/s, with the ground at z = 0.
+    ///
+    /// # Errors
+    /// The state is not finite; the estimator is as before.
+    ///
+    /// # Panics
+    /// The state is of another robot.
+    pub fn align(&mut self, state: &State) -> Result<(), Untrusted> {
+        let (joints, dofs) = (self.state.joint_rad.len(), self.tree.dofs());
+        let lengths = (state.joint_rad.len(), state.velocity.len());
+        assert_eq!(lengths, (joints, dofs), "a state of another robot");
+        let part = |of: usize| Vector3::from_column_slice(&state.velocity[of..of + 3]);
+        let rate = state.world_from_body.tr_mul(&part(ANGULAR));
+        let bias = self.filter.gyro_bias_rad_s;
+        let filter = Filter::new(state.world_from_body, part(LINEAR), rate, bias);
+        let others = state.base_position_m.iter().chain(&state.joint_rad).chain(&state.velocity);
+        if !filter.is_finite() || !others.into_iter().all(|value| value.is_finite()) {
+            return Err(Untrusted::BadSensor);
+        }
+        self.state.base_position_m = state.base_position_m;
+        self.state.joint_rad.copy_from_slice(&state.joint_rad);
+        self.state.velocity.copy_from_slice(&state.velocity);
+        self.begin(filter);
+        self.write();
+        Ok(())
+    }
+
+    /// The robot.
+    pub fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    /// The last estimate, whether or not it may be trusted; always finite.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Estimated gyro bias, body axes, rad/s.
+    pub fn gyro_bias_rad_s(&self) -> Vector3<f64> {
+        self.filter.gyro_bias_rad_s
+    }
+
+    /// Estimates the state from sensors that were sampled `tick_s` after those of the last tick. Without an IMU it predicts at constant
+    /// velocity and rate, which contacts correct.
+    ///
+    /// # Errors
+    /// The estimate must not be used.
+    ///
+    /// # Panics
+    /// The sensors are of another robot: their slices have other lengths.
+    pub fn tick(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> Result<&State, Untrusted> {
+        let lengths = (sensors.joint_rad.len(), sensors.speed_rad_s.len(), sensors.touches.len());
+        let robot = self.tree.robot();
+        let own = (robot.joints.len(), self.tree.dofs() - JOINTS, robot.end_effectors.len());
+        assert_eq!(lengths, own, "sensors of another robot");
+        if !(tick_s > 0.0 && tick_s.is_finite()) {
+            return Err(Untrusted::BadSensor);
+        }
+        let is_good = sensors.are_plausible();
+        let imu = sensors.gyro_rad_s.zip(sensors.accelerometer_m_s2).filter(|_| is_good);
+        self.without_imu_s = if imu.is_some() { 0.0 } else { self.without_imu_s + tick_s };
+        if self.without_imu_s.max(tick_s) > WITHOUT_IMU_S {
+            self.rest.lasts_s = 0.0;
+            return self.lose(Untrusted::ImuMissing);
+        }
+        if is_good {
+            self.state.joint_rad.copy_from_slice(sensors.joint_rad);
+            self.state.velocity[JOINTS..].copy_from_slice(sensors.speed_rad_s);
+        }
+        if let Some((gyro_rad_s, force_m_s2)) = imu {
+            self.rest.tick(&gyro_rad_s, &force_m_s2, sensors, tick_s);
+        }
+        let before = (self.filter, self.state.base_position_m);
+        let mut verdict = match (self.is_aligned, is_good) {
+            (true, true) => self.go_on(sensors, tick_s),
+            (true, false) => {
+                self.filter.predict(None, tick_s);
+                self.state.base_position_m += self.filter.velocity_m_s * tick_s;
+                Err(Untrusted::BadSensor)
+            }
+            (false, true) => self.align_at_rest(sensors.touches),
+            (false, false) => Err(Untrusted::BadSensor),
+        };
+        if !self.filter.is_finite() || !self.state.base_position_m.iter().all(|x| x.is_finite()) {
+            (self.filter, self.state.base_position_m) = before;
+            verdict = Err(Untrusted::Contradiction);
+        }
+        self.write();
+        match verdict {
+            Ok(()) => Ok(&self.state),
+            Err(Untrusted::BadSensor) => Err(Untrusted::BadSensor),
+            Err(why) => self.lose(why),
+        }
+    }
+
+    /// A tick of an aligned estimator.
+    fn go_on(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> Result<(), Untrusted> {
+        let velocity_before = self.filter.velocity_m_s;
+        self.filter.predict(sensors.accelerometer_m_s2, tick_s);
+        if let Some(gyro_rad_s) = &sensors.gyro_rad_s {
+            self.filter.measure_gyro(gyro_rad_s);
+            // A gyro shows a slow start of motion earlier than the mean joint speeds do.
+            let turning_rad_s = (self.rest.gyro_rad_s - self.filter.gyro_bias_rad_s).norm();
+            if self.rest.lasts_s > REST_S && turning_rad_s < STILL_RAD_S {
+                self.filter.measure_stillness();
+            }
+        }
+        self.move_joints();
+        let (mut count, mut height_m) = (0.0, 0.0);
+        let mut slowest_m_s: Option<Vector3<f64>> = None;
+        for end_effector in touching(sensors.touches) {
+            let Some((contact, covariance, slip_m_s)) = self.contact(end_effector) else {
+                continue;
+            };
+            self.filter.measure_contact(&contact, &covariance);
+            count += 1.0;
+            height_m -= contact.lever_m.z;
+            if slowest_m_s.is_none_or(|slowest| slip_m_s.norm() < slowest.norm()) {
+                slowest_m_s = Some(slip_m_s);
+            }
+        }
+        let position = &mut self.state.base_position_m;
+        *position += (velocity_before + self.filter.velocity_m_s) * (tick_s / 2.0);
+        if count > 0.0 {
+            position.z += (height_m / count - position.z) * (tick_s / HEIGHT_S).min(1.0);
+            self.without_contact_s = 0.0;
+        } else {
+            self.without_contact_s += tick_s;
+        }
+        if let Some(slip_m_s) = slowest_m_s {
+            self.slip_m_s += (slip_m_s - self.slip_m_s) * (tick_s / SLIP_S).min(1.0);
+        }
+        let is_too_steep = self.is_too_steep(sensors.touches);
+        self.steep_s = if is_too_steep { self.steep_s + tick_s } else { 0.0 };
+        if self.without_contact_s > WITHOUT_CONTACT_S {
+            Err(Untrusted::NoContact)
+        } else if self.steep_s > STEEP_S
+            || self.slip_m_s.norm() > TOO_FAST_M_S
+            || self.filter.gyro_bias_rad_s.norm() > TOO_BIASED_RAD_S
+        {
+            Err(Untrusted::Contradiction)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Takes tilt and gyro bias from the mean IMU of a robot at rest, and its height from the contacts.
+    fn align_at_rest(&mut self, touches: &[bool]) -> Result<(), Untrusted> {
+        if self.rest.lasts_s <= REST_S {
+            return Err(Untrusted::NotAligned);
+        }
+        let up = self.rest.force_m_s2.normalize();
+        let there = &self.state.world_from_body;
+        let yaw_rad = there[(1, 0)].atan2(there[(0, 0)]);
+        let (pitch_rad, roll_rad) = (-up.x.clamp(-1.0, 1.0).asin(), up.y.atan2(up.z));
+        let ypr_rad = Vector3::new(yaw_rad, pitch_rad, roll_rad);
+        let world_from_body = rotation::from_yaw_pitch_roll(&ypr_rad);
+        let zero = Vector3::zeros();
+        let filter = Filter::new(world_from_body, zero, zero, self.rest.gyro_rad_s);
+        let before = std::mem::replace(&mut self.filter, filter);
+        self.move_joints();
+        if self.is_too_steep(touches) {
+            self.filter = before;
+            return Err(Untrusted::Contradiction);
+        }
+        let (mut count, mut height_m) = (0.0, 0.0);
+        for end_effector in touching(touches) {
+            if let Some((contact, ..)) = self.contact(end_effector) {
+                count += 1.0;
+                height_m -= contact.lever_m.z;
+            }
+        }
+        if count == 0.0 {
+            self.filter = before;
+            return Err(Untrusted::NoContact);
+        }
+        self.state.base_position_m.z = height_m / count;
+        self.begin(filter);
+        Ok(())
+    }
+
+    fn begin(&mut self, filter: Filter) {
+        self.filter = filter;
+        self.is_aligned = true;
+        (self.without_imu_s, self.without_contact_s, self.steep_s) = (0.0, 0.0, 0.0);
+        self.slip_m_s.fill(0.0);
+    }
+
+    fn lose(&mut self, why: Untrusted) -> Result<&State, Untrusted> {
+        self.is_aligned = false;
+        Err(why)
+    }
+
+    /// Kinematics for a base at rest at the origin with the estimated rotation.
+    fn move_joints(&mut self) {
+        let Self { tree, kinematics, filter, state, .. } = self;
+        state.velocity[..JOINTS].fill(0.0);
+        let at = Configuration {
+            base_position_m: Vector3::zeros(),
+            world_from_body: filter.world_from_body,
+            joint_rad: &state.joint_rad,
+        };
+        kinematics.update(tree, &at, &state.velocity);
+    }
+
+    /// Contact of an end effector, covariance of the velocity of its material, and the estimate of that velocity, m/s, without the
+    /// component along a blade; `None` if a wheel lies flat.
+    fn contact(&mut self, end_effector: usize) -> Option<(Contact, Matrix3<f64>, Vector3<f64>)> {
+        let Self { tree, kinematics, jacobian, state, filter, .. } = self;
+        let rim = RimContact::new(tree, &kinematics.frames, end_effector, &Vector3::z())?;
+        let spin_m_s = rim
+            .wheel_dof
+            .map_or(Vector3::zeros(), |dof| rim.axis.cross(&rim.lever) * state.velocity[dof]);
+        let contact = Contact {
+            lever_m: rim.position(),
+            by_joints_m_s: rim.motion(kinematics).material_velocity - spin_m_s,
+            spin_m_s,
+        };
+        rim.material_jacobian(tree, &kinematics.frames, jacobian);
+        let by_speeds = jacobian.columns_range(JOINTS..);
+        let mut covariance = Matrix3::identity() * SLIP_M_S.powi(2);
+        for column in by_speeds.column_iter() {
+            covariance += column * column.transpose() * SPEED_RAD_S.powi(2);
+        }
+        let mut slip_m_s = contact.velocity(filter);
+        let is_blade = tree.robot().end_effectors[end_effector].contact.blade_length_m().is_some();
+        let along = rim.axis.cross(&Vector3::z()).try_normalize(1e-9).filter(|_| is_blade);
+        if let Some(along) = along {
+            covariance += along * along.transpose() * GLIDE_M_S.powi(2);
+            slip_m_s -= along * along.dot(&slip_m_s);
+        }
+        Some((contact, covariance, slip_m_s))
+    }
+
+    /// Whether two contacts are on a line that is too steep.
+    fn is_too_steep(&self, touches: &[bool]) -> bool {
+        let frames = &self.kinematics.frames;
+        let point = |end_effector: usize| {
+            RimContact::new(&self.tree, frames, end_effector, &Vector3::z())
+                .map(|rim| rim.position())
+        };
+        touching(touches).filter_map(point).any(|one| {
+            touching(touches).filter_map(point).any(|other| {
+                let apart = other - one;
+                apart.z > STEP_M + TOO_STEEP * apart.xy().norm()
+            })
+        })
+    }
+
+    fn write(&mut self) {
+        let Self { filter, state, .. } = self;
+        state.world_from_body = filter.world_from_body;
+        let turning = filter.angular_velocity_rad_s();
+        state.velocity[LINEAR..ANGULAR].copy_from_slice(filter.velocity_m_s.as_slice());
+        state.velocity[ANGULAR..JOINTS].copy_from_slice(turning.as_slice());
+    }
+}
+
+impl Sensors<'_> {
+    /// Whether every value is finite and in range.
+    fn are_plausible(&self) -> bool {
+        // False for NaN.
+        let is_less = |most: f64| move |value: &f64| value.abs() < most;
+        let [gyro, force, angle, speed] = RANGES;
+        self.gyro_rad_s.iter().flatten().all(is_less(gyro))
+            && self.accelerometer_m_s2.iter().flatten().all(is_less(force))
+            && self.joint_rad.iter().all(is_less(angle))
+            && self.speed_rad_s.iter().all(is_less(speed))
+    }
+}
+
+fn touching(touches: &[bool]) -> impl Iterator<Item = usize> + '_ {
+    (0..touches.len()).filter(|&end_effector| touches[end_effector])
+}
+
+#[cfg(test)]
+mod tests;
