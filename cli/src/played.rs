@@ -7,19 +7,18 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::{Control, Options, Outcome};
 use std::sync::Arc;
 
-/// Steps of the world per second, and periods of motions that repeat.
-const RATE_HZ: u32 = 120;
+/// Periods of motions that repeat.
 const PERIODS: usize = 5;
 
-/// Plays a plan on level ground; ends early after Ctrl-C.
+/// Plays a plan on level ground, in so many steps per second; ends early after Ctrl-C.
 ///
 /// # Errors
 /// A step of the world has no solution.
-pub fn play(plan: &Plan, control: Control) -> miette::Result<Outcome> {
+pub fn play(plan: &Plan, control: Control, rate_hz: u32) -> miette::Result<Outcome> {
     let options = Options {
         control,
         cycles: PERIODS,
-        rate_hz: RATE_HZ,
+        rate_hz,
         ground: Arc::new(Plane::level()),
         shoves: Vec::new(),
     };
