@@ -5,16 +5,15 @@ use miette::IntoDiagnostic;
 use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::{Control, Options, Outcome};
 
-/// Steps of the world per second, and periods of motions that repeat.
-const RATE_HZ: u32 = 120;
+/// Periods of motions that repeat.
 const PERIODS: usize = 5;
 
-/// Plays a plan on level ground; ends early after Ctrl-C.
+/// Plays a plan on level ground, in so many steps per second; ends early after Ctrl-C.
 ///
 /// # Errors
 /// A step of the world has no solution.
-pub fn play(plan: &Plan, control: Control) -> miette::Result<Outcome> {
-    let options = Options { cycles: PERIODS, ..Options::new(control, RATE_HZ) };
+pub fn play(plan: &Plan, control: Control, rate_hz: u32) -> miette::Result<Outcome> {
+    let options = Options { cycles: PERIODS, ..Options::new(control, rate_hz) };
     rollwalk_simulate::play(plan, &options, |_| !interrupt::requested()).into_diagnostic()
 }
 

@@ -155,6 +155,7 @@ fn thrown(cells: usize, wall: bool) -> Throw {
         scheme: Scheme::Bdf1,
         step_s: STEP_S,
         steps: STEPS,
+        stick_s: None,
         spin: Vector3::zeros(),
     };
     if wall {

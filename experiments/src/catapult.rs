@@ -2,7 +2,8 @@
 //! cloth's corners are found by Gauss–Newton's method.
 //!
 //! The target is our choice. It is not any target: at 1 m ahead, 0.2 m aside and 0.3 m up the method stops 34 cm before it, and at
-//! 0.4 m ahead 12 cm off, where no step of it makes the objective less.
+//! 0.4 m ahead 12 cm off, where no step of it makes the objective less. Nor does it come to this one from any start: from starts that
+//! differ by 1e-9 of themselves it ends 1.7 to 10.6 cm off, whether contacts may pull or not.
 
 use crate::cloth::{Cloth, STIFFNESS_N_M};
 use crate::manipulation::{Effector, Handles, STEP_S, Solution, Task, Way, at_place};
@@ -183,7 +184,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         corners.map(|node| (now[node].position - begin[node].position).norm())
     });
     let checks = vec![
-        Check::at_most("distance from the target, cm", "hits", 100.0 * (end - target).norm(), 1.0),
+        Check::at_most("distance from the target, cm", "hits", 100.0 * (end - target).norm(), 1.0)
+            .because("where the search ends is chance: starts that differ by 1e-9 of themselves end 1.7 to 10.6 cm off"),
         Check::at_least(
             "free flight before the target, s",
             "it is thrown",

@@ -109,6 +109,7 @@ fn cube(cells: usize) -> Throw {
         scheme: Scheme::Bdf1,
         step_s: STEP_S,
         steps: STEPS,
+        stick_s: None,
         spin: Vector3::zeros(),
     }
 }

@@ -29,6 +29,8 @@ pub struct Throw {
     pub scheme: Scheme,
     pub step_s: f64,
     pub steps: usize,
+    /// Time with which stiffness of contacts becomes that of friction that sticks, s: k_t = k_n Δt in the thesis. The step, if none.
+    pub stick_s: Option<f64>,
     /// Spin to which that of the parameters is added, rad/s.
     pub spin: Vector3<f64>,
 }
@@ -65,6 +67,7 @@ impl Throw {
             scheme: Scheme::Bdf2,
             step_s: 1e-3,
             steps: 250,
+            stick_s: None,
             spin: Vector3::y() * 4.0,
         }
     }
@@ -95,7 +98,7 @@ impl Throw {
                 friction: Friction {
                     model: self.model,
                     coefficient: *coefficient,
-                    stick_n_s_m: stiffness_n_m3 * share * self.step_s,
+                    stick_n_s_m: stiffness_n_m3 * share * self.stick_s.unwrap_or(self.step_s),
                 },
             };
             body.touch(&mut assembly, ground, &contact)

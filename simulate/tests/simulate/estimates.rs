@@ -2,7 +2,6 @@
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::State;
-use rollwalk_physics::ground::Plane;
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::whole_body::WholeBody;
@@ -12,7 +11,6 @@ use rollwalk_simulate::{Control, Noise, Options, SimulatedSensors, play};
 use rollwalk_tracking::{Estimator, Sensors, Untrusted};
 use std::fs;
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 

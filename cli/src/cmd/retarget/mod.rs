@@ -93,8 +93,6 @@ impl Corrected {
     /// Corrects a plan; none after Ctrl-C.
     fn find(plan: &Plan, args: &Args, feed_forward: bool) -> miette::Result<Option<Self>> {
         let control = if feed_forward { Control::FeedForward } else { Control::Servos };
-        let played = |plan: &Plan| played::play(plan, control);
-        let before = played(plan)?;
         let options = Options {
             feed_forward,
             cycles: args.cycles as usize,
@@ -102,6 +100,9 @@ impl Corrected {
             iterations: args.iterations as usize,
             ..Options::default()
         };
+        // In the steps for which they are found: in longer ones corrections for soft feet lose a seventh of the way.
+        let played = |plan: &Plan| played::play(plan, control, options.rate_hz);
+        let before = played(plan)?;
         let bar = ProgressBar::new_spinner();
         let found = retarget(plan, &options, |rollout| {
             bar.set_message(format!("{}: rollout {rollout}", plan.motion.name));
