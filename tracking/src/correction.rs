@@ -115,10 +115,10 @@ impl Correction {
         centroidal_momentum_matrix(mass, &(com - here.link_origins[0]), &mut self.momentum);
         let inertia: Matrix3<f64> = self.momentum.fixed_view::<3, 3>(ANGULAR, ANGULAR).into();
         self.body_rad_s2 = inertia.try_inverse().map_or(Vector3::zeros(), |per| per * moment);
-        self.slide(shift.xy(), there.com(tree).z);
     }
 
-    fn slide(&mut self, error: Vector2<f64>, height_m: f64) {
+    /// Moves the plan along with a centre of mass that is far off, and whose planned height above the ground is this, m.
+    pub fn slide(&mut self, error: Vector2<f64>, height_m: f64) {
         let length = error.norm();
         let most_m = ANCHOR * height_m;
         if length > most_m {

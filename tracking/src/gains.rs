@@ -1,4 +1,4 @@
-//! Gains of a plan: the feedback that is best for its linear model ([`model`](crate::model)), from a Riccati recursion backwards over the
+//! Gains of a plan: the feedback that is best for its linear model ([`crate::model`]), from a Riccati recursion backwards over the
 //! plan, computed once before it is played.
 
 use crate::model::{self, Costs, FEET, Model, Moment};

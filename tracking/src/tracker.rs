@@ -99,8 +99,9 @@ pub struct Tracker {
     jacobian: Matrix3xX<f64>,
     row: DVector<f64>,
     feet: Vec<Foot>,
-    /// Normal of the ground.
+    /// Normal of the ground, and planned height of the centre of mass above it, m.
     normal: Vector3<f64>,
+    height_m: f64,
     program: Program,
     solver: Solver,
     setpoints: Vec<Setpoint>,
@@ -182,6 +183,7 @@ impl Tracker {
             row: DVector::zeros(dofs),
             feet,
             normal: Vector3::z(),
+            height_m: 0.0,
             program,
             solver: Solver::new(unknowns, constraints),
             tree,
@@ -312,7 +314,8 @@ impl Tracker {
         }
         let (there, here) = (planned.frames.com(tree), measured.frames.com(tree));
         let velocity = measured.com_velocity(tree) - planned.com_velocity(tree);
-        self.recovery.update((here - there).xy(), velocity.xy(), there.z);
+        self.height_m = (ground_from_world * Point3::from(there)).z;
+        self.recovery.update((here - there).xy(), velocity.xy(), self.height_m);
         for (j, foot) in self.feet.iter_mut().enumerate() {
             let of = &tree.robot().end_effectors[j];
             let contact = RimContact::new(tree, &measured.frames, j, &normal);
@@ -338,7 +341,7 @@ impl Tracker {
 
     /// Corrections of what is off the plan, if there are gains.
     fn correct(&mut self, reference: &Reference) {
-        let Self { correction, tree, planned, measured, mass, feet, tick_s, .. } = self;
+        let Self { correction, tree, planned, measured, mass, feet, tick_s, height_m, .. } = self;
         let Some(correction) = correction else { return };
         let places = feet.iter().zip(&reference.force_n).map(|(foot, force_n)| Place {
             planned: foot.planned,
@@ -346,6 +349,8 @@ impl Tracker {
             force_n: foot.stands().then_some(*force_n),
         });
         correction.update(tree, [reference.time_s, *tick_s], [planned, measured], mass, places);
+        let com = |at: &Kinematics| at.frames.com(tree).xy();
+        correction.slide(com(measured) - com(planned), *height_m);
     }
 
     /// Contacts stay: the material at a contact that rolls or rests keeps still.

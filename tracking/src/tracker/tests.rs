@@ -1,6 +1,7 @@
 //! Shipped robots at rest, in motion and with bad measurements.
 
 use super::*;
+use crate::model::Costs;
 use nalgebra::{DVector, Isometry3, Rotation3};
 use proptest::prelude::*;
 use rollwalk_multibody::forward_dynamics;
@@ -25,10 +26,13 @@ fn tracker(name: &str) -> Tracker {
 fn standing(tree: &Tree) -> Reference {
     let feet = tree.robot().end_effectors.len();
     let part_n = tree.total_mass_kg() * GRAVITY_M_S2 / feet as f64;
+    let state = State::nominal(tree);
+    let frames = Kinematics::new(tree, &state.configuration()).frames;
+    let contact = RimContact::new(tree, &frames, 0, &Vector3::z()).unwrap();
     Reference {
         time_s: 0.0,
-        world_from_ground: Isometry3::identity(),
-        state: State::nominal(tree),
+        world_from_ground: Isometry3::translation(0.0, 0.0, contact.position().z),
+        state,
         acceleration: vec![0.0; tree.dofs()],
         stands: vec![true; feet],
         force_n: vec![Vector3::z() * part_n; feet],
@@ -76,22 +80,103 @@ fn at_rest_the_ground_bears_the_weight_and_nothing_moves() {
     }
 }
 
+/// A stand whose joints and wheels move, tilted and off its place.
+fn moving(reference: &Reference) -> State {
+    let mut state = reference.state.clone();
+    state.world_from_body = Rotation3::new(Vector3::new(0.05, -0.03, 0.1)).into_inner();
+    state.base_position_m += Vector3::new(0.01, -0.02, 0.005);
+    state.joint_rad.iter_mut().zip(1..).for_each(|(q, k)| *q += 0.01 * f64::from(k % 5 - 2));
+    state.velocity.iter_mut().zip(1..).for_each(|(v, k)| *v += 0.05 * f64::from(k % 7 - 3));
+    state
+}
+
+/// Where the tick ends as expected, a drive adds up to the torque that is wanted.
 #[test]
-fn the_drives_of_a_standing_robot_hold_it_at_the_planned_place() {
+fn drives_and_feed_forward_add_up_at_the_end_of_a_tick() {
     let mut tracker = tracker("anymal_wheels");
     let reference = standing(&tracker.tree);
-    let state = reference.state.clone();
+    let state = moving(&reference);
     let setpoints = tracker.tick(&reference, &state, &reference.stands).unwrap().to_vec();
+    let expected = tracker.solver.solution().clone();
     let mut bare = without_drives("anymal_wheels");
     let torques = bare.tick(&reference, &state, &reference.stands).unwrap();
-    for (joint, (setpoint, torque)) in setpoints.iter().zip(torques).enumerate().take(12) {
-        assert_eq!(setpoint.position_rad, state.joint_rad[joint]);
-        assert!(setpoint.kp_nm_rad > 0.0 && torque.kp_nm_rad == 0.0);
-        // Where the tick ends the drive adds up to the wanted torque.
-        let then = state.joint_rad[joint];
-        let at_end = setpoint.kp_nm_rad * (setpoint.position_rad - then) + setpoint.torque_nm;
-        assert!((at_end - torque.torque_nm).abs() < 0.1, "{at_end} {}", torque.torque_nm);
+    for ((setpoint, bare), channel) in setpoints.iter().zip(torques).zip(&tracker.channels) {
+        let speed_then = state.velocity[channel.dof] + TICK_S * expected[channel.dof];
+        let (position, position_then) = match channel.dof.checked_sub(JOINTS) {
+            Some(joint) if joint < state.joint_rad.len() => {
+                assert_eq!(setpoint.position_rad, reference.state.joint_rad[joint]);
+                (setpoint.position_rad, state.joint_rad[joint] + TICK_S * speed_then)
+            }
+            _ => (0.0, 0.0),
+        };
+        let torque_nm = setpoint.kp_nm_rad * (position - position_then)
+            + setpoint.kd_nm_s_rad * (setpoint.speed_rad_s - speed_then)
+            + setpoint.torque_nm;
+        assert!(setpoint.kd_nm_s_rad > 0.0);
+        assert!((torque_nm - bare.torque_nm).abs() < 1e-9 * (1.0 + torque_nm.abs()));
     }
+}
+
+/// A tracker with the gains of a stand.
+fn with_gains(name: &str) -> (Tracker, Reference) {
+    let tracker = tracker(name);
+    let reference = standing(&tracker.tree);
+    let costs = Costs::default();
+    let gains = Gains::new(&tracker.tree, &costs, 1.0, true, |_| reference.clone());
+    (tracker.with_gains(gains), reference)
+}
+
+#[test]
+fn what_is_off_the_plan_is_pushed_back() {
+    for gains in [false, true] {
+        let (mut tracker, reference) = with_gains("anymal_wheels");
+        if !gains {
+            tracker.correction = None;
+        }
+        let mut acceleration = |state: &State| {
+            tracker.tick(&reference, state, &reference.stands).unwrap();
+            tracker.solver.solution().clone()
+        };
+        let still = acceleration(&reference.state);
+        assert!(still.rows(0, JOINTS).amax() < 0.05, "{still}");
+        for dof in [1, 2, ANGULAR, ANGULAR + 1] {
+            for sign in [1.0, -1.0] {
+                let mut state = reference.state.clone();
+                state.velocity[dof] = 0.1 * sign;
+                let moving = acceleration(&state);
+                assert!(moving[dof] * sign < -0.1, "{gains}, {dof}: {moving}");
+            }
+        }
+        let mut state = reference.state.clone();
+        state.world_from_body = Rotation3::new(Vector3::x() * 0.05).into_inner();
+        assert!(acceleration(&state)[ANGULAR] < -0.1);
+    }
+}
+
+#[test]
+fn the_plan_moves_along_with_a_robot_that_is_far_away() {
+    let (mut tracker, reference) = with_gains("anymal_wheels");
+    let mut state = reference.state.clone();
+    state.base_position_m.x += 1.0;
+    for _ in 0..5 {
+        tracker.tick(&reference, &state, &reference.stands).unwrap();
+    }
+    let anchor_m = tracker.correction.as_ref().unwrap().anchor_m;
+    let left_m = 1.0 - anchor_m.x;
+    assert!(anchor_m.y.abs() < 1e-9 && (0.05..0.15).contains(&left_m), "{anchor_m}");
+}
+
+/// An end effector that the plan has in the air bears the robot when it touches, and one that does not touch gets no force.
+#[test]
+fn forces_are_where_the_robot_touches() {
+    let (mut tracker, mut reference) = with_gains("anymal_wheels");
+    let state = reference.state.clone();
+    reference.stands[0] = false;
+    tracker.tick(&reference, &state, &[true, true, true, false]).unwrap();
+    let forces: Vec<f64> = tracker.feet.iter().map(|foot| foot.force_n.z).collect();
+    assert!(forces[0] > 10.0 && forces[3].abs() < 1e-6, "{forces:?}");
+    // The one that should stand is let down.
+    assert_eq!(tracker.feet[3].phase, Phase::Landing);
 }
 
 #[test]
