@@ -7,8 +7,9 @@ use fastrand::Rng;
 use nalgebra::{Isometry3, Rotation3, Vector3};
 use rollwalk_multibody::{State, Tree};
 use rollwalk_robot::{GRAVITY_M_S2, Robot};
+use rollwalk_tracking::model::Costs;
 use rollwalk_tracking::tasks::Weights;
-use rollwalk_tracking::{Reference, Tracker};
+use rollwalk_tracking::{Gains, Reference, Tracker};
 
 fn main() {
     let mut args = std::env::args().skip(1);
@@ -37,7 +38,8 @@ fn measure(robot: &Robot, ticks: usize) {
         force_n: vec![Vector3::z() * part_n; feet],
     };
     let mut state = reference.state.clone();
-    let mut tracker = Tracker::new(tree, Weights::default(), 0.002);
+    let gains = Gains::new(&tree, &Costs::default(), 1.0, true, |_| reference.clone());
+    let mut tracker = Tracker::new(tree, Weights::default(), 0.002).with_gains(gains);
     let mut random = Rng::with_seed(1);
     let (mut times_us, mut failed, mut steps) = (Vec::with_capacity(ticks), 0, 0_u32);
     for _ in 0..ticks {
