@@ -53,6 +53,7 @@ pub(crate) struct Recovery {
 impl Recovery {
     /// From errors of the centre of mass, which is this high above the ground, m: of its place, m, and of its velocity, m/s. An upright pendulum comes to rest over its capture point, c + v / sqrt(g / h).
     pub fn update(&mut self, shift: Vector2<f64>, velocity: Vector2<f64>, height_m: f64) {
+        let height_m = height_m.max(0.0);
         let error_m = (shift + velocity * (height_m / GRAVITY_M_S2).sqrt()).norm();
         let part = if self.is_active { RECOVERED } else { RECOVERS };
         self.is_active = error_m > part * height_m;

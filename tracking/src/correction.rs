@@ -29,6 +29,8 @@ pub(crate) struct Correction {
     pub speed_m_s: Vec<Vector3<f64>>,
     /// By how much the foothold of every end effector is away from the planned one, m; of one in the air, where it shall be.
     pub foothold_m: Vec<Vector3<f64>>,
+    /// The same after the last tick that had a solution.
+    last_m: Vec<Vector3<f64>>,
 }
 
 /// Contact or lowest point of an end effector.
@@ -55,7 +57,8 @@ impl Correction {
             body_rad_s2: Vector3::zeros(),
             force_n: none.clone(),
             speed_m_s: none.clone(),
-            foothold_m: none,
+            foothold_m: none.clone(),
+            last_m: none,
         }
     }
 
@@ -94,22 +97,21 @@ impl Correction {
             self.speed_m_s[j] = world_from_heading * Vector3::new(speed[0], speed[1], 0.0);
             let mut off = place.measured - place.planned;
             off.z = 0.0;
+            let mut foothold = off;
             self.force_n[j] = match place.force_n {
                 Some(planned_n) => {
                     let change = world_from_heading * self.input.fixed_rows::<3>(3 * j);
                     force += change;
                     moment +=
                         (place.measured - com).cross(&change) + (off - shift).cross(&planned_n);
-                    self.foothold_m[j] = off;
                     change
                 }
                 None => {
-                    self.foothold_m[j] += self.speed_m_s[j] * tick_s;
+                    foothold = self.last_m[j] + self.speed_m_s[j] * tick_s;
                     Vector3::zeros()
                 }
             };
-            let length = self.foothold_m[j].norm();
-            self.foothold_m[j] *= STEP_M / length.max(STEP_M);
+            self.foothold_m[j] = foothold * (STEP_M / foothold.norm().max(STEP_M));
         }
         self.com_m_s2 = force / tree.total_mass_kg();
         centroidal_momentum_matrix(mass, &(com - here.link_origins[0]), &mut self.momentum);
@@ -117,12 +119,13 @@ impl Correction {
         self.body_rad_s2 = inertia.try_inverse().map_or(Vector3::zeros(), |per| per * moment);
     }
 
-    /// Moves the plan along with a centre of mass that is far off, and whose planned height above the ground is this, m.
-    pub fn slide(&mut self, error: Vector2<f64>, height_m: f64) {
-        let length = error.norm();
-        let most_m = ANCHOR * height_m;
+    /// Keeps what the next tick begins with, after one that had a solution: footholds, and by how much the plan moves along with a
+    /// centre of mass that is this far off, m, and whose planned height above the ground is this, m.
+    pub fn keep(&mut self, off: Vector2<f64>, height_m: f64) {
+        self.last_m.copy_from_slice(&self.foothold_m);
+        let (length, most_m) = (off.norm(), ANCHOR * height_m.max(0.0));
         if length > most_m {
-            self.anchor_m += error * (1.0 - most_m / length);
+            self.anchor_m += off * (1.0 - most_m / length);
         }
     }
 }

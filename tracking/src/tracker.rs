@@ -231,6 +231,23 @@ impl Tracker {
             (reference.acceleration.len(), reference.stands.len(), reference.force_n.len());
         assert_eq!(lengths, (self.tree.dofs(), feet, feet), "a reference of another robot");
         assert_eq!(touches.len(), feet, "contacts of another robot");
+        let recovery = self.recovery;
+        let solved = self.solve(reference, state, touches);
+        match solved {
+            // A tick without a solution leaves no trace.
+            Err(_) => self.recovery = recovery,
+            Ok(()) => self.keep(),
+        }
+        solved.map(|()| &self.setpoints[..])
+    }
+
+    /// Finds the setpoints.
+    fn solve(
+        &mut self,
+        reference: &Reference,
+        state: &State,
+        touches: &[bool],
+    ) -> Result<(), Unsolved> {
         self.prepare(reference, state, touches);
         self.correct(reference);
         self.want_contacts();
@@ -277,18 +294,30 @@ impl Tracker {
             };
         }
         match self.setpoints.iter().all(|setpoint| setpoint.torque_nm.is_finite()) {
-            true => Ok(&self.setpoints),
+            true => Ok(()),
             false => Err(Unsolved::NotConvex),
         }
+    }
+
+    /// Keeps what the next tick begins with.
+    fn keep(&mut self) {
+        let Self { correction, tree, planned, measured, height_m, .. } = self;
+        let Some(correction) = correction else { return };
+        let com = |at: &Kinematics| at.frames.com(tree).xy();
+        correction.keep(com(measured) - com(planned), *height_m);
     }
 
     /// Kinematics and dynamics at both states, and an empty program.
     fn prepare(&mut self, reference: &Reference, state: &State, touches: &[bool]) {
         let Self { weights, tree, planned, measured, .. } = self;
+        let ground_from_world = reference.world_from_ground.inverse();
+        self.normal = reference.world_from_ground.rotation * Vector3::z();
+        let normal = self.normal;
+        // Along the ground.
         let anchor_m = self.correction.as_ref().map_or(Vector2::zeros(), |of| of.anchor_m);
-        let mut base_position_m = reference.state.base_position_m;
-        base_position_m.x += anchor_m.x;
-        base_position_m.y += anchor_m.y;
+        let rise_m = -normal.xy().dot(&anchor_m) / normal.z;
+        let base_position_m =
+            reference.state.base_position_m + Vector3::new(anchor_m.x, anchor_m.y, rise_m);
         let there = Configuration { base_position_m, ..reference.state.configuration() };
         planned.update(tree, &there, &reference.state.velocity);
         planned.accelerate(tree, &reference.acceleration);
@@ -300,9 +329,6 @@ impl Tracker {
         self.program.hessian.fill(0.0);
         self.program.gradient.fill(0.0);
         self.program.normals.fill(0.0);
-        let ground_from_world = reference.world_from_ground.inverse();
-        self.normal = reference.world_from_ground.rotation * Vector3::z();
-        let normal = self.normal;
         for (j, foot) in self.feet.iter_mut().enumerate() {
             let of = &tree.robot().end_effectors[j];
             let lowest = |at: &Kinematics| {
@@ -341,7 +367,7 @@ impl Tracker {
 
     /// Corrections of what is off the plan, if there are gains.
     fn correct(&mut self, reference: &Reference) {
-        let Self { correction, tree, planned, measured, mass, feet, tick_s, height_m, .. } = self;
+        let Self { correction, tree, planned, measured, mass, feet, tick_s, .. } = self;
         let Some(correction) = correction else { return };
         let places = feet.iter().zip(&reference.force_n).map(|(foot, force_n)| Place {
             planned: foot.planned,
@@ -349,8 +375,6 @@ impl Tracker {
             force_n: foot.stands().then_some(*force_n),
         });
         correction.update(tree, [reference.time_s, *tick_s], [planned, measured], mass, places);
-        let com = |at: &Kinematics| at.frames.com(tree).xy();
-        correction.slide(com(measured) - com(planned), *height_m);
     }
 
     /// Contacts stay: the material at a contact that rolls or rests keeps still.

@@ -3,8 +3,9 @@
 use nalgebra::Isometry3;
 use rollwalk_multibody::{JOINTS, State, Tree};
 use rollwalk_robot::{GRAVITY_M_S2, Robot};
+use rollwalk_tracking::model::Costs;
 use rollwalk_tracking::tasks::Weights;
-use rollwalk_tracking::{Estimator, Reference, Sensors, Tracker};
+use rollwalk_tracking::{Estimator, Gains, Reference, Sensors, Tracker};
 use std::fs;
 
 fn tree() -> Tree {
@@ -26,7 +27,8 @@ fn a_tick_allocates_nothing() {
     };
     let mut state = reference.state.clone();
     state.velocity[0] = 0.3;
-    let mut tracker = Tracker::new(tree, Weights::default(), 0.002);
+    let gains = Gains::new(&tree, &Costs::default(), 0.1, true, |_| reference.clone());
+    let mut tracker = Tracker::new(tree, Weights::default(), 0.002).with_gains(gains);
     let memory = allocation_counter::measure(|| {
         for stands in [[true; 4], [true, false, true, false], [false; 4]] {
             reference.stands.copy_from_slice(&stands);
