@@ -226,6 +226,7 @@ fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
     }
     let text = format!(
         "Way or turn over plan, the mean of the periods. {RATE_HZ} ticks a second; exact state but where there is noise; contacts by the force of the ground.\n\
+         *: in some ticks the state was not known well enough, and the servos got the plan as in open loop. Delay and noise act on closed loops only.\n\
          Pushes: for {PUSH_S} s at every phase of the second period, to the front, back, left and right; the largest after which the robot \
          stands to the end, in weights, up to {:.1}.",
         PUSH_MOST - PUSH_STEP
@@ -238,6 +239,7 @@ fn said(played: &Played) -> String {
     match (played.fell_at_s, played.ratio) {
         _ if played.ended => "no step".into(),
         (Some(fell_at_s), _) => format!("falls {fell_at_s:.1} s"),
+        (None, Some(ratio)) if played.untracked > 0 => format!("{ratio:.3} *"),
         (None, Some(ratio)) => format!("{ratio:.3}"),
         (None, None) => "stands".into(),
     }

@@ -38,3 +38,22 @@ impl Mismatch {
         robot
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn masses_inertias_and_friction_are_those_that_are_asked_for() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml");
+        let robot = Robot::from_toml("agilebot", &fs::read_to_string(path).unwrap()).unwrap();
+        assert_eq!(Mismatch::default().of(&robot), robot);
+        let other = Mismatch { mass: 1.5, friction: Some(0.3), ..Mismatch::default() }.of(&robot);
+        for (one, other) in robot.links.iter().zip(&other.links) {
+            assert_eq!(other.mass_kg, 1.5 * one.mass_kg);
+            assert_eq!(other.inertia_in_link_kg_m2, one.inertia_in_link_kg_m2 * 1.5);
+        }
+        assert!(other.end_effectors.iter().all(|foot| foot.friction_coefficient == 0.3));
+    }
+}

@@ -125,7 +125,13 @@ impl Correction {
         self.last_m.copy_from_slice(&self.foothold_m);
         let (length, most_m) = (off.norm(), ANCHOR * height_m.max(0.0));
         if length > most_m {
-            self.anchor_m += off * (1.0 - most_m / length);
+            let shift_m = off * (1.0 - most_m / length);
+            self.anchor_m += shift_m;
+            // Footholds stay where they are in the world.
+            for last_m in &mut self.last_m {
+                last_m.x -= shift_m.x;
+                last_m.y -= shift_m.y;
+            }
         }
     }
 }

@@ -84,10 +84,13 @@ impl Stage {
     fn new(from: &Moment, to: &Moment, interval_s: f64) -> Self {
         let size = from.a.nrows();
         let h = interval_s;
-        // exp(h A): A is nilpotent but for the way in which it falls, whose rate is far below 1 / h.
+        // A moves end effectors' places to the spin, the spin to the rotation, and no further: the series of exp(h A) ends.
         let square = &from.a * &from.a;
         let identity = DMatrix::identity(size, size);
-        let moves = &identity * h + &from.a * (h * h / 2.0) + &square * (h.powi(3) / 6.0);
+        let moves = &identity * h
+            + &from.a * (h * h / 2.0)
+            + &square * (h.powi(3) / 6.0)
+            + &square * &from.a * (h.powi(4) / 24.0);
         let mut a = &identity + &moves * &from.a;
         let mut b = moves * &from.b;
         let turn_rad = from.heading_rad - to.heading_rad;

@@ -359,9 +359,11 @@ impl Tracker {
             let motion = contact.motion(measured);
             foot.still_m_s2 = -motion.rolling_acceleration
                 - motion.material_velocity * weights.contact_decay_per_s;
-            if let Some(along) = contact.axis.cross(&normal).try_normalize(1e-9) {
-                (foot.along, foot.side) = (along, normal.cross(&along));
-            }
+            // A foot has no way of its own: any direction along the ground is as good.
+            let along = contact.axis.cross(&normal).try_normalize(1e-9);
+            let along = along.or_else(|| Vector3::y().cross(&normal).try_normalize(1e-9));
+            foot.along = along.unwrap_or(Vector3::x());
+            foot.side = normal.cross(&foot.along);
         }
     }
 
@@ -448,14 +450,16 @@ impl Tracker {
             let mut speed =
                 planned.point_velocity(link, &there) - measured.point_velocity(link, &here);
             let bias = measured.point_acceleration(link, &here);
-            let planned_acceleration = planned.point_acceleration(link, &there);
+            let mut planned_acceleration = planned.point_acceleration(link, &there);
             if let Some(correction) = correction {
                 speed += correction.speed_m_s[j];
                 there += correction.foothold_m[j];
             }
             let mut squares = Squares { program };
             if foot.phase == Phase::Landing {
+                // Whatever height the plan has for it, and however it goes there.
                 there -= *normal * (BELOW_M + foot.height_m.max(0.0));
+                planned_acceleration -= *normal * planned_acceleration.dot(normal);
                 speed -= *normal * (speed + measured.point_velocity(link, &here)).dot(normal);
             }
             if !foot.stands() {

@@ -6,7 +6,7 @@ use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{Options as SolverOptions, optimise};
 use rollwalk_robot::Robot;
-use rollwalk_simulate::{Control, Feedback, Mismatch, Options, Outcome, play};
+use rollwalk_simulate::{Control, Feedback, Mismatch, Noise, Options, Outcome, play};
 use std::fs;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -137,6 +137,10 @@ fn a_tracked_robot_keeps_its_feet_when_the_world_is_another() {
         let turn = played(mismatch, 0.0);
         assert!(turn.holds() && (turn.ratio(2).unwrap() - 1.0).abs() < 0.02, "{turn:?}");
     }
+    let noisy = played(Mismatch { noise: Some(Noise::USUAL), ..Mismatch::default() }, 0.0);
+    assert!(noisy.untracked == 0 && (noisy.ratio(2).unwrap() - 1.0).abs() < 0.05, "{noisy:?}");
+    // Noise is not nothing.
+    assert!((noisy.ratio(2).unwrap() - 1.0).abs() > 1e-3, "{noisy:?}");
     let pushed = played(Mismatch::default(), 250.0);
     assert!(pushed.fell_at_s.is_none(), "{pushed:?}");
 }

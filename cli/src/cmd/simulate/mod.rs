@@ -54,8 +54,9 @@ pub struct Args {
     /// Time from a measurement to the setpoints that answer it, ms, with --tracking.
     #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "tracking", value_parser = delay_ms)]
     delay_ms: f64,
-    /// With --tracking, let the controller estimate the state from an IMU, encoders and contacts with noise, instead of knowing it.
-    #[arg(long, requires = "tracking")]
+    /// With --tracking, let the controller estimate the state from an IMU, encoders and contacts with noise, instead of knowing it; on
+    /// level ground.
+    #[arg(long, requires = "tracking", conflicts_with_all = ["slope", "terrain"])]
     estimate: bool,
     #[command(flatten)]
     ground: GroundArgs,
