@@ -93,9 +93,13 @@ impl Feedback {
         speed: &Vector3<f64>,
         most: f64,
     ) -> Vector3<f64> {
-        let wanted = self.of(place, speed);
-        wanted * (most / wanted.norm().max(most))
+        limited(self.of(place, speed), most)
     }
+}
+
+/// No more of a vector than a limit.
+pub(crate) fn limited(wanted: Vector3<f64>, most: f64) -> Vector3<f64> {
+    wanted * (most / wanted.norm().max(most))
 }
 
 /// Squares to be added up in a program's objective.

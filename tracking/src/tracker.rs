@@ -16,7 +16,7 @@ use crate::correction::{Correction, Place};
 use crate::gains::Gains;
 use crate::quadratic::{Program, Solver, Unsolved};
 use crate::reference::Reference;
-use crate::tasks::{Feedback, Squares, Weights};
+use crate::tasks::{Feedback, Squares, Weights, limited};
 use nalgebra::{DMatrix, DVector, Matrix3xX, Point3, Vector2, Vector3};
 use rollwalk_multibody::{
     ANGULAR, CompositeInertia, Configuration, JOINTS, Kinematics, RimContact, State, Tree, rotation,
@@ -367,7 +367,7 @@ impl Tracker {
         }
     }
 
-    /// Corrections of what is off the plan, if there are gains.
+    /// Computes corrections from the errors to the plan; without gains there are none.
     fn correct(&mut self, reference: &Reference) {
         let Self { correction, tree, planned, measured, mass, feet, tick_s, .. } = self;
         let Some(correction) = correction else { return };
@@ -551,11 +551,6 @@ impl Tracker {
         }
         self.program.constraints = constraint;
     }
-}
-
-/// No more of it than a limit.
-fn limited(wanted: Vector3<f64>, most: f64) -> Vector3<f64> {
-    wanted * (most / wanted.norm().max(most))
 }
 
 /// Writes the torque of a degree of freedom without its bias, times a sign, as the normal of a constraint.

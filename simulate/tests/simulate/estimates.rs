@@ -1,28 +1,13 @@
 //! The state estimator on shipped motions, with noisy sensors of the simulated world.
 
+use crate::plan;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::State;
-use rollwalk_planner::motion::{Ends, Motion};
-use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::motion::Ends;
+use rollwalk_planner::plan::Plan;
 use rollwalk_planner::whole_body::WholeBody;
-use rollwalk_planner::{Options as SolverOptions, optimise};
-use rollwalk_robot::Robot;
 use rollwalk_simulate::{Control, Noise, Options, SimulatedSensors, play};
 use rollwalk_tracking::{Estimator, Sensors, Untrusted};
-use std::fs;
-use std::ops::ControlFlow;
-
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
-
-fn plan(robot: &str, motion: &str) -> Plan {
-    let read = |name: String| fs::read_to_string(format!("{ROOT}/{name}.toml")).unwrap();
-    let robot = Robot::from_toml(robot, &read(format!("robots/{robot}"))).unwrap();
-    let motion = Motion::from_toml(motion, &read(format!("motions/{motion}")), &robot).unwrap();
-    let mut go_on = |_: &_| ControlFlow::Continue(());
-    let plan = optimise(&robot, &motion, &SolverOptions::default(), &mut go_on);
-    assert_eq!(plan.solve.status, Status::Converged);
-    plan
-}
 
 /// Errors of the estimates that are trusted.
 #[derive(Debug, Default)]

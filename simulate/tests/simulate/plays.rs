@@ -1,28 +1,13 @@
 //! Shipped motions in the simulated world.
 
+use crate::plan;
 use rollwalk_physics::ground::{Ground, Plane, Profile};
 use rollwalk_physics::push::Shove;
-use rollwalk_planner::motion::Motion;
-use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::{Options as SolverOptions, optimise};
-use rollwalk_robot::Robot;
+use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Noise, Options, Outcome, play};
-use std::fs;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 const TRACKING: Control = Control::Tracking(Feedback::Gains);
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
-
-fn plan(robot: &str, motion: &str) -> Plan {
-    let read = |name: String| fs::read_to_string(format!("{ROOT}/{name}.toml")).unwrap();
-    let robot = Robot::from_toml(robot, &read(format!("robots/{robot}"))).unwrap();
-    let motion = Motion::from_toml(motion, &read(format!("motions/{motion}")), &robot).unwrap();
-    let mut go_on = |_: &_| ControlFlow::Continue(());
-    let plan = optimise(&robot, &motion, &SolverOptions::default(), &mut go_on);
-    assert_eq!(plan.solve.status, Status::Converged);
-    plan
-}
 
 fn on(slope_rad: f64, plan: &Plan, feed_forward: bool) -> Outcome {
     let ground = Arc::new(Plane::rising(slope_rad));
