@@ -1,4 +1,5 @@
-//! Plans in the world as it is and as it is not expected: servos, feed-forward, and the whole body in closed loop (docs/tracking.md).
+//! Compares controllers (servos, feed-forward, closed loop) on plans in simulated worlds that match the plan, and in worlds with other masses,
+//! friction, delay, noise or slope (docs/tracking.md).
 
 use crate::only::Only;
 use crate::split::{Rows, Split};

@@ -31,7 +31,8 @@ const AT_TARGET_M: f64 = 1e-5;
 /// What the thesis's word "slightly" is taken for, by the speed.
 pub const SLIGHT: f64 = 0.05;
 
-/// Adds what is found to the outcome. `minima` are those of stiff contacts on the grid: with two bounces, then with one.
+/// Measures how far soft contacts shift the minima, and adds the rows to the outcome. `minima` are the minima that the grid has with stiff
+/// contacts: first the one with two bounces, then the one with one bounce.
 pub fn measure(
     ball: &Throw,
     minima: &[(f64, f64, f64)],

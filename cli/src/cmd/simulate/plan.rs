@@ -38,10 +38,19 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         (false, true) => (Control::Servos, RATE_HZ),
         (false, false) => (Control::FeedForward, RATE_HZ),
     };
+    let rate_hz = args.rate.unwrap_or(rate_hz);
+    let tick_ms = 1e3 / f64::from(rate_hz);
+    if args.delay_ms > 0.0 && args.delay_ms < 0.5 * tick_ms {
+        return Err(miette!(
+            help = format!("resolve it by --rate {:.0}", (1e3 / args.delay_ms).ceil()),
+            "--delay-ms {} is less than half of a tick of {tick_ms:.1} ms, and would be no delay",
+            args.delay_ms
+        ));
+    }
     let options = Options {
         control,
         cycles: args.cycles as usize,
-        rate_hz: args.rate.unwrap_or(rate_hz),
+        rate_hz,
         ground: args.ground.ground_for(&plan.robot)?,
         shoves: args.ground.shoves(),
         mismatch: Mismatch {
