@@ -6,9 +6,6 @@ use crate::model::{self, COM, FEET, SPIN, TURN, VELOCITY, heading_rad};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6xX, Rotation3, Vector2, Vector3};
 use rollwalk_multibody::{ANGULAR, Kinematics, Tree, centroidal_momentum_matrix, rotation};
 
-/// Error of place from which on the plan moves along with the robot, as a part of the height of its centre of mass: a push is not paid
-/// back by a sprint.
-const ANCHOR: f64 = 0.2;
 /// Farthest that a foothold moves away from the planned one, m.
 const STEP_M: f64 = 0.25;
 
@@ -19,8 +16,6 @@ pub(crate) struct Correction {
     error: DVector<f64>,
     input: DVector<f64>,
     momentum: Matrix6xX<f64>,
-    /// By how much the plan has moved along with the robot, m.
-    pub anchor_m: Vector2<f64>,
     /// Acceleration of the centre of mass, m/s², and angular acceleration of the body, rad/s².
     pub com_m_s2: Vector3<f64>,
     pub body_rad_s2: Vector3<f64>,
@@ -52,7 +47,6 @@ impl Correction {
             error: DVector::zeros(model::states(feet)),
             input: DVector::zeros(model::inputs(feet)),
             momentum: Matrix6xX::zeros(tree.dofs()),
-            anchor_m: Vector2::zeros(),
             com_m_s2: Vector3::zeros(),
             body_rad_s2: Vector3::zeros(),
             force_n: none.clone(),
@@ -119,19 +113,13 @@ impl Correction {
         self.body_rad_s2 = inertia.try_inverse().map_or(Vector3::zeros(), |per| per * moment);
     }
 
-    /// Keeps what the next tick begins with, after one that had a solution: footholds, and by how much the plan moves along with a
-    /// centre of mass that is this far off, m, and whose planned height above the ground is this, m.
-    pub fn keep(&mut self, off: Vector2<f64>, height_m: f64) {
+    /// Keeps the footholds that the next tick begins with, after one that had a solution and then moved the plan by this, m.
+    pub fn keep(&mut self, shift_m: Vector2<f64>) {
         self.last_m.copy_from_slice(&self.foothold_m);
-        let (length, most_m) = (off.norm(), ANCHOR * height_m.max(0.0));
-        if length > most_m {
-            let shift_m = off * (1.0 - most_m / length);
-            self.anchor_m += shift_m;
-            // Footholds stay where they are in the world.
-            for last_m in &mut self.last_m {
-                last_m.x -= shift_m.x;
-                last_m.y -= shift_m.y;
-            }
+        // Footholds stay where they are in the world.
+        for last_m in &mut self.last_m {
+            last_m.x -= shift_m.x;
+            last_m.y -= shift_m.y;
         }
     }
 }

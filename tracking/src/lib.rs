@@ -6,6 +6,7 @@
 //! | [`estimator`] | the state from IMU, encoders and contacts |
 //! | [`mod@reference`] | what is planned for a moment |
 //! | `contacts` | which end effectors bear the robot |
+//! | `recovery` | whether the robot is on its plan, and where its plan lies |
 //! | [`model`] | the robot near its plan as a linear system |
 //! | [`gains`] | the best feedback for it, computed before the plan is played |
 //! | `correction` | what errors ask for by these gains |
@@ -21,6 +22,7 @@ pub mod estimator;
 pub mod gains;
 pub mod model;
 mod quadratic;
+mod recovery;
 pub mod reference;
 pub mod tasks;
 pub mod tracker;

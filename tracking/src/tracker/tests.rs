@@ -117,6 +117,33 @@ fn drives_and_feed_forward_add_up_at_the_end_of_a_tick() {
     }
 }
 
+/// Setpoints that act later are those for the state then: of a robot that moves evenly, and of one whose last tick wanted it to brake.
+#[test]
+fn with_a_latency_a_tick_acts_on_the_state_then() {
+    const LATENCY_S: f64 = 0.01;
+    let reference = standing(&tracker("anymal_wheels").tree);
+    let state = moving(&reference);
+    let mut late = tracker("anymal_wheels").with_latency(LATENCY_S);
+    late.tick(&reference, &state, &reference.stands).unwrap();
+    for (k, velocity) in state.velocity.iter().enumerate() {
+        assert_eq!(late.ahead.velocity[k], *velocity);
+    }
+    for (joint, angle) in state.joint_rad.iter().enumerate() {
+        let then = angle + LATENCY_S * state.velocity[JOINTS + joint];
+        assert!((late.ahead.joint_rad[joint] - then).abs() < 1e-12);
+    }
+    let turned = late.ahead.world_from_body * state.world_from_body.transpose();
+    let turn = rollwalk_multibody::rotation::log(&turned);
+    let spin = Vector3::from_column_slice(&state.velocity[ANGULAR..ANGULAR + 3]);
+    assert!((turn - spin * LATENCY_S).norm() < 1e-12);
+    let expected = late.solver.solution().clone();
+    let setpoints = late.tick(&reference, &state, &reference.stands).unwrap().to_vec();
+    assert!((late.ahead.velocity[7] - state.velocity[7] - LATENCY_S * expected[7]).abs() < 1e-12);
+    let ahead = late.ahead.clone();
+    let mut there = tracker("anymal_wheels");
+    assert_eq!(there.tick(&reference, &ahead, &reference.stands).unwrap(), setpoints);
+}
+
 /// A tracker with the gains of a stand.
 fn with_gains(name: &str) -> (Tracker, Reference) {
     let tracker = tracker(name);
@@ -161,9 +188,44 @@ fn the_plan_moves_along_with_a_robot_that_is_far_away() {
     for _ in 0..5 {
         tracker.tick(&reference, &state, &reference.stands).unwrap();
     }
-    let anchor_m = tracker.correction.as_ref().unwrap().anchor_m;
+    let anchor_m = tracker.recovery.anchor_m;
     let left_m = 1.0 - anchor_m.x;
     assert!(anchor_m.y.abs() < 1e-9 && (0.05..0.15).contains(&left_m), "{anchor_m}");
+}
+
+/// Where a robot is and where it heads changes nothing, with feet in the air and far off its plan neither.
+#[test]
+fn setpoints_do_not_depend_on_place_and_heading() {
+    let elsewhere = Isometry3::new(Vector3::new(3.0, -2.0, 0.0), Vector3::z() * 2.2);
+    for (gains, pushed_m_s) in [(false, 0.1), (true, 0.1), (true, 1.5)] {
+        let (mut here, reference) = with_gains("anymal_wheels");
+        if !gains {
+            here.correction = None;
+        }
+        let mut there = here.clone();
+        let state = moving(&reference);
+        let mut touches = reference.stands.clone();
+        for tick in 0..5 {
+            let mut reference = reference.clone();
+            // One lifts off, one lands late.
+            (reference.stands[1], touches[1], touches[2]) = (tick < 2, tick < 3, tick > 3);
+            let mut state = state.clone();
+            state.velocity[0] += pushed_m_s;
+            let moved = Reference {
+                world_from_ground: elsewhere * reference.world_from_ground,
+                state: reference.state.clone().moved(&elsewhere),
+                force_n: reference.force_n.iter().map(|f| elsewhere.rotation * f).collect(),
+                ..reference.clone()
+            };
+            let setpoints = here.tick(&reference, &state, &touches).unwrap();
+            let same = there.tick(&moved, &state.moved(&elsewhere), &touches).unwrap();
+            for (one, other) in setpoints.iter().zip(same) {
+                let error = (one.torque_nm - other.torque_nm).abs();
+                assert!(error < 1e-6 * (1.0 + one.torque_nm.abs()), "{tick}: {one:?} {other:?}");
+            }
+        }
+        assert_eq!(here.recovery.is_active(), pushed_m_s > 1.0);
+    }
 }
 
 /// An end effector that the plan has in the air bears the robot when it touches, and one that does not touch gets no force.

@@ -1,0 +1,157 @@
+//! Whether the robot is on its plan or recovers from a push, and where its plan lies.
+//!
+//! A robot whose capture point, c + v √(h/g), is far from the planned one recovers: what touches the ground stays there, what is in the
+//! air lands, and centre of mass and body are led back each by itself. Recovery ends when the capture point is back, or when the robot
+//! stands while its plan walks on: it then resumes the plan from where it is. A push is not paid back by a sprint: the plan moves along
+//! with a robot that is far off.
+
+use nalgebra::Vector2;
+use rollwalk_robot::GRAVITY_M_S2;
+
+/// Error of the capture point from which on a robot recovers, and until which it does, as parts of the height of its centre of mass.
+const RECOVERS: f64 = 0.2;
+const RECOVERED: f64 = 0.1;
+/// Part of that height by which the velocity of a robot that stands moves its capture point at most; √(h/g) long it has to stand.
+const STANDS: f64 = 0.1;
+/// Error of place from which on the plan moves along with the robot, as a part of the same height.
+const ANCHOR: f64 = 0.2;
+
+/// Centre of mass of a robot, along the ground.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Errors {
+    /// Away from the planned place, m.
+    pub from_plan_m: Vector2<f64>,
+    /// Velocity, measured and planned, m/s.
+    pub velocity_m_s: Vector2<f64>,
+    pub planned_m_s: Vector2<f64>,
+    /// Planned height above the ground, m.
+    pub height_m: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Stage {
+    #[default]
+    OnPlan,
+    Recovers,
+    /// It stood, and has not reached the planned speed again.
+    Resumes,
+}
+
+/// What becomes of a robot's plan.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Recovery {
+    stage: Stage,
+    /// How long a robot that recovers has stood, s.
+    stood_s: f64,
+    /// By how much the plan has moved along with the robot, m.
+    pub anchor_m: Vector2<f64>,
+}
+
+impl Recovery {
+    /// Whether the robot recovers.
+    pub fn is_active(&self) -> bool {
+        self.stage == Stage::Recovers
+    }
+
+    /// From where the centre of mass is and how it moves, a tick later. An upright pendulum comes to rest over its capture point.
+    pub fn update(&mut self, errors: &Errors, tick_s: f64) {
+        let height_m = errors.height_m.max(0.0);
+        let pendulum_s = (height_m / GRAVITY_M_S2).sqrt();
+        let velocity = errors.velocity_m_s - errors.planned_m_s;
+        let off_m = (errors.from_plan_m + velocity * pendulum_s).norm();
+        let stands = errors.velocity_m_s.norm() * pendulum_s < STANDS * height_m;
+        self.stood_s = if self.is_active() && stands { self.stood_s + tick_s } else { 0.0 };
+        let most_m = RECOVERS * height_m;
+        // A robot that stood is slow at first.
+        let slow_m = errors.planned_m_s.norm() * pendulum_s;
+        self.stage = match self.stage {
+            Stage::OnPlan if off_m > most_m => Stage::Recovers,
+            Stage::Recovers if off_m < RECOVERED * height_m => Stage::OnPlan,
+            Stage::Recovers if self.stood_s > pendulum_s => Stage::Resumes,
+            Stage::Resumes if off_m > most_m + slow_m => Stage::Recovers,
+            Stage::Resumes if off_m < most_m => Stage::OnPlan,
+            same => same,
+        };
+    }
+
+    /// Moves the plan along with the robot, and returns by how much, m.
+    pub fn follow(&mut self, errors: &Errors) -> Vector2<f64> {
+        // One that resumes begins where it is.
+        let most_m = match self.stage {
+            Stage::Resumes => 0.0,
+            Stage::OnPlan | Stage::Recovers => ANCHOR * errors.height_m.max(0.0),
+        };
+        let off_m = errors.from_plan_m;
+        let shift_m = off_m * (1.0 - most_m / off_m.norm().max(most_m).max(f64::MIN_POSITIVE));
+        self.anchor_m += shift_m;
+        shift_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A robot whose centre of mass is 0.5 m high, over its plan.
+    const STILL: Errors = Errors {
+        from_plan_m: Vector2::new(0.0, 0.0),
+        velocity_m_s: Vector2::new(0.0, 0.0),
+        planned_m_s: Vector2::new(0.0, 0.0),
+        height_m: 0.5,
+    };
+
+    /// At a speed that moves the capture point by a part of the height.
+    fn speed_m_s(part: f64) -> Vector2<f64> {
+        Vector2::new(0.0, part * (0.5 * GRAVITY_M_S2).sqrt())
+    }
+
+    /// Longer than √(h/g).
+    const LONG_S: f64 = 0.3;
+
+    #[test]
+    fn recovery_begins_late_and_ends_early() {
+        let mut recovery = Recovery::default();
+        let mut at = |part: f64| {
+            recovery.update(&Errors { velocity_m_s: speed_m_s(part), ..STILL }, 0.0);
+            recovery.is_active()
+        };
+        assert_eq!(
+            [0.0, 0.15, 0.21, 0.15, 0.11, 0.09, 0.15].map(&mut at),
+            [false, false, true, true, true, false, false]
+        );
+        // A robot that comes back to its plan has no error of its capture point.
+        let from_plan_m = -speed_m_s(0.3) * (0.5 / GRAVITY_M_S2).sqrt();
+        let back = Errors { from_plan_m, velocity_m_s: speed_m_s(0.3), ..STILL };
+        recovery.update(&back, LONG_S);
+        assert!(!recovery.is_active());
+    }
+
+    /// A robot at rest is far from a fast plan, and yet goes on with it, from where it is.
+    #[test]
+    fn a_robot_that_stands_resumes_a_fast_plan() {
+        let mut recovery = Recovery::default();
+        let fast = Errors { planned_m_s: speed_m_s(0.5), ..STILL };
+        let mut at = |(part, tick_s): (f64, f64)| {
+            let from_plan_m = Vector2::new(0.05, 0.0);
+            let errors = Errors { velocity_m_s: speed_m_s(part), from_plan_m, ..fast };
+            recovery.update(&errors, tick_s);
+            (recovery.is_active(), recovery.follow(&errors).x)
+        };
+        // Pushed; turning back, which is no rest; standing; faster and faster; pushed back.
+        let pushed = [(0.8, 0.002), (0.0, 0.1), (0.2, 0.1), (0.0, LONG_S)];
+        let seen = pushed.map(&mut at);
+        assert_eq!(seen, [(true, 0.0), (true, 0.0), (true, 0.0), (false, 0.05)]);
+        let later = [(0.0, 0.1), (0.2, 0.1), (0.4, 0.1), (0.5, 0.1), (0.2, 0.1)].map(&mut at);
+        assert_eq!(later, [(false, 0.05), (false, 0.05), (false, 0.0), (false, 0.0), (true, 0.0)]);
+    }
+
+    #[test]
+    fn a_plan_moves_along_with_a_robot_that_is_far_off() {
+        let mut recovery = Recovery::default();
+        let off = |m: f64| Errors { from_plan_m: Vector2::new(m, 0.0), ..STILL };
+        assert_eq!(recovery.follow(&STILL), Vector2::zeros());
+        assert_eq!(recovery.follow(&off(0.1)), Vector2::zeros());
+        assert!((recovery.follow(&off(0.15)).x - 0.05).abs() < 1e-12);
+        assert!((recovery.anchor_m.x - 0.05).abs() < 1e-12);
+    }
+}

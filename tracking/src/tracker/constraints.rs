@@ -1,0 +1,72 @@
+//! The constraints of a tick: dynamics where no motor is, friction, no pull of the ground, and torques within the motors' limits.
+
+use super::{Foot, Tracker};
+use crate::quadratic::Program;
+use nalgebra::DMatrix;
+use rollwalk_multibody::JOINTS;
+
+/// Inequalities of a contact: four sides of the pyramid, and no pull.
+pub(super) const OF_CONTACT: usize = 5;
+
+impl Tracker {
+    /// M ν̇ + h = Σ Jᵀ f where no motor is.
+    pub(super) fn keep_dynamics(&mut self) {
+        let free = (0..JOINTS).chain(self.free_wheels.iter().copied());
+        for (constraint, dof) in free.enumerate() {
+            write_torque(&mut self.program, constraint, dof, 1.0, &self.mass, &self.feet);
+            self.program.bounds[constraint] = -self.bias[dof];
+        }
+    }
+
+    /// Friction, no pull of the ground, and torques within the motors' limits.
+    pub(super) fn keep_limits(&mut self) {
+        let dofs = self.tree.dofs();
+        let mut constraint = self.program.equalities;
+        for (j, foot) in self.feet.iter().enumerate().filter(|(_, foot)| foot.stands()) {
+            let sides = [
+                self.normal * foot.friction_along - foot.along,
+                self.normal * foot.friction_along + foot.along,
+                self.normal * foot.friction - foot.side,
+                self.normal * foot.friction + foot.side,
+                self.normal,
+            ];
+            for side in sides {
+                for k in 0..3 {
+                    self.program.normals[(dofs + 3 * j + k, constraint)] = side[k];
+                }
+                self.program.bounds[constraint] = 0.0;
+                constraint += 1;
+            }
+        }
+        for channel in &self.channels {
+            for sign in [1.0, -1.0] {
+                let Self { program, mass, feet, .. } = self;
+                write_torque(program, constraint, channel.dof, sign, mass, feet);
+                program.bounds[constraint] = -channel.torque_max_nm - sign * self.bias[channel.dof];
+                constraint += 1;
+            }
+        }
+        self.program.constraints = constraint;
+    }
+}
+
+/// Writes the torque of a degree of freedom without its bias, times a sign, as the normal of a constraint.
+fn write_torque(
+    program: &mut Program,
+    constraint: usize,
+    dof: usize,
+    sign: f64,
+    mass: &DMatrix<f64>,
+    feet: &[Foot],
+) {
+    let dofs = mass.ncols();
+    let mut normal = program.normals.column_mut(constraint);
+    for other in 0..dofs {
+        normal[other] = sign * mass[(dof, other)];
+    }
+    for (j, foot) in feet.iter().enumerate().filter(|(_, foot)| foot.stands()) {
+        for k in 0..3 {
+            normal[dofs + 3 * j + k] = -sign * foot.jacobian[(k, dof)];
+        }
+    }
+}

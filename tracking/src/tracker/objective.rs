@@ -1,0 +1,148 @@
+//! The objective of a tick: what contacts, centre of mass, body, end effectors and joints are to do, as weighted squares.
+
+use super::Tracker;
+use crate::contacts::Phase;
+use crate::reference::Reference;
+use crate::tasks::{Feedback, Squares, limited};
+use nalgebra::Vector3;
+use rollwalk_multibody::{ANGULAR, JOINTS, Kinematics, rotation};
+use rollwalk_robot::GRAVITY_M_S2;
+
+/// How far below the planned ground an end effector aims that has to land, m.
+const BELOW_M: f64 = 0.02;
+
+impl Tracker {
+    /// Contacts stay: the material at a contact that rolls or rests keeps still.
+    pub(super) fn want_contacts(&mut self) {
+        let Self { weights, program, row, feet, normal, .. } = self;
+        let mut squares = Squares { program };
+        for foot in feet.iter().filter(|foot| foot.stands()) {
+            if !foot.is_blade {
+                squares.add(weights.contact, &foot.jacobian, &foot.still_m_s2);
+                continue;
+            }
+            for direction in [foot.side, *normal] {
+                row.gemv_tr(1.0, &foot.jacobian, &direction, 0.0);
+                let still = direction.dot(&foot.still_m_s2);
+                squares.add_row(weights.contact, row.as_view(), still);
+            }
+        }
+    }
+
+    /// Centre of mass and body follow the plan.
+    pub(super) fn want_body(&mut self, reference: &Reference) {
+        let Self {
+            weights, tree, planned, measured, program, jacobian, correction, recovery, ..
+        } = self;
+        let mut squares = Squares { program };
+        let (there, here) = (&planned.frames, &measured.frames);
+        let place = there.com(tree) - here.com(tree);
+        let speed = planned.com_velocity(tree) - measured.com_velocity(tree);
+        // Far from the plan its linear model says little: there each task finds its way by itself, which survives larger pushes.
+        let correction = correction.as_ref().filter(|_| !recovery.is_active());
+        let feedback = match correction {
+            Some(correction) => limited(correction.com_m_s2, weights.com_most_m_s2),
+            None => weights.com_feedback.limited(&place, &speed, weights.com_most_m_s2),
+        };
+        let wanted = planned.com_acceleration(tree) + feedback;
+        here.com_jacobian(tree, jacobian);
+        squares.add(weights.com, jacobian, &(wanted - measured.com_acceleration(tree)));
+        let turn = rotation::log(&(there.world_from_link[0] * here.world_from_link[0].transpose()));
+        let spin = planned.angular_velocity[0] - measured.angular_velocity[0];
+        let feedback = match correction {
+            Some(correction) => limited(correction.body_rad_s2, weights.body_most_rad_s2),
+            None => weights.body_feedback.limited(&turn, &spin, weights.body_most_rad_s2),
+        };
+        for k in 0..3 {
+            let wanted = reference.acceleration[ANGULAR + k] + feedback[k];
+            squares.add_one(weights.body, ANGULAR + k, wanted);
+        }
+    }
+
+    /// Feet in the air follow the plan; wheels on the ground go as fast as it says.
+    pub(super) fn want_feet(&mut self, reference: &Reference) {
+        let Self {
+            weights,
+            tree,
+            planned,
+            measured,
+            program,
+            jacobian,
+            row,
+            feet,
+            correction,
+            normal,
+            ahead,
+            ..
+        } = self;
+        for (end_effector, (j, foot)) in
+            tree.robot().end_effectors.iter().zip(feet.iter().enumerate())
+        {
+            let link = end_effector.link;
+            let center = |at: &Kinematics| at.frames.point(link, &end_effector.center_in_link_m);
+            let (mut there, here) = (center(planned), center(measured));
+            let mut speed =
+                planned.point_velocity(link, &there) - measured.point_velocity(link, &here);
+            let bias = measured.point_acceleration(link, &here);
+            let mut wanted_m_s2 = planned.point_acceleration(link, &there);
+            if let Some(correction) = correction {
+                speed += correction.speed_m_s[j];
+                there += correction.foothold_m[j];
+            }
+            let mut squares = Squares { program };
+            if foot.phase == Phase::Landing {
+                // Whatever height the plan has for it, and however it goes there.
+                there -= *normal * (BELOW_M + foot.height_m.max(0.0));
+                wanted_m_s2 -= *normal * wanted_m_s2.dot(normal);
+                speed -= *normal * (speed + measured.point_velocity(link, &here)).dot(normal);
+            }
+            if !foot.stands() {
+                let wanted = wanted_m_s2 + weights.swing_feedback.of(&(there - here), &speed);
+                measured.frames.point_jacobian(tree, link, &here, jacobian);
+                squares.add(weights.swing, jacobian, &(wanted - bias));
+                if let Some(dof) = tree.wheel_dof(j) {
+                    let speed = reference.state.velocity[dof] - ahead.velocity[dof];
+                    let wanted = reference.acceleration[dof] + weights.spin_per_s * speed;
+                    squares.add_one(weights.posture, dof, wanted);
+                }
+            } else if end_effector.contact.rolls() {
+                // With gains, the place is theirs to feed back.
+                let place = if correction.is_some() { Vector3::zeros() } else { there - here };
+                let wanted = wanted_m_s2 + weights.roll_feedback.of(&place, &speed) - bias;
+                measured.frames.point_jacobian(tree, link, &here, jacobian);
+                row.gemv_tr(1.0, jacobian, &foot.along, 0.0);
+                squares.add_row(weights.roll, row.as_view(), foot.along.dot(&wanted));
+            }
+        }
+    }
+
+    /// Joints stay near the planned posture where nothing else needs them.
+    pub(super) fn want_posture(&mut self, reference: &Reference) {
+        let Feedback { per_s2, per_s } = self.weights.posture_feedback;
+        let Self { program, ahead, .. } = self;
+        let mut squares = Squares { program };
+        for (joint, (there, here)) in
+            reference.state.joint_rad.iter().zip(&ahead.joint_rad).enumerate()
+        {
+            let dof = JOINTS + joint;
+            let speed = reference.state.velocity[dof] - ahead.velocity[dof];
+            let wanted = reference.acceleration[dof] + per_s2 * (there - here) + per_s * speed;
+            squares.add_one(self.weights.posture, dof, wanted);
+        }
+    }
+
+    /// Ground forces stay near the planned ones; of feet in the air they are 0.
+    pub(super) fn want_forces(&mut self, reference: &Reference) {
+        let weight_n = self.tree.total_mass_kg() * GRAVITY_M_S2;
+        let price = self.weights.force / (weight_n * weight_n);
+        let mut squares = Squares { program: &mut self.program };
+        for (j, foot) in self.feet.iter().enumerate() {
+            let change = self.correction.as_ref().map_or(Vector3::zeros(), |of| of.force_n[j]);
+            let planned =
+                if foot.stands() { reference.force_n[j] + change } else { Vector3::zeros() };
+            for k in 0..3 {
+                squares.add_one(price, self.tree.dofs() + 3 * j + k, planned[k]);
+            }
+        }
+    }
+}
