@@ -20,7 +20,7 @@ class Control:
         # Orders are those of the harness, which knows none of the program's code.
         for key, names in (
             ("joints", [joint["name"] for joint in robot["joints"]]),
-            ("wheels", [foot["name"] for foot in feet if robots.spins(foot)]),
+            ("wheels", [foot["name"] for foot in feet if robots.is_wheel(foot)]),
             ("end_effectors", [foot["name"] for foot in feet]),
             ("channels", [name for name, _, _, _ in robots.channels(robot)]),
         ):

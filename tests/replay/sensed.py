@@ -33,7 +33,7 @@ class Sensed:
         self.model, self.noise, self.random = model, noise, np.random.default_rng(seed)
         self.gravity = gravity_m_s2.copy()
         self.least_n = TOUCHES * model.mass_kg * np.linalg.norm(gravity_m_s2)
-        spin = [j for j, foot in enumerate(model.robot["end_effectors"]) if robots.spins(foot)]
+        spin = [j for j, foot in enumerate(model.robot["end_effectors"]) if robots.is_wheel(foot)]
         self.wheel_dofs = [model.wheel_dofs[j] for j in spin]
         # Shortest turn of the direction against gravity to z.
         self.turn = _shortest(-gravity_m_s2 / np.linalg.norm(gravity_m_s2), np.array([0.0, 0.0, 1.0]))
