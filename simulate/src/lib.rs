@@ -4,6 +4,7 @@
 //! | module | is |
 //! |---|---|
 //! | [`script`] | a plan as the state in which it begins and the control law of each motor at any time |
+//! | [`closed_loop`] | a plan tracked in any world: measurements in, what motors do out |
 //! | [`control`] | setpoints of the plan for the servos, open loop, or a controller that sees the robot |
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
 //! | [`sensors`] | what an IMU, encoders and contact switches of a simulated robot measure, with noise |
@@ -15,6 +16,7 @@
 //!
 //! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
 
+pub mod closed_loop;
 pub mod control;
 pub mod identify;
 pub mod judgement;
@@ -26,7 +28,8 @@ pub mod run;
 pub mod script;
 pub mod sensors;
 
-pub use control::{Control, Feedback};
+pub use closed_loop::Feedback;
+pub use control::Control;
 pub use judgement::PlannedWay;
 pub use mismatch::Mismatch;
 pub use outcome::Outcome;

@@ -5,6 +5,7 @@ mod bad_input;
 mod bench;
 mod command_line;
 mod console;
+mod controlled;
 mod demo;
 mod designs;
 mod diagnosis;

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Writes the tables of docs/replay.md, docs/retargeting.md and docs/identification.md and the numbers of README from results of the harness.
+"""Writes the tables of docs/replay.md, docs/retargeting.md, docs/identification.md and docs/tracking.md and the numbers of README from results of the harness.
 
     python3 tests/replay/document.py LEVEL.json DISTURBED.json GROUND.json FIRMWARE.json [ROBOT.json ...]
     python3 tests/replay/document.py --retargeted RETARGETED.json
     python3 tests/replay/document.py --identified IDENTIFIED.json
+    python3 tests/replay/document.py --tracking TRACKING.json
 
 They stand between `<!-- NAME -->` and `<!-- end -->`. Without results of imported robots that table stays.
 """
@@ -25,6 +26,9 @@ def main(*paths):
         results = json.loads(Path(paths[1]).read_text())
         texts = {"identified": tables.identified(results), "predicted": tables.predicted(results)}
         return replace(ROOT / "docs/identification.md", {name: f"\n{text}\n" for name, text in texts.items()})
+    if paths[:1] == ("--tracking",):
+        text = tables.tracked(json.loads(Path(paths[1]).read_text()))
+        return replace(ROOT / "docs/tracking.md", {"tracked": f"\n{text}\n"})
     level, disturbed, ground, firmware, *imported = (json.loads(Path(path).read_text()) for path in paths)
     texts = {
         "shipped": tables.both(level),

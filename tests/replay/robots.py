@@ -245,3 +245,8 @@ def channels(robot):
 def spins(foot):
     """Whether an end effector turns against its link: a driven or free wheel; a blade glides as a free wheel does."""
     return foot["contact"]["kind"] in ("actuated_wheel", "passive_wheel", "skate")
+
+
+def is_wheel(foot):
+    """Whether an end effector is a wheel that spins: a blade is none, though MuJoCo has one in its place."""
+    return spins(foot) and foot["contact"]["kind"] != "skate"

@@ -161,6 +161,47 @@ def behind_firmware_in_words(results):
     return textwrap.fill(text, 116, break_on_hyphens=False)
 
 
+def tracked(results):
+    """One row for each motion and controller, one column for each world; then drifts, and then pushes if there were some."""
+    pushes = [result for result in results if "push" in result]
+    runs = [result for result in results if "push" not in result]
+    cases = list(dict.fromkeys(result["case"] for result in runs))
+    ratios, drifts = [["motion", "control", *cases]], [["motion", "control", *(f"{case}: path, side, yaw" for case in DRIFTS)]]
+    for (motion, control), of in _by_control(runs).items():
+        found = {result["case"]: result for result in of}
+        ratios.append([motion, control, *(_played(found[case]) for case in cases)])
+        drifts.append([motion, control, *(_drift(found[case]) for case in DRIFTS)])
+    worst = [["motion", "control", "mean", "least"]]
+    for (motion, control), of in _by_control(pushes).items():
+        parts = [result["push"] for result in of]
+        worst.append([motion, control, f"{sum(parts) / len(parts):.2f}", f"{min(parts):.1f}"])
+    return "\n\n".join(map(_markdown, (ratios, drifts, worst) if pushes else (ratios, drifts)))
+
+
+def _by_control(results):
+    """Results by motion and controller."""
+    found = {}
+    for result in results:
+        found.setdefault((f"`{result['motion']}`", result["control"]), []).append(result)
+    return found
+
+
+# Worlds of which the drift is told.
+DRIFTS = ("as planned", "noise, estimator", "together")
+
+
+def _played(result):
+    if result["fell_at_s"] is not None:
+        return f"falls {result['fell_at_s']:.1f} s"
+    return _ratios(result["ratio"], result["drift"]) + (" *" if result["untracked"] else "")
+
+
+def _drift(result):
+    if result["fell_at_s"] is not None or not result["drift"]:
+        return "–"
+    return ", ".join(_number(value, 1e3, 0) for value in (result["path_rms_m"], result["drift"]["left_m"], result["drift"]["turn_rad"]))
+
+
 def retargeted(results):
     """One row for each motion: achieved by planned before and after, behind firmware and bus, and in MuJoCo with the same commands."""
     rows = [["motion of robot", "stiffness", "before", "after", "MuJoCo before", "MuJoCo after", ""]]

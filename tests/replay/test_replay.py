@@ -217,7 +217,7 @@ class Physics(unittest.TestCase):
 
     def _coast(self, robot, speed_m_s, time_s=0.5):
         motion = standing(robot)
-        simulation = world._Simulation(Model(robot, G), motion, world.Case())
+        simulation = world.Simulation(Model(robot, G), motion, world.Case())
         simulation.start(moving=False)
         points = player.hold(robot, np.zeros(0), np.zeros(0), "none")
         simulation.play(points, 0.5, measured=False)

@@ -25,6 +25,20 @@ STANDS = 0.01
 
 
 @dataclass(frozen=True)
+class Push:
+    """A force for PUSH_S, as a part of the weight, along a direction (ahead, left) of the robot's heading."""
+
+    part: float
+    direction: tuple = (0.0, 1.0)
+    # When it begins: in periods of a motion that repeats, or as a part of one that ends.
+    period: float = 2.3
+    moment: float = 0.5
+
+    def begin_s(self, motion):
+        return (self.period if motion.periodic else self.moment) * motion.duration_s
+
+
+@dataclass(frozen=True)
 class Case:
     """What is different from the robot file and the level floor."""
 
@@ -33,8 +47,7 @@ class Case:
     mass_factor: float = 1.0
     delay_s: float = 0.0
     slope_rad: float = 0.0
-    # Force sideways as a part of the weight, for PUSH_S.
-    push: float = 0.0
+    push: Push | None = None
 
 
 PUSH_S = 0.1
@@ -45,7 +58,7 @@ PERTURBATIONS = (
     Case("mass -10 %", mass_factor=0.9),
     Case("delay 5 ms", delay_s=0.005),
     Case("slope 2 deg", slope_rad=math.radians(2)),
-    Case("push 10 %", push=0.1),
+    Case("push 10 %", push=Push(0.1)),
 )
 
 
@@ -90,7 +103,7 @@ def run(motion, robot, feed_forward="none", case=Case(), cycles=20, control_hz=p
     holds = [
         player.hold(robot, frames[index], torque, feed_forward) for index, torque in zip((0, -1), rest)
     ]
-    simulation = _Simulation(model, motion, case)
+    simulation = Simulation(model, motion, case)
     track = simulation.track
     track.planned_base_m = np.array([position for position, _, _ in simulation.plan])
     track.missing_force = missing
@@ -110,7 +123,7 @@ def run(motion, robot, feed_forward="none", case=Case(), cycles=20, control_hz=p
     return track
 
 
-class _Simulation:
+class Simulation:
     def __init__(self, model, motion, case):
         self.model, self.motion, self.case = model, motion, case
         self.m, self.d = model.m, mujoco.MjData(model.m)
@@ -169,29 +182,34 @@ class _Simulation:
             index = min(int(now / points.period_s + 1e-6), last)
             if index != tick:
                 tick = index
-                self.d.ctrl[:] = (
-                    self.kp * points.position_rad[tick]
-                    + np.where(self.kp > 0, self.kd * points.speed_rad_s[tick], self.kd * points.position_rad[tick])
-                    + points.torque_nm[tick]
-                )
+                self.command(points, tick)
             during = None if not measured else (k if first is not None else len(self.plan) - 1)
-            self._push(first, k * step_s)
-            self._step(during, points.position_rad[tick])
+            self.push(first, k * step_s)
+            self.step(during, points.position_rad[tick])
             if self.track.fell_at_s is not None:
                 return False
         return True
 
-    def _push(self, first, time_s):
-        """In the third period, or halfway through a motion that ends."""
-        if not self.case.push or first is None:
+    def command(self, points, tick):
+        """Tells the drives the setpoints of a tick; those of a wheel are speeds."""
+        self.d.ctrl[:] = (
+            self.kp * points.position_rad[tick]
+            + np.where(self.kp > 0, self.kd * points.speed_rad_s[tick], self.kd * points.position_rad[tick])
+            + points.torque_nm[tick]
+        )
+
+    def push(self, first, time_s):
+        push = self.case.push
+        if push is None or first is None:
             return
-        begin = 2.3 * self.motion.duration_s if self.motion.periodic else 0.5 * self.motion.duration_s
+        begin = push.begin_s(self.motion)
         pushed = begin <= first + time_s < begin + PUSH_S
         yaw = self._yaw()
-        left = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
-        self.d.xfrc_applied[1, 0:3] = left * self.case.push * self.weight if pushed else 0.0
+        ahead, left = push.direction
+        way = np.array([ahead * math.cos(yaw) - left * math.sin(yaw), ahead * math.sin(yaw) + left * math.cos(yaw), 0.0])
+        self.d.xfrc_applied[1, 0:3] = way * push.part * self.weight if pushed else 0.0
 
-    def _step(self, during, position_rad):
+    def step(self, during, position_rad):
         m, d = self.m, self.d
         low, high = self.drives.act(d, self.load)
         mujoco.mj_step(m, d)

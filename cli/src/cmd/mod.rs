@@ -4,6 +4,7 @@ mod bench;
 pub mod buses;
 mod completions;
 mod console;
+mod control;
 mod dbc;
 mod demo;
 mod design;
@@ -43,6 +44,7 @@ pub enum Command {
     Plot(plot::Args),
     Export(export::Args),
     Simulate(simulate::Args),
+    Control(control::Args),
     Retarget(retarget::Args),
     Identify(identify::Args),
     #[command(subcommand)]
@@ -96,6 +98,7 @@ impl Command {
             Command::Plot(args) => plot::run(args),
             Command::Export(args) => export::run(args),
             Command::Simulate(args) => simulate::run(args),
+            Command::Control(args) => control::run(args),
             Command::Retarget(args) => retarget::run(args),
             Command::Identify(args) => identify::run(args),
             Command::Design(action) => design::run(action),

@@ -3,6 +3,7 @@
 
 mod behind_firmware;
 mod retargeted;
+mod tracked;
 mod urdf;
 
 use crate::steps::Extent;
@@ -37,15 +38,19 @@ pub struct Options {
     /// Only a robot that is identified from a run in MuJoCo, and other runs that are predicted: the tables of docs/identification.md.
     #[arg(long, conflicts_with_all = ["urdf", "retargeted"])]
     identified: bool,
+    /// Only controllers in closed loop and open loop, in worlds other than planned and under pushes: the tables of docs/tracking.md.
+    #[arg(long, conflicts_with_all = ["urdf", "retargeted", "identified"])]
+    tracking: bool,
 }
 
-/// Tests the harness. In full it plans and replays every shipped motion as well, and fails if one does not hold.
+/// Tests the harness, and the controller in closed loop. In full it plans and replays every shipped motion as well, and fails if one does not hold.
 ///
 /// # Errors
 /// A failed test, a motion without plan, a motion that does not hold, or the command that installs what is missing.
 pub fn check(extent: Extent) -> Result<(), String> {
     let replay = Replay::new()?;
     shell::run(&mut replay.python("test_replay.py"))?;
+    tracked::check(&replay)?;
     match extent {
         Extent::Short => Ok(()),
         Extent::Full => replay.shipped("all", true).map(drop),
@@ -71,6 +76,9 @@ pub fn document(options: &Options) -> Result<(), String> {
         identified.arg(&rollwalk()?.path).arg("-o").arg(&folder).arg("--json").arg(&results);
         shell::run(&mut identified)?;
         return shell::run(replay.python("document.py").arg("--identified").arg(results));
+    }
+    if options.tracking {
+        return tracked::document(&replay);
     }
     let plans = replay.shipped("both", false)?;
     replay.grounded(&plans)?;

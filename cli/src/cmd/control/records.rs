@@ -1,0 +1,281 @@
+//! Lines between the controller and a simulator of others: JSON records, checked (docs/tracking.md, "In your simulator").
+
+use miette::{Context, IntoDiagnostic, miette};
+use nalgebra::{Isometry3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
+use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, State, Tree};
+use rollwalk_physics::motor::Law;
+use rollwalk_planner::motion::Ends;
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::whole_body::WholeBody;
+use rollwalk_simulate::closed_loop::Untracked;
+use rollwalk_tracking::Sensors;
+use serde::{Deserialize, Serialize};
+
+/// Largest difference of a quaternion's length from 1.
+const UNIT: f64 = 1e-3;
+
+/// The first line of the program.
+#[derive(Serialize)]
+pub struct Hello {
+    format: &'static str,
+    version: u32,
+    robot: String,
+    motion: String,
+    tick_s: f64,
+    /// Of a motion that repeats, its period.
+    duration_s: f64,
+    repeats: bool,
+    joints: Vec<String>,
+    wheels: Vec<String>,
+    end_effectors: Vec<String>,
+    channels: Vec<String>,
+    start: Start,
+}
+
+/// Planned state at time 0, in axes of the plan.
+#[derive(Serialize)]
+struct Start {
+    base: Base,
+    #[serde(flatten)]
+    encoders: Encoders,
+}
+
+impl Hello {
+    /// For a validated plan.
+    pub fn new(plan: &Plan, tick_s: f64) -> Self {
+        let mut body = WholeBody::new(plan);
+        let start = body.at(0.0, &Isometry3::identity()).state;
+        let (robot, tree) = (&plan.robot, body.tree());
+        let end_effectors: Vec<String> =
+            robot.end_effectors.iter().map(|of| of.name.clone()).collect();
+        let wheels = tree.wheels().iter().map(|wheel| end_effectors[wheel.end_effector].clone());
+        Self {
+            format: "rollwalk-control",
+            version: 1,
+            robot: robot.name.clone(),
+            motion: plan.motion.name.clone(),
+            tick_s,
+            duration_s: plan.motion.duration_s,
+            repeats: plan.motion.ends == Ends::Periodic,
+            joints: robot.joints.iter().map(|joint| joint.name.clone()).collect(),
+            wheels: wheels.collect(),
+            channels: robot.channels().map(|channel| channel.name().to_owned()).collect(),
+            start: Start { base: Base::of(&start), encoders: Encoders::of(&start, tree) },
+            end_effectors,
+        }
+    }
+}
+
+/// A line of the simulator: what was measured at the beginning of a tick.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Time of the motion, periods counted on, s.
+    pub time_s: f64,
+    /// Whether each end effector touches the ground.
+    pub touches: Vec<bool>,
+    joint_rad: Vec<f64>,
+    joint_speed_rad_s: Vec<f64>,
+    wheel_speed_rad_s: Vec<f64>,
+    base: Option<Base>,
+    imu: Option<Imu>,
+    world_from_plan: Option<Pose>,
+}
+
+/// Angles of the joints, and speeds.
+#[derive(Serialize)]
+struct Encoders {
+    joint_rad: Vec<f64>,
+    joint_speed_rad_s: Vec<f64>,
+    /// Of the wheels that spin, relative to their links.
+    wheel_speed_rad_s: Vec<f64>,
+}
+
+/// Where the origin of the root link is, and how it moves; world axes, z up.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Base {
+    position_m: [f64; 3],
+    /// World from body.
+    orientation_wxyz: [f64; 4],
+    velocity_m_s: [f64; 3],
+    angular_velocity_rad_s: [f64; 3],
+}
+
+/// An IMU at the origin of the root link, in its axes; what it did not measure is left out.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Imu {
+    gyro_rad_s: Option<[f64; 3]>,
+    /// Specific force, mean since the last tick: 9.81 m/s² upwards at rest.
+    accelerometer_m_s2: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Pose {
+    position_m: [f64; 3],
+    orientation_wxyz: [f64; 4],
+}
+
+/// Sensors of a request, in the order of the tree.
+pub struct Measured<'a> {
+    request: &'a Request,
+    imu: &'a Imu,
+    speed_rad_s: Vec<f64>,
+}
+
+impl Measured<'_> {
+    /// For the estimator.
+    pub fn sensors(&self) -> Sensors<'_> {
+        Sensors {
+            gyro_rad_s: self.imu.gyro_rad_s.map(Vector3::from),
+            accelerometer_m_s2: self.imu.accelerometer_m_s2.map(Vector3::from),
+            joint_rad: &self.request.joint_rad,
+            speed_rad_s: &self.speed_rad_s,
+            touches: &self.request.touches,
+        }
+    }
+}
+
+impl Request {
+    /// Reads a line.
+    ///
+    /// # Errors
+    /// It is no such record; the message names the field.
+    pub fn from_line(line: &str) -> miette::Result<Self> {
+        let mut reader = serde_json::Deserializer::from_str(line);
+        let request = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+            let path = error.path().to_string();
+            let at = if path == "." { String::new() } else { format!("field {path}: ") };
+            miette!(help = HELP, "{at}{}", error.inner())
+        })?;
+        reader.end().into_diagnostic().wrap_err("after the record")?;
+        Ok(request)
+    }
+
+    /// Where the plan lies, if the record says so.
+    ///
+    /// # Errors
+    /// The orientation is none.
+    pub fn world_from_plan(&self) -> miette::Result<Option<Isometry3<f64>>> {
+        let Some(pose) = &self.world_from_plan else { return Ok(None) };
+        let turn = rotation("world_from_plan.orientation_wxyz", pose.orientation_wxyz)?;
+        Ok(Some(Isometry3::from_parts(Translation3::from(Vector3::from(pose.position_m)), turn)))
+    }
+
+    /// The measured state, if the record has a base.
+    ///
+    /// # Errors
+    /// The record is of another robot, or the orientation is none.
+    pub fn state(&self, tree: &Tree) -> miette::Result<Option<State>> {
+        let speed_rad_s = self.speeds(tree)?;
+        let Some(base) = &self.base else { return Ok(None) };
+        let turn = rotation("base.orientation_wxyz", base.orientation_wxyz)?;
+        let mut velocity = [base.velocity_m_s, base.angular_velocity_rad_s].concat();
+        velocity.extend(speed_rad_s);
+        Ok(Some(State {
+            base_position_m: base.position_m.into(),
+            world_from_body: turn.to_rotation_matrix().into_inner(),
+            joint_rad: self.joint_rad.clone(),
+            velocity,
+        }))
+    }
+
+    /// What the sensors measured, if the record has an IMU.
+    ///
+    /// # Errors
+    /// The record is of another robot.
+    pub fn sensors(&self, tree: &Tree) -> miette::Result<Option<Measured<'_>>> {
+        let speed_rad_s = self.speeds(tree)?;
+        Ok(self.imu.as_ref().map(|imu| Measured { request: self, imu, speed_rad_s }))
+    }
+
+    /// Speeds of joints and wheels of this robot.
+    fn speeds(&self, tree: &Tree) -> miette::Result<Vec<f64>> {
+        let (robot, joints) = (tree.robot(), self.joint_rad.len());
+        for (field, count, wanted, what) in [
+            ("joint_rad", joints, robot.joints.len(), "joints"),
+            ("joint_speed_rad_s", self.joint_speed_rad_s.len(), robot.joints.len(), "joints"),
+            ("wheel_speed_rad_s", self.wheel_speed_rad_s.len(), tree.wheels().len(), "wheels"),
+            ("touches", self.touches.len(), robot.end_effectors.len(), "end effectors"),
+        ] {
+            if count != wanted {
+                return Err(miette!(
+                    help = HELP,
+                    "field {field} has {count} entries; {} has {wanted} {what}",
+                    robot.name
+                ));
+            }
+        }
+        Ok([&self.joint_speed_rad_s[..], &self.wheel_speed_rad_s].concat())
+    }
+}
+
+const HELP: &str =
+    "docs/tracking.md has the fields of a line; the first line of the program has their order";
+
+/// A rotation from a quaternion.
+fn rotation(field: &str, wxyz: [f64; 4]) -> miette::Result<UnitQuaternion<f64>> {
+    let [w, x, y, z] = wxyz;
+    let quaternion = Quaternion::new(w, x, y, z);
+    if (quaternion.norm() - 1.0).abs() > UNIT {
+        let norm = quaternion.norm();
+        return Err(miette!("field {field} has length {norm}; expected a quaternion of length 1"));
+    }
+    Ok(UnitQuaternion::from_quaternion(quaternion))
+}
+
+impl Base {
+    fn of(state: &State) -> Self {
+        let turn = Rotation3::from_matrix_unchecked(state.world_from_body);
+        let turn = UnitQuaternion::from_rotation_matrix(&turn);
+        let three = |from: usize| [0, 1, 2].map(|of| state.velocity[from + of]);
+        Self {
+            position_m: state.base_position_m.into(),
+            orientation_wxyz: [turn.w, turn.i, turn.j, turn.k],
+            velocity_m_s: three(LINEAR),
+            angular_velocity_rad_s: three(ANGULAR),
+        }
+    }
+}
+
+impl Encoders {
+    fn of(state: &State, tree: &Tree) -> Self {
+        let (joints, wheels) = state.velocity[JOINTS..].split_at(tree.first_wheel_dof() - JOINTS);
+        Self {
+            joint_rad: state.joint_rad.clone(),
+            joint_speed_rad_s: joints.to_vec(),
+            wheel_speed_rad_s: wheels.to_vec(),
+        }
+    }
+}
+
+/// The answer to a line: setpoints of all channels until the next tick.
+#[derive(Serialize)]
+pub struct Setpoints {
+    time_s: f64,
+    /// Why these are the setpoints of the plan in open loop, if they are.
+    untracked: Option<String>,
+    position_rad: Vec<f64>,
+    speed_rad_s: Vec<f64>,
+    torque_nm: Vec<f64>,
+    kp_nm_rad: Vec<f64>,
+    kd_nm_s_rad: Vec<f64>,
+}
+
+impl Setpoints {
+    /// In channel order.
+    pub fn new(time_s: f64, laws: &[Law], untracked: Option<Untracked>) -> Self {
+        let each = |of: fn(&Law) -> f64| laws.iter().map(of).collect();
+        Self {
+            time_s,
+            untracked: untracked.map(|why| why.to_string()),
+            position_rad: each(|law| law.position_rad),
+            speed_rad_s: each(|law| law.speed_rad_s),
+            torque_nm: each(|law| law.torque_nm),
+            kp_nm_rad: each(|law| law.kp_nm_rad),
+            kd_nm_s_rad: each(|law| law.kd_nm_s_rad),
+        }
+    }
+}

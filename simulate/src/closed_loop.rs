@@ -1,0 +1,143 @@
+//! A plan tracked in closed loop, whatever world the robot is in: what was measured in, what all motors do until the next tick out.
+//!
+//! [`crate::control`] asks it about the simulated world, `rollwalk control` for the simulators of others.
+
+use crate::script::{Script, servo};
+use nalgebra::Isometry3;
+use rollwalk_multibody::{State, Tree};
+use rollwalk_physics::motor::Law;
+use rollwalk_planner::whole_body::{Instant, WholeBody};
+use rollwalk_tracking::estimator::Untrusted;
+use rollwalk_tracking::model::Costs;
+use rollwalk_tracking::tasks::Weights;
+use rollwalk_tracking::{Estimator, Gains, Reference, Sensors, Setpoint, Tracker, Unsolved};
+use thiserror::Error;
+
+/// How the robot is brought back to the plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feedback {
+    /// Each task by itself: centre of mass, body and wheels have their own gains.
+    Tasks,
+    /// Gains of the plan's linear model, for all of them together.
+    Gains,
+}
+
+/// What is known of the robot at a tick.
+#[derive(Clone, Copy, Debug)]
+pub enum Measured<'a> {
+    /// Its state, in the world of the plan's placement, and whether each end effector touches the ground.
+    State(&'a State, &'a [bool]),
+    /// What its sensors measured since the last tick.
+    Sensors(&'a Sensors<'a>),
+}
+
+/// Why the motors got the plan as in open loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum Untracked {
+    /// The state is not known well enough.
+    #[error("{0}")]
+    State(Untrusted),
+    /// The tracker found no setpoints.
+    #[error("no setpoints meet the constraints, or the state is not finite")]
+    Setpoints(Unsolved),
+}
+
+/// A controller of one plan.
+pub struct ClosedLoop<'s, 'p> {
+    script: &'s Script<'p>,
+    /// The motors at rest, in channel order.
+    servos: Vec<Law>,
+    plan: Placed,
+    tracker: Tracker,
+    estimator: Estimator,
+    tick_s: f64,
+}
+
+/// The plan where it lies in the world.
+struct Placed {
+    body: WholeBody,
+    world_from_plan: Isometry3<f64>,
+}
+
+impl<'s, 'p> ClosedLoop<'s, 'p> {
+    /// For ticks of `tick_s`; `world_from_plan` says where the plan lies, in a world whose z is up. Gains are computed here, which takes up to
+    /// some tenths of a second.
+    pub fn new(
+        script: &'s Script<'p>,
+        feedback: Feedback,
+        world_from_plan: Isometry3<f64>,
+        tick_s: f64,
+    ) -> Self {
+        let mut plan = Placed { body: WholeBody::new(script.plan()), world_from_plan };
+        let tree = plan.body.tree().clone();
+        let mut tracker = Tracker::new(tree.clone(), Weights::default(), tick_s);
+        if feedback == Feedback::Gains {
+            let (costs, duration_s) = (Costs::default(), script.duration_s());
+            let reference = |time_s| plan.reference(time_s);
+            let gains = Gains::new(&tree, &costs, duration_s, script.repeats(), reference);
+            tracker = tracker.with_gains(gains);
+        }
+        let servos = script.robot().channels().map(|channel| servo(&channel)).collect();
+        Self { script, servos, plan, tracker, estimator: Estimator::new(tree), tick_s }
+    }
+
+    /// The robot with turning wheels and rotors, whose states and velocities those of [`Measured`] are.
+    pub fn tree(&self) -> &Tree {
+        self.tracker.tree()
+    }
+
+    /// Tells the estimator a state that is known by other means ([`Estimator::align`]).
+    ///
+    /// # Errors
+    /// The state is not finite.
+    pub fn align(&mut self, state: &State) -> Result<(), Untrusted> {
+        self.estimator.align(state)
+    }
+
+    /// What the motors do in a tick between two times of the motion, periods counted on, s; `measured` is
+    /// its beginning. If the tracker has no setpoints, they get those of the plan with its torques; the reason comes beside them.
+    pub fn tick(
+        &mut self,
+        [from_s, to_s]: [f64; 2],
+        measured: Measured<'_>,
+    ) -> (Vec<Law>, Option<Untracked>) {
+        let reference = self.plan.reference(from_s);
+        let known = match measured {
+            Measured::State(state, touches) => Ok((state, touches)),
+            Measured::Sensors(sensors) => {
+                let estimate = self.estimator.tick(sensors, self.tick_s);
+                estimate.map(|state| (state, sensors.touches)).map_err(Untracked::State)
+            }
+        };
+        let setpoints = known.and_then(|(state, touches)| {
+            self.tracker.tick(&reference, state, touches).map_err(Untracked::Setpoints)
+        });
+        match setpoints {
+            Ok(setpoints) => {
+                let laws = self.servos.iter().zip(setpoints);
+                (laws.map(|(servo, setpoint)| law(servo, setpoint)).collect(), None)
+            }
+            Err(why) => (self.script.laws(to_s), Some(why)),
+        }
+    }
+}
+
+fn law(servo: &Law, setpoint: &Setpoint) -> Law {
+    Law {
+        kp_nm_rad: setpoint.kp_nm_rad,
+        kd_nm_s_rad: setpoint.kd_nm_s_rad,
+        position_rad: setpoint.position_rad,
+        speed_rad_s: setpoint.speed_rad_s,
+        torque_nm: setpoint.torque_nm,
+        ..*servo
+    }
+}
+
+impl Placed {
+    fn reference(&mut self, time_s: f64) -> Reference {
+        let Instant { state, acceleration, stands, force_n } =
+            self.body.at(time_s, &self.world_from_plan);
+        let world_from_ground = self.world_from_plan;
+        Reference { time_s, world_from_ground, state, acceleration, stands, force_n }
+    }
+}

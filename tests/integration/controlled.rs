@@ -1,0 +1,135 @@
+//! The controller that tracks a plan, as another simulator runs it: a line in, a line out.
+
+use crate::desk_with_shipped_files;
+use rollwalk_tests::{Desk, Outcome};
+use serde_json::{Value, json};
+use std::io::Write;
+use std::process::Stdio;
+
+/// What the controller of ANYmal's stand answers to lines.
+fn answers(desk: &Desk, args: &[&str], lines: &[String]) -> Outcome {
+    let mut command = desk.command(&[&["control", "stand.json"], args].concat());
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut program = command.spawn().expect("the program starts");
+    let mut input = program.stdin.take().expect("a pipe");
+    // A program that has refused a line has closed its input.
+    let _ = input.write_all(lines.concat().as_bytes());
+    drop(input);
+    program.wait_with_output().expect("the program ends").into()
+}
+
+fn stand() -> Desk {
+    let desk = desk_with_shipped_files();
+    desk.run(&["plan", "motions/anymal_stand.toml", "-o", "stand.json"]).succeeds();
+    desk
+}
+
+/// A measurement of the robot where its motion begins, which the program's first line tells.
+fn at_start(desk: &Desk) -> Value {
+    let said = answers(desk, &[], &[]).succeeds();
+    let hello: Value = serde_json::from_str(&said).expect("a record");
+    assert_eq!((&hello["format"], &hello["tick_s"]), (&json!("rollwalk-control"), &json!(0.002)));
+    assert_eq!((&hello["robot"], &hello["repeats"]), (&json!("anymal_wheels"), &json!(false)));
+    assert_eq!(hello["channels"].as_array().map(Vec::len), Some(16));
+    let mut record = hello["start"].clone();
+    record["time_s"] = json!(0.0);
+    record["touches"] = json!([true, true, true, true]);
+    record
+}
+
+/// The answers before a line that is refused stand.
+#[track_caller]
+fn refused(outcome: Outcome, words: &[&str]) {
+    Outcome { stdout: String::new(), ..outcome }.fails(1, words);
+}
+
+fn line(record: &Value) -> String {
+    format!("{record}\n")
+}
+
+#[test]
+fn a_robot_that_stands_as_planned_gets_torques_that_hold_it() {
+    let desk = stand();
+    let start = at_start(&desk);
+    let mut lifted = start.clone();
+    lifted["base"]["position_m"][2] =
+        json!(start["base"]["position_m"][2].as_f64().unwrap() + 0.02);
+    let torque = |answer: &str| -> Vec<f64> {
+        let answer: Value = serde_json::from_str(answer).expect("a record");
+        assert_eq!(answer["untracked"], Value::Null);
+        let list = |key: &str| serde_json::from_value::<Vec<f64>>(answer[key].clone()).unwrap();
+        let joints: Vec<f64> = serde_json::from_value(start["joint_rad"].clone()).unwrap();
+        let (position, torque, kp) = (list("position_rad"), list("torque_nm"), list("kp_nm_rad"));
+        (0..joints.len()).map(|k| torque[k] + kp[k] * (position[k] - joints[k])).collect()
+    };
+    let said = answers(&desk, &[], &[line(&start), line(&lifted)]).succeeds();
+    let said: Vec<&str> = said.lines().collect();
+    let (held, lowered) = (torque(said[1]), torque(said[2]));
+    // Knees carry the weight, and less of it where the body is too high.
+    for knee in [2, 5, 8, 11] {
+        assert!(held[knee].abs() > 5.0 && lowered[knee].abs() < held[knee].abs(), "{said:?}");
+    }
+    // Turned about the vertical with its plan it gets the same.
+    let mut turned = start.clone();
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    turned["world_from_plan"] =
+        json!({ "position_m": [0.0, 0.0, 0.0], "orientation_wxyz": [half, 0.0, 0.0, half] });
+    let base = &mut turned["base"];
+    let number = |of: &Value| of.as_f64().expect("a number");
+    let [x, y, z] = [0, 1, 2].map(|k| number(&base["position_m"][k]));
+    base["position_m"] = json!([-y, x, z]);
+    let [w, x, y, z] = [0, 1, 2, 3].map(|k| half * number(&base["orientation_wxyz"][k]));
+    base["orientation_wxyz"] = json!([w - z, x - y, y + x, z + w]);
+    let said = answers(&desk, &[], &[line(&turned)]).succeeds();
+    for (one, other) in torque(said.lines().nth(1).unwrap()).iter().zip(&held) {
+        assert!((one - other).abs() < 1e-6, "{one} {other}");
+    }
+}
+
+#[test]
+fn an_imu_takes_the_place_of_the_base() {
+    let desk = stand();
+    let mut known = at_start(&desk);
+    known["imu"] =
+        json!({ "gyro_rad_s": [0.0, 0.0, 0.0], "accelerometer_m_s2": [0.0, 0.0, 9.80665] });
+    let mut sensed = known.clone();
+    sensed.as_object_mut().unwrap().remove("base");
+    let said = answers(&desk, &[], &[line(&known), line(&sensed)]).succeeds();
+    assert_eq!(said.matches("\"untracked\":null").count(), 2, "{said}");
+    // A robot that has not stood still does not know where it is.
+    let said = answers(&desk, &["--feedback", "tasks"], &[line(&sensed)]).succeeds();
+    assert!(said.contains("\"untracked\":\"the robot has not stood still yet\""), "{said}");
+}
+
+#[test]
+fn lines_that_are_wrong_are_named() {
+    let desk = stand();
+    let start = at_start(&desk);
+    let wrong = |change: &dyn Fn(&mut Value), words: &[&str]| {
+        let mut record = start.clone();
+        change(&mut record);
+        let words = [&["line 2 of the input"], words].concat();
+        refused(answers(&desk, &[], &[line(&start), line(&record)]), &words);
+    };
+    wrong(
+        &|of| of["joint_rad"] = json!([0.0]),
+        &["field joint_rad has 1 entries; anymal_wheels has 12 joints"],
+    );
+    wrong(&|of| of["touches"][3] = json!(1), &["field touches[3]: invalid type: integer `1`"]);
+    wrong(&|of| of["imus"] = json!({}), &["unknown field `imus`"]);
+    wrong(
+        &|of| drop(of.as_object_mut().unwrap().remove("base")),
+        &["base and imu are both missing"],
+    );
+    wrong(
+        &|of| of["base"]["orientation_wxyz"] = json!([0.0, 0.0, 0.0, 0.5]),
+        &["field base.orientation_wxyz has length 0.5; expected a quaternion of length 1"],
+    );
+    let place = json!({ "position_m": [0.0, 0.0, 0.0], "orientation_wxyz": [1.0, 0.0, 0.0, 0.0] });
+    wrong(
+        &|of| of["world_from_plan"] = place.clone(),
+        &["world_from_plan is only for the first line"],
+    );
+    let nan = line(&start).replacen("\"time_s\":0.0", "\"time_s\":NaN", 1);
+    refused(answers(&desk, &[], &[nan]), &["line 1 of the input"]);
+}

@@ -1,0 +1,57 @@
+"""`rollwalk control` in lockstep: a line of measurements in, setpoints out (docs/tracking.md, "In your simulator")."""
+
+import json
+import subprocess
+
+import numpy as np
+
+from errors import Unusable
+import robots
+
+
+class Control:
+    """The controller of a plan in a process of its own; ends with its block."""
+
+    def __init__(self, rollwalk, plan, robot, feedback, control_hz):
+        words = [str(rollwalk), "control", str(plan), "--feedback", feedback, "--rate", str(control_hz)]
+        self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.hello = self._read()
+        feet = robot["end_effectors"]
+        # Orders are those of the harness, which knows none of the program's code.
+        for key, names in (
+            ("joints", [joint["name"] for joint in robot["joints"]]),
+            ("wheels", [foot["name"] for foot in feet if robots.is_wheel(foot)]),
+            ("end_effectors", [foot["name"] for foot in feet]),
+            ("channels", [name for name, _, _, _ in robots.channels(robot)]),
+        ):
+            if self.hello[key] != names:
+                raise Unusable(f"{plan}: rollwalk control has {key} {self.hello[key]}; expected {names}")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        for pipe in (self.process.stdin, self.process.stdout, self.process.stderr):
+            pipe.close()
+        self.process.wait()
+
+    def tick(self, record):
+        """Setpoints for a record, as arrays in channel order, and why they are the plan's in open loop, if they are."""
+        try:
+            self.process.stdin.write(json.dumps(record) + "\n")
+            self.process.stdin.flush()
+        except BrokenPipeError:
+            # Why is on its standard error.
+            pass
+        answer = self._read()
+        return {key: np.array(answer[key]) for key in KEYS}, answer["untracked"]
+
+    def _read(self):
+        line = self.process.stdout.readline()
+        if not line:
+            raise Unusable(f"rollwalk control: {self.process.stderr.read().strip()}")
+        return json.loads(line)
+
+
+KEYS = ("position_rad", "speed_rad_s", "torque_nm", "kp_nm_rad", "kd_nm_s_rad")
