@@ -18,6 +18,7 @@ use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -349,6 +350,18 @@ pub fn plan(path: &Path) -> miette::Result<Plan> {
 /// The file is missing, too large or no text.
 pub fn plan_text(path: &Path) -> miette::Result<TextFile> {
     text(path, Named::ByUser, |_| Kind::Plan)
+}
+
+/// The number of an option, within a range.
+///
+/// # Errors
+/// It is no number, or not in the range.
+pub fn number_within(text: &str, range: RangeInclusive<f64>) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
+    match range.contains(&value) {
+        true => Ok(value),
+        false => Err(format!("must be from {} to {}", range.start(), range.end())),
+    }
 }
 
 /// The path of a file that `path` names relative to itself, without `x/..` detours.

@@ -42,6 +42,15 @@ pub enum Untracked {
     Setpoints(Unsolved),
 }
 
+/// When a controller acts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timing {
+    /// Interval between ticks, s.
+    pub tick_s: f64,
+    /// How long after it was measured a state is answered by the motors, s, beyond the tick itself: setpoints are for then.
+    pub latency_s: f64,
+}
+
 /// A controller of one plan.
 pub struct ClosedLoop<'s, 'p> {
     script: &'s Script<'p>,
@@ -50,7 +59,7 @@ pub struct ClosedLoop<'s, 'p> {
     plan: Placed,
     tracker: Tracker,
     estimator: Estimator,
-    tick_s: f64,
+    timing: Timing,
 }
 
 /// The plan where it lies in the world.
@@ -60,17 +69,18 @@ struct Placed {
 }
 
 impl<'s, 'p> ClosedLoop<'s, 'p> {
-    /// For ticks of `tick_s`; `world_from_plan` says where the plan lies, in a world whose z is up. Gains are computed here, which takes up to
+    /// `world_from_plan` says where the plan lies, in a world whose z is up. Gains are computed here, which takes up to
     /// some tenths of a second.
     pub fn new(
         script: &'s Script<'p>,
         feedback: Feedback,
         world_from_plan: Isometry3<f64>,
-        tick_s: f64,
+        timing: Timing,
     ) -> Self {
         let mut plan = Placed { body: WholeBody::new(script.plan()), world_from_plan };
         let tree = plan.body.tree().clone();
-        let mut tracker = Tracker::new(tree.clone(), Weights::default(), tick_s);
+        let mut tracker = Tracker::new(tree.clone(), Weights::default(), timing.tick_s)
+            .with_latency(timing.latency_s);
         if feedback == Feedback::Gains {
             let (costs, duration_s) = (Costs::default(), script.duration_s());
             let reference = |time_s| plan.reference(time_s);
@@ -78,7 +88,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
             tracker = tracker.with_gains(gains);
         }
         let servos = script.robot().channels().map(|channel| servo(&channel)).collect();
-        Self { script, servos, plan, tracker, estimator: Estimator::new(tree), tick_s }
+        Self { script, servos, plan, tracker, estimator: Estimator::new(tree), timing }
     }
 
     /// The robot with turning wheels and rotors, whose states and velocities those of [`Measured`] are.
@@ -101,11 +111,12 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         [from_s, to_s]: [f64; 2],
         measured: Measured<'_>,
     ) -> (Vec<Law>, Option<Untracked>) {
-        let reference = self.plan.reference(from_s);
+        let Timing { tick_s, latency_s } = self.timing;
+        let reference = self.plan.reference(from_s + latency_s);
         let known = match measured {
             Measured::State(state, touches) => Ok((state, touches)),
             Measured::Sensors(sensors) => {
-                let estimate = self.estimator.tick(sensors, self.tick_s);
+                let estimate = self.estimator.tick(sensors, tick_s);
                 estimate.map(|state| (state, sensors.touches)).map_err(Untracked::State)
             }
         };
@@ -117,7 +128,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
                 let laws = self.servos.iter().zip(setpoints);
                 (laws.map(|(servo, setpoint)| law(servo, setpoint)).collect(), None)
             }
-            Err(why) => (self.script.laws(to_s), Some(why)),
+            Err(why) => (self.script.laws(to_s + latency_s), Some(why)),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What turns a plan into what motors do: its setpoints to the servos, or a controller that sees the robot.
 
-use crate::closed_loop::{ClosedLoop, Feedback, Measured};
+use crate::closed_loop::{ClosedLoop, Feedback, Measured, Timing};
 use crate::run::Options;
 use crate::script::Script;
 use crate::sensors::{SimulatedSensors, touches};
@@ -43,7 +43,7 @@ const SEED: u64 = 1;
 
 impl<'s, 'p> Controller<'s, 'p> {
     /// For a world that stands where the plan begins. A controller that sees the state does so at the beginning of each step, and its
-    /// setpoints act after a delay, s.
+    /// setpoints act after a delay, s, that it knows of.
     pub fn new(
         script: &'s Script<'p>,
         options: &Options,
@@ -51,6 +51,7 @@ impl<'s, 'p> Controller<'s, 'p> {
         world_from_plan: &Rotation3<f64>,
         step_s: f64,
     ) -> Self {
+        let delay = (options.mismatch.delay_s / step_s).round() as usize;
         let tracking = match options.control {
             Control::Servos | Control::FeedForward => None,
             Control::Tracking(feedback) => {
@@ -58,7 +59,8 @@ impl<'s, 'p> Controller<'s, 'p> {
                 let shift = Translation3::from(world.base().0 - start_m);
                 let turn = UnitQuaternion::from_rotation_matrix(world_from_plan);
                 let world_from_plan = Isometry3::from_parts(shift, turn);
-                let mut closed_loop = ClosedLoop::new(script, feedback, world_from_plan, step_s);
+                let timing = Timing { tick_s: step_s, latency_s: delay as f64 * step_s };
+                let mut closed_loop = ClosedLoop::new(script, feedback, world_from_plan, timing);
                 // The robot knows where it begins.
                 let start = world.state(closed_loop.tree());
                 closed_loop.align(&start).expect("the state of a world is finite");
@@ -68,13 +70,7 @@ impl<'s, 'p> Controller<'s, 'p> {
                 Some(Tracking { closed_loop, sensors, step_s })
             }
         };
-        Self {
-            script,
-            on_their_way: VecDeque::new(),
-            delay: (options.mismatch.delay_s / step_s).round() as usize,
-            tracking,
-            untracked: 0,
-        }
+        Self { script, on_their_way: VecDeque::new(), delay, tracking, untracked: 0 }
     }
 
     /// What the motors do in a step between two times of the motion, periods counted on; the world is where it begins.

@@ -12,8 +12,9 @@ import robots
 class Control:
     """The controller of a plan in a process of its own; ends with its block."""
 
-    def __init__(self, rollwalk, plan, robot, feedback, control_hz):
+    def __init__(self, rollwalk, plan, robot, feedback, control_hz, latency_s=0.0):
         words = [str(rollwalk), "control", str(plan), "--feedback", feedback, "--rate", str(control_hz)]
+        words += ["--latency-ms", str(1e3 * latency_s)]
         self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         self.hello = self._read()
         feet = robot["end_effectors"]

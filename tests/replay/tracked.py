@@ -23,7 +23,7 @@ def run(rollwalk, plan, motion, robot, feedback, case=world.Case(), cycles=5, no
     simulation.track.planned_base_m = np.array([position for position, _, _ in simulation.plan])
     simulation.start(moving=motion.ends != "at_rest")
     rest = motion.ends == "at_rest"
-    with Control(rollwalk, plan, robot, feedback, CONTROL_HZ) as control:
+    with Control(rollwalk, plan, robot, feedback, CONTROL_HZ, case.delay_s) as control:
         loop = _Loop(simulation, control, noise, player.hold(robot, motion.frames()[0], torques[0], "torque"))
         if rest:
             loop.play(0.0, world.SETTLE_S, moves=False, measured=False)

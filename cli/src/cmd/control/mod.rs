@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use nalgebra::Isometry3;
 use records::{Hello, Request, Setpoints};
-use rollwalk_simulate::closed_loop::{ClosedLoop, Measured};
+use rollwalk_simulate::closed_loop::{ClosedLoop, Measured, Timing};
 use rollwalk_simulate::{Feedback, Script};
 use serde::Serialize;
 use std::io::{self, BufRead, Read};
@@ -26,7 +26,8 @@ const LINE_MAX: u64 = 1 << 20;
 #[command(after_long_help = "\
 Examples:
   rollwalk control turn.plan.json < ticks.jsonl
-  rollwalk control turn.plan.json --rate 400 --feedback tasks < ticks.jsonl")]
+  rollwalk control turn.plan.json --rate 400 --latency-ms 6 < ticks.jsonl
+  rollwalk control turn.plan.json --feedback tasks < ticks.jsonl")]
 pub struct Args {
     /// Plan (JSON).
     #[arg(value_name = "PLAN.json")]
@@ -34,6 +35,9 @@ pub struct Args {
     /// Ticks per second.
     #[arg(long, value_name = "HZ", default_value_t = 500, value_parser = clap::value_parser!(u32).range(30..=10_000))]
     rate: u32,
+    /// How long after a measurement the motors act on its answer, in milliseconds, beyond a tick: setpoints are for then.
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = latency_ms)]
+    latency_ms: f64,
     /// How the robot is brought back to the plan.
     #[arg(long, value_enum, default_value = "gains")]
     feedback: Way,
@@ -47,6 +51,13 @@ enum Way {
     Gains,
 }
 
+/// Most latency, ms: in more a robot that falls is on its way to the ground.
+const LATENCY_MAX_MS: f64 = 50.0;
+
+fn latency_ms(text: &str) -> Result<f64, String> {
+    inputs::number_within(text, 0.0..=LATENCY_MAX_MS)
+}
+
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let plan = inputs::plan(&args.plan)?;
@@ -55,9 +66,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Way::Tasks => Feedback::Tasks,
         Way::Gains => Feedback::Gains,
     };
-    let tick_s = 1.0 / f64::from(args.rate);
-    say(&Hello::new(&plan, tick_s))?;
-    let mut controller = Controller { script: &script, feedback, tick_s, closed_loop: None };
+    let timing = Timing { tick_s: 1.0 / f64::from(args.rate), latency_s: 1e-3 * args.latency_ms };
+    say(&Hello::new(&plan, timing.tick_s))?;
+    let mut controller = Controller { script: &script, feedback, timing, closed_loop: None };
     let mut input = io::stdin().lock();
     let mut line = String::new();
     for number in 1.. {
@@ -79,7 +90,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 struct Controller<'s, 'p> {
     script: &'s Script<'p>,
     feedback: Feedback,
-    tick_s: f64,
+    timing: Timing,
     closed_loop: Option<ClosedLoop<'s, 'p>>,
 }
 
@@ -96,9 +107,9 @@ impl Controller<'_, '_> {
         }
         let closed_loop = self.closed_loop.get_or_insert_with(|| {
             let placed = placed.unwrap_or_else(Isometry3::identity);
-            ClosedLoop::new(self.script, self.feedback, placed, self.tick_s)
+            ClosedLoop::new(self.script, self.feedback, placed, self.timing)
         });
-        let times_s = [request.time_s, request.time_s + self.tick_s];
+        let times_s = [request.time_s, request.time_s + self.timing.tick_s];
         let state = request.state(closed_loop.tree())?;
         let sensed = request.sensors(closed_loop.tree())?;
         let (laws, untracked) = match (sensed, state) {

@@ -3,10 +3,9 @@
 mod library;
 mod plan;
 
-use crate::Exit;
 use crate::terrain::GroundArgs;
 use crate::world_log::WorldLogArgs;
-use std::ops::RangeInclusive;
+use crate::{Exit, inputs};
 use std::path::PathBuf;
 
 /// Play a plan or a motion library on the simulated ground.
@@ -71,19 +70,11 @@ pub struct Args {
 }
 
 fn ratio(text: &str) -> Result<f64, String> {
-    within(text, 0.01..=10.0)
+    inputs::number_within(text, 0.01..=10.0)
 }
 
 fn delay_ms(text: &str) -> Result<f64, String> {
-    within(text, 0.0..=100.0)
-}
-
-fn within(text: &str, range: RangeInclusive<f64>) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
-    match range.contains(&value) {
-        true => Ok(value),
-        false => Err(format!("must be from {} to {}", range.start(), range.end())),
-    }
+    inputs::number_within(text, 0.0..=100.0)
 }
 
 /// Runs the subcommand.
