@@ -1,0 +1,141 @@
+//! Contact schedule by time: the footfalls of a gait from a sample on, those of the gait before it as far as they reach into
+//! it, and what a measurement says of contacts that differ.
+
+use super::gait::Gait;
+use crate::motion::swing;
+use std::f64::consts::PI;
+use std::ops::Range;
+
+/// Footfalls by the number of a sample, counted from the first one of the first gait.
+#[derive(Clone, Debug)]
+pub(super) struct Schedule {
+    pub gait: Gait,
+    /// Sample at which the gait began.
+    begun_at: i64,
+    /// Samples in which each end effector is in a swing of the gait before.
+    earlier: Vec<Range<i64>>,
+}
+
+/// Where an end effector that does not stand is: height of its contact point above the ground, m, and its rate, m/s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Aloft {
+    pub height_m: f64,
+    pub rises_m_s: f64,
+}
+
+/// Footfalls and heights of a horizon.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Footfalls {
+    /// `[sample][end effector]`.
+    pub stance: Vec<Vec<bool>>,
+    /// Contact heights `[sample][end effector]`, m.
+    pub height_m: Vec<Vec<f64>>,
+}
+
+/// Height up to which an end effector that should stand does, m: it touches within what contacts yield.
+const STANDS_BELOW_M: f64 = 0.003;
+
+impl Schedule {
+    /// A gait from a sample on, before which all stand.
+    pub fn new(gait: Gait, begun_at: i64) -> Self {
+        let earlier = vec![0..0; gait.motion.held_wheels.len()];
+        Self { gait, begun_at, earlier }
+    }
+
+    /// Goes over to another gait at a sample: what swings there lands as it would have, and then stands until its first
+    /// lift-off in the other gait.
+    pub fn change(&mut self, gait: Gait, at: i64) {
+        let swing = |j: usize| {
+            let swings = |k: &i64| !self.stands(*k, j);
+            let before = (0..at).rev().take_while(swings).last().unwrap_or(at);
+            before..if before < at { (at..).find(|k| !swings(k)).expect("every swing ends") } else { at }
+        };
+        let earlier = (0..self.earlier.len()).map(swing).collect();
+        *self = Self { gait, begun_at: at, earlier };
+    }
+
+    /// Whether end effector `j` stands.
+    pub fn stands(&self, at: i64, j: usize) -> bool {
+        if self.earlier[j].contains(&at) {
+            return false;
+        }
+        let rows = &self.gait.motion.stance;
+        let row = |k: i64| rows[k.rem_euclid(rows.len() as i64) as usize][j];
+        let since = at - self.begun_at;
+        // A swing that would have begun before the gait is left out.
+        since < 0 || (0..=since.min(rows.len() as i64)).all(|k| !row(k)) || row(since)
+    }
+
+    /// Sample of the gait's period.
+    pub fn phase(&self, at: i64) -> usize {
+        (at - self.begun_at).rem_euclid(self.gait.samples() as i64) as usize
+    }
+
+    /// Footfalls of `samples` samples from one on. `aloft` are the end effectors that do not touch there, `None` those that do.
+    pub fn from(&self, at: i64, samples: usize, aloft: &[Option<Aloft>]) -> Footfalls {
+        let period = self.gait.samples().max(1);
+        let (swing_m, h) = (self.gait.motion.swing_height_m, self.gait.interval_s());
+        // With a period before and after, every swing has its lift-off and its landing.
+        let around: Vec<i64> = (at - period as i64..at + (samples + period) as i64).collect();
+        let here = period;
+        let mut rows: Vec<Vec<bool>> =
+            around.iter().map(|&k| (0..aloft.len()).map(|j| self.stands(k, j)).collect()).collect();
+        let mut late = vec![0..0; aloft.len()];
+        for (j, aloft) in aloft.iter().enumerate() {
+            let swings = |rows: &[Vec<bool>], k: usize| !rows[k][j];
+            let until = (here..rows.len()).find(|&k| rows[k][j]).unwrap_or(here);
+            let since = (0..here).rev().find(|&k| rows[k][j]).map_or(here, |k| k + 1);
+            match aloft {
+                // It has landed before its time. One that has not lifted off yet does so late.
+                None if swings(&rows, here) && until - here < here - since => {
+                    rows[here..until].iter_mut().for_each(|row| row[j] = true);
+                }
+                // It has not landed in time: it goes on, as fast as a swing comes down at most.
+                Some(aloft) if !swings(&rows, here) && aloft.height_m > STANDS_BELOW_M => {
+                    let swing_s = h * self.swing_samples(j).max(1) as f64;
+                    let fastest_m_s = PI * swing_m.max(STANDS_BELOW_M) / swing_s;
+                    let more = (aloft.height_m / (fastest_m_s * h)).ceil().max(1.0) as usize;
+                    let end = (here + more).min(rows.len());
+                    rows[here..end].iter_mut().for_each(|row| row[j] = false);
+                    late[j] = here..end;
+                }
+                _ => {}
+            }
+        }
+        let mut heights = swing::arches(&rows, swing_m);
+        for (j, late) in late.into_iter().enumerate() {
+            heights[late].iter_mut().for_each(|row| row[j] = 0.0);
+        }
+        for (j, aloft) in aloft.iter().enumerate() {
+            if rows[here][j] {
+                continue;
+            }
+            let Aloft { height_m, rises_m_s } =
+                aloft.unwrap_or(Aloft { height_m: 0.0, rises_m_s: 0.0 });
+            let until = (here..rows.len()).find(|&k| rows[k][j]).unwrap_or(rows.len());
+            let rises = (heights[here + 1][j] - heights[here - 1][j]) / (2.0 * h);
+            let off = [height_m - heights[here][j], (rises_m_s - rises) * h];
+            // A swing is on the ground at its last sample.
+            let last = (until - 1 - here) as f64;
+            for (k, row) in heights[here..until].iter_mut().enumerate() {
+                row[j] = (row[j] + faded(off, k as f64, last)).max(0.0);
+            }
+        }
+        let inside = here..here + samples;
+        Footfalls { stance: rows[inside.clone()].to_vec(), height_m: heights[inside].to_vec() }
+    }
+
+    /// Samples in the longest swing of an end effector.
+    fn swing_samples(&self, j: usize) -> usize {
+        self.gait.motion.stance.iter().filter(|row| !row[j]).count()
+    }
+}
+
+/// The cubic from a value and a slope at 0 to none at `end`, at `t`; 0 beyond.
+pub(super) fn faded([value, slope]: [f64; 2], t: f64, end: f64) -> f64 {
+    if t >= end {
+        return if t == 0.0 { value } else { 0.0 };
+    }
+    let u = t / end;
+    value * (1.0 + 2.0 * u) * (1.0 - u).powi(2) + slope * t * (1.0 - u).powi(2)
+}

@@ -1,0 +1,1 @@
+//! Horizons of shipped robots.
