@@ -28,7 +28,12 @@ fn main() {
         println!("gait {} {} samples {}", plan.solve.status, plan.solve.iterations, plan.samples.len());
         Gait::of(&plan).unwrap()
     };
-    let options = HorizonOptions { duration_s: seconds, ..Default::default() };
+    let mut options = HorizonOptions { duration_s: seconds, ..Default::default() };
+    let env = |name: &str, old: f64| std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(old);
+    options.weights.steering = env("WS", options.weights.steering);
+    options.weights.posture = env("WP", options.weights.posture);
+    options.weights.penalty = env("RHO", options.weights.penalty);
+    options.settings.nearly_flat = env("NF", options.settings.nearly_flat);
     let mut horizon = Horizon::new(&robot, gait, options).unwrap();
     let h = horizon.interval_s();
     let mut body: Option<(WholeBody, Isometry3<f64>)> = None;

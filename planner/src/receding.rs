@@ -12,8 +12,8 @@
 //!   in the last (`Family::Steering`), and the posture to that of the gait, so that the robot can go on from there, and stop.
 //! * **Time** is up to the caller: the callback stops the solve, and the best samples so far are returned.
 //!
-//! A solve starts from the samples and multipliers before, shifted by the samples that have passed (`start`), with the measured
-//! error in them fading. What does not depend on numbers is kept for each footfall pattern, as in
+//! A solve starts from the gait, with the measured error in it fading (`start`). Nothing but the footfalls is carried from one plan to
+//! the next: a plan that failed leaves no trace. What does not depend on numbers is kept for each footfall pattern, as in
 //! [`Editing`](crate::Editing).
 
 mod gait;
@@ -22,25 +22,27 @@ mod schedule;
 mod start;
 
 pub use gait::{Gait, GaitError};
+use gait::base_placement;
 
+use crate::families::Family;
 use crate::formulation::rows::Rows;
 use crate::formulation::{Selection, Structure, System};
-use crate::motion::{Ends, Motion};
+use crate::motion::{Ends, Goal, Motion};
 use crate::plan::{Placement, Plan, SolveSummary, StartKind, Started, Status};
 use crate::planning::write_plan;
 use crate::problem::variables::Layout;
 use crate::problem::{HorizonGoal, Problem, Unknowns, Weights};
 use crate::solve::normal::NormalEquations;
-use crate::solve::{ACCEPTED_LEVEL, Begin, Point, Progress, Settings, Solver};
+use crate::solve::{ACCEPTED_LEVEL, Begin, Outcome, Point, Progress, Settings, Solver};
 use crate::start::guess;
 use crate::formulation::terms::motor_speed_rad_s;
 use crate::torque;
 use nalgebra::{DVector, Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model};
-use rollwalk_multibody::{ANGULAR, Frames, Kinematics, LINEAR, RimContact, State, Tree, rotation};
+use rollwalk_multibody::{ANGULAR, Kinematics, LINEAR, RimContact, State, Tree, rotation};
 use rollwalk_robot::Robot;
-use schedule::{Aloft, Schedule};
-use start::{Beginning, Solved};
+use schedule::{Place, Schedule};
+use start::Beginning;
 use std::collections::HashMap;
 use std::fmt;
 use std::ops::ControlFlow;
@@ -168,7 +170,6 @@ pub struct Horizon {
     samples: usize,
     interval_s: f64,
     schedule: Schedule,
-    solved: Option<Solved>,
     kept: HashMap<Vec<Vec<bool>>, Kept>,
 }
 
@@ -211,7 +212,6 @@ impl Horizon {
             samples,
             interval_s,
             schedule: Schedule::new(gait, 0),
-            solved: None,
             kept: HashMap::new(),
         })
     }
@@ -251,7 +251,7 @@ impl Horizon {
     ) -> Result<HorizonPlan, HorizonError> {
         self.check(measured, steering)?;
         let at = at as i64;
-        let footfalls = self.schedule.from(at, self.samples, &self.aloft(measured));
+        let footfalls = self.schedule.from(at, self.samples, &self.places(measured));
         let state = measured::on_contacts(&self.tree, measured.state, &footfalls.stance[0]);
         let place = over_ground(&state);
         let world_from_plan = isometry(&place);
@@ -259,6 +259,9 @@ impl Horizon {
             name: "horizon".into(),
             duration_s: (self.samples - 1) as f64 * self.interval_s,
             ends: Ends::Prescribed,
+            goal: Goal::default(),
+            targets: Vec::new(),
+            heights: Vec::new(),
             stance: footfalls.stance,
             ..self.schedule.gait.motion.clone()
         };
@@ -272,36 +275,24 @@ impl Horizon {
         let problem =
             Problem::horizon(self.model.clone(), &motion, goal, self.options.weights.clone());
         let beginning = beginning(&problem, &self.tree, state.moved(&world_from_plan.inverse()));
-        let (outcome, remembered) = self.solve(&problem, &motion, at, place, &beginning, progress);
-        self.solved = Some(remembered);
-        let plan = write_plan(&problem, &motion, &outcome.0, outcome.1);
+        let gait = &self.schedule.gait;
+        let start = start::from_gait(&problem, gait, self.schedule.phase(at), &beginning);
+        let (unknowns, solve) = self.solve(&problem, &motion.stance, start, progress);
+        let plan = write_plan(&problem, &motion, &unknowns, solve);
         Ok(HorizonPlan { plan, world_from_plan })
     }
 
-    /// Solves the problem from where the horizon before leads.
+    /// Solves the problem.
     fn solve(
         &mut self,
         problem: &Problem,
-        motion: &Motion,
-        at: i64,
-        place: Placement,
-        beginning: &Beginning,
+        stance: &[Vec<bool>],
+        mut unknowns: Unknowns,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    ) -> ((Unknowns, SolveSummary), Solved) {
-        let Self { options, schedule, solved, kept, samples, .. } = self;
-        let phase = schedule.phase(at);
-        let before = solved.take().and_then(|solved| {
-            let elapsed = usize::try_from(at - solved.at).ok().filter(|elapsed| elapsed < samples);
-            elapsed.map(|elapsed| (solved, elapsed))
-        });
-        let mut unknowns = match &before {
-            Some((solved, elapsed)) => {
-                start::shifted(problem, &schedule.gait, phase, solved, *elapsed, &place, beginning)
-            }
-            None => start::from_gait(problem, &schedule.gait, phase, beginning),
-        };
+    ) -> (Unknowns, SolveSummary) {
+        let Self { options, kept, samples, .. } = self;
         problem.add_up(&mut unknowns);
-        let known = kept.remove(&motion.stance).and_then(|Kept { structure, normal, rows }| {
+        let known = kept.remove(stance).and_then(|Kept { structure, normal, rows }| {
             let (system, rows) = System::again(problem, &unknowns, structure, rows)?;
             Some((system, rows, normal))
         });
@@ -311,34 +302,19 @@ impl Horizon {
             let normal = NormalEquations::new(&rows, system.columns());
             (system, rows, normal)
         });
-        let multipliers = before.as_ref().map(|(solved, elapsed)| {
-            let period = schedule.gait.samples();
-            start::shifted_multipliers(&rows, solved, *elapsed, period, system.penalty())
-        });
-        let kind = if before.is_some() { StartKind::Neighbour } else { StartKind::Standing };
-        let begin = match &multipliers {
-            Some(multipliers) => Begin::Near(Some(multipliers)),
-            None => Begin::Cold,
-        };
         let point = Point { unknowns, rows };
-        let solver = Solver::at(&system, point, normal, begin, &options.settings);
+        let solver = Solver::at(&system, point, normal, Begin::Cold, &options.settings);
         let (best, outcome, normal, rows) = iterate(solver, &options.settings, progress);
-        let (mut unknowns, worst_level, worst_constraint) = best;
-        guess::follow_kinematics(&problem.model, &problem.layout, &mut unknowns.slots[*samples + 1]);
-        let last = &unknowns.slots[*samples - 1];
-        unknowns.placement = Placement {
-            offset_m: [last[BASE_POSITION], last[BASE_POSITION + 1]],
-            yaw_rad: last[BASE_YAW],
-        };
-        let shifts = outcome.multipliers.shifts();
-        let remembered =
-            start::remembered(&rows, shifts, &unknowns.slots, *samples, at, place);
+        let Best { mut unknowns, worst_level, worst_constraint } = best;
+        let after = &mut unknowns.slots[*samples + 1];
+        guess::follow_kinematics(&problem.model, &problem.layout, after);
+        unknowns.placement = base_placement(&unknowns.slots[*samples - 1]);
         if system.fits() {
             if kept.len() >= MOST_KEPT {
                 kept.clear();
             }
             let structure = system.into_structure();
-            kept.insert(motion.stance.clone(), Kept { structure, normal, rows });
+            kept.insert(stance.to_vec(), Kept { structure, normal, rows });
         }
         let summary = SolveSummary {
             status: outcome.status,
@@ -346,25 +322,25 @@ impl Horizon {
             energy: outcome.energy,
             worst_level,
             worst_constraint,
-            start: Started { kind, seed: 0 },
+            start: Started { kind: StartKind::Neighbour, seed: 0 },
             diagnosis: None,
             refinements: Vec::new(),
         };
-        ((unknowns, summary), remembered)
+        (unknowns, summary)
     }
 
-    /// End effectors that do not touch the ground, with height and rate.
-    fn aloft(&self, measured: Measured<'_>) -> Vec<Option<Aloft>> {
-        let Self { tree, .. } = self;
-        let mut kinematics = Kinematics::new(tree, &measured.state.configuration());
-        kinematics.update(tree, &measured.state.configuration(), &measured.state.velocity);
+    /// Heights of the contact points, and their rates.
+    fn places(&self, Measured { state, touches }: Measured<'_>) -> Vec<Place> {
+        let mut kinematics = Kinematics::new(&self.tree, &state.configuration());
+        kinematics.update(&self.tree, &state.configuration(), &state.velocity);
         let place = |(j, &touches): (usize, &bool)| {
-            let frames: &Frames = &kinematics.frames;
-            let contact = RimContact::new(tree, frames, j, &Vector3::z()).filter(|_| !touches)?;
-            let rises_m_s = contact.motion(&kinematics).geometric_velocity.z;
-            Some(Aloft { height_m: contact.position().z.max(0.0), rises_m_s })
+            let contact = RimContact::new(&self.tree, &kinematics.frames, j, &Vector3::z());
+            // A wheel that lies flat has no lowest point, and touches nothing.
+            let at = contact.map(|of| [of.position().z, of.motion(&kinematics).geometric_velocity.z]);
+            let [height_m, rises_m_s] = at.unwrap_or_default();
+            Place { touches: touches && at.is_some(), height_m, rises_m_s }
         };
-        measured.touches.iter().enumerate().map(place).collect()
+        touches.iter().enumerate().map(place).collect()
     }
 
     fn check(&self, measured: Measured<'_>, steering: Steering) -> Result<(), HorizonError> {
@@ -414,8 +390,19 @@ fn check_gait(gait: &Gait, robot: &Robot, interval_s: f64) -> Result<(), Horizon
     Ok(())
 }
 
-/// Unknowns with their worst constraint: its level and its family.
-type Best = (Unknowns, f64, crate::families::Family);
+/// Unknowns with their worst constraint: its residual over its tolerance, and its family.
+struct Best {
+    unknowns: Unknowns,
+    worst_level: f64,
+    worst_constraint: Family,
+}
+
+impl Best {
+    fn of(solver: &mut Solver<'_>, Progress { worst_level, worst_constraint, .. }: &Progress) -> Self {
+        let unknowns = solver.lend().1.clone();
+        Self { unknowns, worst_level: *worst_level, worst_constraint: *worst_constraint }
+    }
+}
 
 /// Iterates until the constraints hold and costs are flat, the time is up, or no step helps. Returns the best point: the last one
 /// in which the constraints held, or the one in which they held best.
@@ -423,9 +410,9 @@ fn iterate(
     mut solver: Solver<'_>,
     settings: &Settings,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> (Best, crate::solve::Outcome, NormalEquations, Rows) {
+) -> (Best, Outcome, NormalEquations, Rows) {
     let first = solver.present();
-    let mut best: Best = (solver.lend().1.clone(), first.worst_level, first.worst_constraint);
+    let mut best = Best::of(&mut solver, &first);
     let mut cost = f64::INFINITY;
     let status = loop {
         if solver.iteration() >= settings.iterations {
@@ -436,8 +423,8 @@ fn iterate(
         if !solver.fits() {
             break Status::Stalled;
         }
-        if state.worst_level <= best.1.max(ACCEPTED_LEVEL) {
-            best = (solver.lend().1.clone(), state.worst_level, state.worst_constraint);
+        if state.worst_level <= best.worst_level.max(ACCEPTED_LEVEL) {
+            best = Best::of(&mut solver, &state);
         }
         if progress(&state).is_break() {
             break Status::Interrupted;

@@ -16,10 +16,14 @@ pub(super) struct Schedule {
     earlier: Vec<Range<i64>>,
 }
 
-/// Where an end effector that does not stand is: height of its contact point above the ground, m, and its rate, m/s.
+/// Where the contact point of an end effector is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Aloft {
+pub(super) struct Place {
+    /// Whether it touches the ground.
+    pub touches: bool,
+    /// Height above the ground, m.
     pub height_m: f64,
+    /// Rate of the height, m/s.
     pub rises_m_s: f64,
 }
 
@@ -71,55 +75,43 @@ impl Schedule {
         (at - self.begun_at).rem_euclid(self.gait.samples() as i64) as usize
     }
 
-    /// Footfalls of `samples` samples from one on. `aloft` are the end effectors that do not touch there, `None` those that do.
-    pub fn from(&self, at: i64, samples: usize, aloft: &[Option<Aloft>]) -> Footfalls {
-        let period = self.gait.samples().max(1);
+    /// Footfalls of `samples` samples from one on, at which the end effectors are at these places.
+    pub fn from(&self, at: i64, samples: usize, places: &[Place]) -> Footfalls {
+        let period = self.gait.samples();
         let (swing_m, h) = (self.gait.motion.swing_height_m, self.gait.interval_s());
         // With a period before and after, every swing has its lift-off and its landing.
-        let around: Vec<i64> = (at - period as i64..at + (samples + period) as i64).collect();
+        let around = at - period as i64..at + (samples + period) as i64;
         let here = period;
-        let mut rows: Vec<Vec<bool>> =
-            around.iter().map(|&k| (0..aloft.len()).map(|j| self.stands(k, j)).collect()).collect();
-        let mut late = vec![0..0; aloft.len()];
-        for (j, aloft) in aloft.iter().enumerate() {
-            let swings = |rows: &[Vec<bool>], k: usize| !rows[k][j];
+        let row = |k: i64| (0..places.len()).map(|j| self.stands(k, j)).collect();
+        let mut rows: Vec<Vec<bool>> = around.map(row).collect();
+        let mut late = vec![0..0; places.len()];
+        for (j, place) in places.iter().enumerate() {
             let until = (here..rows.len()).find(|&k| rows[k][j]).unwrap_or(here);
             let since = (0..here).rev().find(|&k| rows[k][j]).map_or(here, |k| k + 1);
-            match aloft {
-                // It has landed before its time. One that has not lifted off yet does so late.
-                None if swings(&rows, here) && until - here < here - since => {
-                    rows[here..until].iter_mut().for_each(|row| row[j] = true);
-                }
-                // It has not landed in time: it goes on, as fast as a swing comes down at most.
-                Some(aloft) if !swings(&rows, here) && aloft.height_m > STANDS_BELOW_M => {
-                    let swing_s = h * self.swing_samples(j).max(1) as f64;
-                    let fastest_m_s = PI * swing_m.max(STANDS_BELOW_M) / swing_s;
-                    let more = (aloft.height_m / (fastest_m_s * h)).ceil().max(1.0) as usize;
-                    let end = (here + more).min(rows.len());
-                    rows[here..end].iter_mut().for_each(|row| row[j] = false);
-                    late[j] = here..end;
-                }
-                _ => {}
+            if place.touches && until - here < here - since {
+                // It has landed before its time. One that still touches at lift-off does so late.
+                rows[here..until].iter_mut().for_each(|row| row[j] = true);
+            } else if !place.touches && rows[here][j] && place.height_m > STANDS_BELOW_M {
+                // It has not landed in time, and goes on, as fast as a swing comes down at most.
+                let swing_s = h * self.swing_samples(j).max(1) as f64;
+                let fastest_m_s = PI * swing_m.max(STANDS_BELOW_M) / swing_s;
+                let more = (place.height_m / (fastest_m_s * h)).ceil() as usize;
+                late[j] = here..(here + more).min(rows.len());
+                rows[late[j].clone()].iter_mut().for_each(|row| row[j] = false);
             }
         }
         let mut heights = swing::arches(&rows, swing_m);
-        for (j, late) in late.into_iter().enumerate() {
-            heights[late].iter_mut().for_each(|row| row[j] = 0.0);
-        }
-        for (j, aloft) in aloft.iter().enumerate() {
-            if rows[here][j] {
-                continue;
-            }
-            let Aloft { height_m, rises_m_s } =
-                aloft.unwrap_or(Aloft { height_m: 0.0, rises_m_s: 0.0 });
+        for (j, place) in places.iter().enumerate().filter(|(j, _)| !rows[here][*j]) {
+            heights[late[j].clone()].iter_mut().for_each(|row| row[j] = 0.0);
             let until = (here..rows.len()).find(|&k| rows[k][j]).unwrap_or(rows.len());
             let rises = (heights[here + 1][j] - heights[here - 1][j]) / (2.0 * h);
-            let off = [height_m - heights[here][j], (rises_m_s - rises) * h];
+            let off = [place.height_m - heights[here][j], (place.rises_m_s - rises) * h];
             // A swing is on the ground at its last sample.
             let last = (until - 1 - here) as f64;
             for (k, row) in heights[here..until].iter_mut().enumerate() {
-                row[j] = (row[j] + faded(off, k as f64, last)).max(0.0);
+                row[j] += faded(off, k as f64, last);
             }
+            heights[here + 1..until].iter_mut().for_each(|row| row[j] = row[j].max(0.0));
         }
         let inside = here..here + samples;
         Footfalls { stance: rows[inside.clone()].to_vec(), height_m: heights[inside].to_vec() }

@@ -1,25 +1,23 @@
-//! Where the solve of a horizon starts: the gait, moved with the wanted velocity, or the horizon before it, shifted.
+//! Where the solve of a horizon starts: the gait, moved with the wanted velocity, and the measured error in it, fading.
 //!
-//! Both begin in the measured state, and its distance to them fades over the first part of the horizon: with the undisturbed
-//! samples as they are, the solve would have to take all of it back in its first interval.
+//! Without the error the solve would have to take all of it back in its first interval. The horizon before, shifted by the
+//! samples that have passed, is a worse start: in a trot of AgileBot it took 17 iterations in the median of 60 and failed in
+//! 26, against 3 and none. Its end is free, and bends away from what the gait does after it. Its multipliers save one
+//! iteration of three.
 
-use super::gait::{Gait, base_placement};
+use super::gait::Gait;
 use super::schedule::faded;
-use crate::families::Family;
-use crate::formulation::rows::{Rows, Subject};
 use crate::plan::Placement;
 use crate::problem::variables::Lift;
 use crate::problem::{Problem, Unknowns};
-use crate::solve::Multipliers;
 use crate::start::guess;
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 use rollwalk_multibody::rotation::yaw_rotation;
-use std::collections::BTreeMap;
 
 /// Time over which the measured error fades, s.
 const FADES_S: f64 = 0.4;
-/// Time in which a velocity that differs from the wanted one becomes it in a start from the gait, s.
+/// Time in which the velocity becomes the wanted one, s.
 const SETTLES_S: f64 = 0.3;
 
 /// The state in which a horizon begins.
@@ -29,32 +27,6 @@ pub(super) struct Beginning {
     pub at: DVector<f64>,
     /// Variables one interval before, at its velocity.
     pub before: DVector<f64>,
-}
-
-/// A solved horizon, as the start of the next.
-#[derive(Clone, Debug)]
-pub(super) struct Solved {
-    /// Samples in order, and the state after the last.
-    pub slots: Vec<DVector<f64>>,
-    /// Number of the first sample.
-    pub at: i64,
-    /// Where its frame is in the world.
-    pub world_from_plan: Placement,
-    /// Shift of each row that has one, by family, sample, part of the robot and number among those rows.
-    pub shifts: BTreeMap<Key, f64>,
-}
-
-/// A row, whatever other rows its problem has.
-pub(super) type Key = (usize, usize, Subject, usize);
-
-/// Keys of rows in their order.
-pub(super) fn keys(rows: &Rows) -> impl Iterator<Item = Key> + '_ {
-    let mut seen: (Option<(Family, usize, Subject)>, usize) = (None, 0);
-    rows.rows.iter().map(move |row| {
-        let this = (row.family, row.at, row.subject);
-        seen = if seen.0 == Some(this) { (seen.0, seen.1 + 1) } else { (Some(this), 0) };
-        (row.family as usize, row.at, row.subject, seen.1)
-    })
 }
 
 /// Samples of a gait from a row on, moved with the steering.
@@ -85,45 +57,6 @@ pub(super) fn from_gait(
             placed
         })
         .collect();
-    with_error(problem, slots, beginning)
-}
-
-/// Samples of the horizon before, `elapsed` of them later, and beyond its end those of the gait.
-pub(super) fn shifted(
-    problem: &Problem,
-    gait: &Gait,
-    phase: usize,
-    solved: &Solved,
-    elapsed: usize,
-    world_from_plan: &Placement,
-    beginning: &Beginning,
-) -> Unknowns {
-    let layout = &problem.layout;
-    let here_from = |there: &Placement| {
-        let [x, y, _] = world_from_plan.inverse().point([there.offset_m[0], there.offset_m[1], 0.0]);
-        Placement { offset_m: [x, y], yaw_rad: there.yaw_rad - world_from_plan.yaw_rad }
-    };
-    let here_from_before = here_from(&solved.world_from_plan);
-    let known = solved.slots.iter().skip(elapsed);
-    let mut slots: Vec<_> =
-        known.map(|vars| Lift::Placed.apply(layout, vars, &here_from_before)).collect();
-    while slots.len() <= problem.samples {
-        let i = slots.len();
-        let last = &slots[i - 1];
-        let from = base_placement(last);
-        let wanted = problem.steering[(i - 1).min(problem.steering.len() - 1)];
-        let h = problem.interval_s;
-        let step = yaw_rotation(from.yaw_rad + 0.5 * h * wanted[2])
-            * Vector3::new(wanted[0], wanted[1], 0.0)
-            * h;
-        let place = Placement {
-            offset_m: [from.offset_m[0] + step.x, from.offset_m[1] + step.y],
-            yaw_rad: from.yaw_rad + h * wanted[2],
-        };
-        let vars = &gait.cycle[(phase + i) % gait.samples()];
-        slots.push(Lift::Placed.apply(layout, vars, &place));
-    }
-    slots.truncate(problem.samples + 1);
     with_error(problem, slots, beginning)
 }
 
@@ -167,34 +100,4 @@ fn with_error(
     slots[0] = first;
     slots.extend([before.clone(), after]);
     Unknowns { slots, placement: Placement::default() }
-}
-
-/// Multipliers of the horizon before for these rows, `elapsed` samples later; beyond its end those one period earlier.
-pub(super) fn shifted_multipliers(
-    rows: &Rows,
-    solved: &Solved,
-    elapsed: usize,
-    period: usize,
-    penalty: f64,
-) -> Multipliers {
-    let shift = |(family, at, subject, number): Key| {
-        let later = [at + elapsed, (at + elapsed).saturating_sub(period)];
-        let found = later.iter().find_map(|&at| solved.shifts.get(&(family, at, subject, number)));
-        found.copied().unwrap_or(0.0)
-    };
-    Multipliers::of(rows, keys(rows).map(shift).collect(), penalty)
-}
-
-/// What the next horizon needs of an outcome.
-pub(super) fn remembered(
-    rows: &Rows,
-    shifts: &[f64],
-    slots: &[DVector<f64>],
-    samples: usize,
-    at: i64,
-    world_from_plan: Placement,
-) -> Solved {
-    let in_order = slots[..samples].iter().chain([&slots[samples + 1]]).cloned().collect();
-    let shifts = keys(rows).zip(shifts.iter().copied()).filter(|(_, shift)| *shift != 0.0).collect();
-    Solved { slots: in_order, at, world_from_plan, shifts }
 }

@@ -23,11 +23,6 @@ impl Multipliers {
         Self { shifts, families: rows.rows.iter().map(|row| row.family).collect(), penalty }
     }
 
-    /// The shift of every row.
-    pub(crate) fn shifts(&self) -> &[f64] {
-        &self.shifts
-    }
-
     /// Whether they can be carried: of those that come from outside.
     pub(crate) fn are_sound(&self) -> bool {
         let numbers = self.shifts.iter().chain([&self.penalty]);

@@ -23,10 +23,7 @@ impl Term for Steering {
         else {
             return;
         };
-        let weights = &problem.weights;
-        let is_last = window.at[2] == problem.last();
-        let weight = weights.steering * problem.per_time(0)
-            + if is_last { weights.steering_end } else { 0.0 };
+        let weight = problem.weights.steering * problem.per_time(0);
         out.set(1.0, Role::Cost { weight });
         let [_, here, after] = window.states.map(|state| &state.vars);
         let h = problem.interval_s;
