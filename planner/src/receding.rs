@@ -251,8 +251,11 @@ impl Horizon {
     ) -> Result<HorizonPlan, HorizonError> {
         self.check(measured, steering)?;
         let at = at as i64;
-        let footfalls = self.schedule.from(at, self.samples, &self.places(measured));
-        let state = measured::on_contacts(&self.tree, measured.state, &footfalls.stance[0]);
+        let stands = &self.schedule.from(at, self.samples, &self.places(measured)).stance[0];
+        let state = measured::on_contacts(&self.tree, measured.state, stands);
+        // On its contacts, the robot holds what swings a little higher or lower.
+        let places = self.places(Measured { state: &state, touches: stands });
+        let footfalls = self.schedule.from(at, self.samples, &places);
         let place = over_ground(&state);
         let world_from_plan = isometry(&place);
         let motion = Motion {
