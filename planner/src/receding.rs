@@ -21,11 +21,12 @@ mod measured;
 mod schedule;
 mod start;
 
-pub use gait::{Gait, GaitError};
 use gait::base_placement;
+pub use gait::{Gait, GaitError};
 
 use crate::families::Family;
 use crate::formulation::rows::Rows;
+use crate::formulation::terms::motor_speed_rad_s;
 use crate::formulation::{Selection, Structure, System};
 use crate::motion::{Ends, Goal, Motion};
 use crate::plan::{Placement, Plan, SolveSummary, StartKind, Started, Status};
@@ -35,7 +36,6 @@ use crate::problem::{HorizonGoal, Problem, Unknowns, Weights};
 use crate::solve::normal::NormalEquations;
 use crate::solve::{ACCEPTED_LEVEL, Begin, Outcome, Point, Progress, Settings, Solver};
 use crate::start::guess;
-use crate::formulation::terms::motor_speed_rad_s;
 use crate::torque;
 use nalgebra::{DVector, Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model};
@@ -339,7 +339,8 @@ impl Horizon {
         let place = |(j, &touches): (usize, &bool)| {
             let contact = RimContact::new(&self.tree, &kinematics.frames, j, &Vector3::z());
             // A wheel that lies flat has no lowest point, and touches nothing.
-            let at = contact.map(|of| [of.position().z, of.motion(&kinematics).geometric_velocity.z]);
+            let at =
+                contact.map(|of| [of.position().z, of.motion(&kinematics).geometric_velocity.z]);
             let [height_m, rises_m_s] = at.unwrap_or_default();
             Place { touches: touches && at.is_some(), height_m, rises_m_s }
         };
@@ -381,7 +382,11 @@ impl Horizon {
 fn check_gait(gait: &Gait, robot: &Robot, interval_s: f64) -> Result<(), HorizonError> {
     let count = |number: usize| number as f64;
     for (what, found, expected) in [
-        ("count of end effectors", count(gait.motion.held_wheels.len()), count(robot.end_effectors.len())),
+        (
+            "count of end effectors",
+            count(gait.motion.held_wheels.len()),
+            count(robot.end_effectors.len()),
+        ),
         ("count of joints", count(gait.motion.posture_rad.len()), count(robot.joints.len())),
         ("sample spacing, s,", gait.interval_s(), interval_s),
     ] {
@@ -401,7 +406,10 @@ struct Best {
 }
 
 impl Best {
-    fn of(solver: &mut Solver<'_>, Progress { worst_level, worst_constraint, .. }: &Progress) -> Self {
+    fn of(
+        solver: &mut Solver<'_>,
+        Progress { worst_level, worst_constraint, .. }: &Progress,
+    ) -> Self {
         let unknowns = solver.lend().1.clone();
         Self { unknowns, worst_level: *worst_level, worst_constraint: *worst_constraint }
     }
@@ -503,6 +511,3 @@ fn beginning(problem: &Problem, tree: &Tree, state: State) -> Beginning {
     }
     Beginning { at, before }
 }
-
-#[cfg(test)]
-mod tests;

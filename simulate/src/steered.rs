@@ -4,8 +4,8 @@
 //! [`Options::planning_s`] later. Until then the plan before goes on, and the measured state is expected to keep its distance
 //! to it. A plan that is not accepted does not take over.
 
-use crate::sensors::touches;
 use crate::script::servo;
+use crate::sensors::touches;
 use nalgebra::Isometry3;
 use rollwalk_multibody::State;
 use rollwalk_physics::ground::{Ground, Plane};
@@ -89,14 +89,22 @@ impl Outcome {
 
     /// Mean velocity between two times, as [`velocities`](Self::velocities).
     pub fn mean(&self, from_s: f64, to_s: f64) -> [f64; 3] {
-        let index = |time_s: f64| ((time_s * self.rate_hz).round().max(0.0) as usize).min(self.velocities.len());
+        let index = |time_s: f64| {
+            ((time_s * self.rate_hz).round().max(0.0) as usize).min(self.velocities.len())
+        };
         let span = &self.velocities[index(from_s)..index(to_s)];
         [0, 1, 2].map(|c| span.iter().map(|v| v[c]).sum::<f64>() / span.len().max(1) as f64)
     }
 
     /// Time after a command until component `c` of the velocity has made 63 % of its change, s. Velocities are means over a
     /// period of the gait, around each time, without its sway. `None` if it has not until the end of the run.
-    pub fn latency_s(&self, at_s: f64, c: usize, [from, to]: [f64; 2], period_s: f64) -> Option<f64> {
+    pub fn latency_s(
+        &self,
+        at_s: f64,
+        c: usize,
+        [from, to]: [f64; 2],
+        period_s: f64,
+    ) -> Option<f64> {
         let end_s = self.velocities.len() as f64 / self.rate_hz - 0.5 * period_s;
         let times = (0..).map(|k| at_s + f64::from(k) / self.rate_hz).take_while(|t| *t < end_s);
         let half = (0.5 * period_s).max(1.0 / self.rate_hz);
@@ -115,7 +123,9 @@ pub enum SteeredError {
     #[error(transparent)]
     Horizon(#[from] HorizonError),
     /// The world and the controller do not see the first plan in time.
-    #[error("planning_s is {planning_s} s: it must be less than the {replan_s} s after which the next plan takes over")]
+    #[error(
+        "planning_s is {planning_s} s: it must be less than the {replan_s} s after which the next plan takes over"
+    )]
     Late {
         /// Time of planning, s.
         planning_s: f64,
@@ -175,19 +185,27 @@ pub fn steer(
     };
     let mut steering = Steering::default();
     let mut commands = commands.iter().peekable();
-    let plan = |horizon: &mut Horizon, state: &State, touches: &[bool], takes_over: usize, steering| {
-        let mut iterations = 0;
-        let limit = &mut |_: &_| {
-            iterations += 1;
-            if iterations < options.iterations { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    let plan =
+        |horizon: &mut Horizon, state: &State, touches: &[bool], takes_over: usize, steering| {
+            let mut iterations = 0;
+            let limit = &mut |_: &_| {
+                iterations += 1;
+                if iterations < options.iterations {
+                    ControlFlow::Continue(())
+                } else {
+                    ControlFlow::Break(())
+                }
+            };
+            let at = (takes_over / steps) as u64;
+            let found = horizon.plan(Measured { state, touches }, at, steering, limit)?;
+            let from_s = takes_over as f64 * step_s;
+            let tracked = Tracked {
+                body: WholeBody::new(&found.plan),
+                world_from_plan: found.world_from_plan,
+                from_s,
+            };
+            Ok::<_, HorizonError>((tracked, found.plan.solve.iterations, found.is_accepted()))
         };
-        let at = (takes_over / steps) as u64;
-        let found = horizon.plan(Measured { state, touches }, at, steering, limit)?;
-        let from_s = takes_over as f64 * step_s;
-        let tracked =
-            Tracked { body: WholeBody::new(&found.plan), world_from_plan: found.world_from_plan, from_s };
-        Ok::<_, HorizonError>((tracked, found.plan.solve.iterations, found.is_accepted()))
-    };
     let now: Vec<bool> = vec![true; robot.end_effectors.len()];
     let (mut tracked, iterations, accepted) =
         plan(&mut horizon, &world.state(&tree), &now, 0, steering)?;
@@ -197,7 +215,9 @@ pub fn steer(
         let time_s = step as f64 * step_s;
         let state = world.state(&tree);
         let touching: Vec<bool> = touches(&world, &tree).collect();
-        if step % between == 0 && let Some(plan) = next.take() {
+        if step % between == 0
+            && let Some(plan) = next.take()
+        {
             tracked = plan;
         }
         if (step + ahead) % between == 0 && step + ahead > 0 {
@@ -211,14 +231,23 @@ pub fn steer(
             let here = tracked.at(time_s);
             let there = tracked.at(takes_over as f64 * step_s);
             let expected = expected(&state, &here.state, there.state);
-            let expected_touches: Vec<bool> = (0..touching.len())
-                .map(|j| if here.stands[j] == there.stands[j] { touching[j] } else { there.stands[j] })
-                .collect();
+            let expected_touches: Vec<bool> =
+                (0..touching.len())
+                    .map(|j| {
+                        if here.stands[j] == there.stands[j] {
+                            touching[j]
+                        } else {
+                            there.stands[j]
+                        }
+                    })
+                    .collect();
             let (found, iterations, accepted) =
                 plan(&mut horizon, &expected, &expected_touches, takes_over, steering)?;
             outcome.plans.push((iterations, accepted));
             next = Some(found).filter(|_| accepted);
-            if ahead == 0 && let Some(plan) = next.take() {
+            if ahead == 0
+                && let Some(plan) = next.take()
+            {
                 tracked = plan;
             }
         }

@@ -30,7 +30,8 @@ impl Problem {
             slots.map(|slot| TimelineSample { slot, lift: Lift::Identity }).collect();
         // States outside have the contacts of the samples beside them.
         let beside = |t: usize| t.clamp(1, samples) - 1;
-        let around = |rows: &[Vec<f64>]| (0..samples + 2).map(|t| rows[beside(t)].clone()).collect();
+        let around =
+            |rows: &[Vec<f64>]| (0..samples + 2).map(|t| rows[beside(t)].clone()).collect();
         let mut frozen = vec![vec![false; layout.len]; samples + 2];
         frozen[samples].fill(true);
         frozen[samples + 1][layout.dofs..].fill(true);

@@ -1,9 +1,9 @@
 //! A gait that a horizon is planned in: which end effectors stand when, and how the body sways with it.
 
 use crate::motion::{Ends, Goal, Motion};
+use crate::plan::Placement;
 use crate::plan::Plan;
 use crate::problem::variables::{Layout, Lift};
-use crate::plan::Placement;
 use crate::start::guess;
 use nalgebra::DVector;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
@@ -53,20 +53,24 @@ impl Gait {
     pub fn of(plan: &Plan) -> Result<Self, GaitError> {
         let motion = &plan.motion;
         if motion.ends != Ends::Periodic {
-            return Err(GaitError::DoesNotRepeat { motion: motion.name.clone(), ends: motion.ends });
+            return Err(GaitError::DoesNotRepeat {
+                motion: motion.name.clone(),
+                ends: motion.ends,
+            });
         }
         let layout = Layout::new(&Model::new(&plan.robot));
         let placed: Vec<_> =
             plan.samples.iter().chain([&plan.after]).map(|s| layout.variables_of(s)).collect();
         let velocity = |pair: &[DVector<f64>]| {
             let [from, to] = pair else { unreachable!("two samples") };
-            let moved: [f64; 3] =
-                [BASE_POSITION, BASE_POSITION + 1, BASE_YAW].map(|k| (to[k] - from[k]) / plan.sample_interval_s);
+            let moved: [f64; 3] = [BASE_POSITION, BASE_POSITION + 1, BASE_YAW]
+                .map(|k| (to[k] - from[k]) / plan.sample_interval_s);
             let (sin, cos) = (0.5 * (from[BASE_YAW] + to[BASE_YAW])).sin_cos();
             [cos * moved[0] + sin * moved[1], cos * moved[1] - sin * moved[0], moved[2]]
         };
         let velocities: Vec<[f64; 3]> = placed.windows(2).map(velocity).collect();
-        let mean = |c: usize| velocities.iter().map(|v| v[c]).sum::<f64>() / velocities.len() as f64;
+        let mean =
+            |c: usize| velocities.iter().map(|v| v[c]).sum::<f64>() / velocities.len() as f64;
         let mean = [mean(0), mean(1), mean(2)];
         let sway = velocities.iter().map(|v| [0, 1, 2].map(|c| v[c] - mean[c])).collect();
         let cycle = placed[..motion.stance.len()].iter().map(|vars| seen_from_base(&layout, vars));
@@ -122,8 +126,5 @@ pub(super) fn seen_from_base(layout: &Layout, vars: &DVector<f64>) -> DVector<f6
 
 /// Where the base is over the ground.
 pub(super) fn base_placement(vars: &DVector<f64>) -> Placement {
-    Placement {
-        offset_m: [vars[BASE_POSITION], vars[BASE_POSITION + 1]],
-        yaw_rad: vars[BASE_YAW],
-    }
+    Placement { offset_m: [vars[BASE_POSITION], vars[BASE_POSITION + 1]], yaw_rad: vars[BASE_YAW] }
 }

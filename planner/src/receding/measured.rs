@@ -94,3 +94,41 @@ fn nearest(rows: &DMatrix<f64>, off: &DVector<f64>, weights: &DVector<f64>) -> D
     let shares = gram.cholesky().expect("damped").solve(off);
     -(scaled * shares)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_robots::{self, uniform};
+    use crate::torque;
+    use rollwalk_multibody::Kinematics;
+
+    #[test]
+    fn what_stands_is_on_the_ground_without_slip_and_little_else_changes() {
+        for robot in test_robots::all() {
+            let tree = torque::tree(&robot);
+            let mut random = uniform(3);
+            let mut state = State::nominal(&tree);
+            let model = rollwalk_multibody::euler::Model::new(&robot);
+            state.base_position_m.z = model.nominal_q()[2] + 0.003;
+            state.joint_rad.iter_mut().for_each(|angle| *angle += 0.01 * random());
+            state.velocity.iter_mut().for_each(|speed| *speed = 0.05 * random());
+            let mut stands = vec![true; robot.end_effectors.len()];
+            stands[1] = false;
+            let found = on_contacts(&tree, &state, &stands);
+            let mut kinematics = Kinematics::new(&tree, &found.configuration());
+            kinematics.update(&tree, &found.configuration(), &found.velocity);
+            for (j, _) in stands.iter().enumerate().filter(|(_, stands)| **stands) {
+                let contact = RimContact::new(&tree, &kinematics.frames, j, &Vector3::z()).unwrap();
+                // What the damping leaves where legs share a link.
+                let (name, height) = (&robot.name, contact.position().z);
+                assert!(height.abs() < 1e-5, "{name}: {height}");
+                let velocity = contact.motion(&kinematics).material_velocity;
+                assert!(velocity.z.abs() < 1e-4, "{name}: {velocity:?}");
+                if robot.end_effectors[j].contact.blade_length_m().is_none() {
+                    assert!(velocity.norm() < 1e-4, "{name}: {velocity:?}");
+                }
+            }
+            assert!((found.base_position_m - state.base_position_m).norm() < 0.02);
+        }
+    }
+}

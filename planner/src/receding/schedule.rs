@@ -52,7 +52,11 @@ impl Schedule {
         let swing = |j: usize| {
             let swings = |k: &i64| !self.stands(*k, j);
             let before = (0..at).rev().take_while(swings).last().unwrap_or(at);
-            before..if before < at { (at..).find(|k| !swings(k)).expect("every swing ends") } else { at }
+            before..if before < at {
+                (at..).find(|k| !swings(k)).expect("every swing ends")
+            } else {
+                at
+            }
         };
         let earlier = (0..self.earlier.len()).map(swing).collect();
         *self = Self { gait, begun_at: at, earlier };
@@ -64,10 +68,12 @@ impl Schedule {
             return false;
         }
         let rows = &self.gait.motion.stance;
-        let row = |k: i64| rows[k.rem_euclid(rows.len() as i64) as usize][j];
+        let count = rows.len() as i64;
+        let row = |k: i64| rows[k.rem_euclid(count) as usize][j];
         let since = at - self.begun_at;
-        // A swing that would have begun before the gait is left out.
-        since < 0 || (0..=since.min(rows.len() as i64)).all(|k| !row(k)) || row(since)
+        // Of a swing that began before the gait, or before the landing of another one, the rest is left out.
+        let free = (self.earlier[j].end - self.begun_at).max(0);
+        since < free || (free..=since.min(free + count)).all(|k| !row(k)) || row(since)
     }
 
     /// Sample of the gait's period.
@@ -130,4 +136,77 @@ pub(super) fn faded([value, slope]: [f64; 2], t: f64, end: f64) -> f64 {
     }
     let u = t / end;
     value * (1.0 + 2.0 * u) * (1.0 - u).powi(2) + slope * t * (1.0 - u).powi(2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_robots;
+
+    /// A gait of 10 samples at 0.1 s in which the first of four end effectors swings as the row says.
+    fn gait(row: &str) -> Gait {
+        let robot = &test_robots::all()[0];
+        let mut gait = Gait::standing(robot, 0.1).expect("a spacing");
+        let stands = |mark: char| vec![mark == '#', true, true, true];
+        gait.motion.stance = row.chars().map(stands).collect();
+        gait.motion.duration_s = 0.1 * row.len() as f64;
+        gait.motion.swing_height_m = 0.04;
+        gait
+    }
+
+    fn down() -> Place {
+        Place { touches: true, height_m: 0.0, rises_m_s: 0.0 }
+    }
+
+    fn flags(rows: &[Vec<bool>]) -> String {
+        rows.iter().map(|row| if row[0] { '#' } else { '.' }).collect()
+    }
+
+    fn from(schedule: &Schedule, at: i64, samples: usize, first: Place) -> (String, Vec<f64>) {
+        let footfalls = schedule.from(at, samples, &[first, down(), down(), down()]);
+        (flags(&footfalls.stance), footfalls.height_m.iter().map(|row| row[0]).collect())
+    }
+
+    #[test]
+    fn a_swing_goes_on_from_where_the_foot_is() {
+        let schedule = Schedule::new(gait("##.......#"), 0);
+        // On its profile, 0.04 m · sin²(πu) from sample 2 to sample 8, and as fast as its samples differ.
+        let rises_m_s = (0.04 - 0.01) / 0.2;
+        let there = Place { touches: false, height_m: 0.03, rises_m_s };
+        let (marks, heights) = from(&schedule, 4, 7, there);
+        assert_eq!(marks, ".....##");
+        for (height, expected) in heights.iter().zip([0.03, 0.04, 0.03, 0.01, 0.0, 0.0, 0.0]) {
+            assert!((height - expected).abs() < 1e-12, "{heights:?}"); // rounding only
+        }
+        // Lower and slower, it comes back to the profile until it lands.
+        let (_, lower) = from(&schedule, 4, 7, Place { height_m: 0.01, rises_m_s: 0.0, ..there });
+        assert_eq!(lower[0], 0.01);
+        assert!((1..4).all(|k| 0.0 < lower[k] && lower[k] < heights[k]), "{lower:?}");
+        assert!(lower[4..].iter().all(|height| height.abs() < 1e-12), "{lower:?}");
+    }
+
+    #[test]
+    fn contacts_that_differ_from_the_schedule_count() {
+        let schedule = Schedule::new(gait("##.......#"), 0);
+        // Landed early, in the second half of the swing; still on the ground in the first.
+        assert_eq!(from(&schedule, 6, 8, down()).0, "######..");
+        assert_eq!(from(&schedule, 3, 8, down()).0, "......##");
+        // Not landed in time: down from 20 mm at π · 40 mm / 0.7 s at most takes two samples.
+        let aloft = Place { touches: false, height_m: 0.02, rises_m_s: -0.1 };
+        let (marks, heights) = from(&schedule, 9, 5, aloft);
+        assert_eq!(marks, "..#..");
+        assert_eq!(heights[..4], [0.02, 0.0, 0.0, 0.0]);
+        // Within what a contact yields it stands.
+        assert_eq!(from(&schedule, 9, 5, Place { height_m: 0.002, ..aloft }).0, "###..");
+    }
+
+    #[test]
+    fn a_swing_ends_as_it_would_have_when_the_gait_changes() {
+        let mut schedule = Schedule::new(gait("##.......#"), 0);
+        schedule.change(gait("..##"), 5);
+        let stands: String =
+            (0..20).map(|k| if schedule.stands(k, 0) { '#' } else { '.' }).collect();
+        // The swing of samples 2 to 8 ends, and the swing of the other gait that has begun by then is left out.
+        assert_eq!(&stands[2..], ".......####..##..#");
+    }
 }

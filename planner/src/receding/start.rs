@@ -61,11 +61,7 @@ pub(super) fn from_gait(
 }
 
 /// Samples that begin in the measured state, the last one of which is the state after the horizon.
-fn with_error(
-    problem: &Problem,
-    mut slots: Vec<DVector<f64>>,
-    beginning: &Beginning,
-) -> Unknowns {
+fn with_error(problem: &Problem, mut slots: Vec<DVector<f64>>, beginning: &Beginning) -> Unknowns {
     let (layout, h) = (&problem.layout, problem.interval_s);
     let Beginning { at, before } = beginning;
     let end = FADES_S / h;

@@ -1,1 +1,0 @@
-//! Horizons of shipped robots.
