@@ -122,14 +122,7 @@ impl<'s, 'p> Controller<'s, 'p> {
                 .servos
                 .iter()
                 .zip(setpoints)
-                .map(|(servo, setpoint)| Law {
-                    kp_nm_rad: setpoint.kp_nm_rad,
-                    kd_nm_s_rad: setpoint.kd_nm_s_rad,
-                    position_rad: setpoint.position_rad,
-                    speed_rad_s: setpoint.speed_rad_s,
-                    torque_nm: setpoint.torque_nm,
-                    ..*servo
-                })
+                .map(|(servo, setpoint)| law(servo, setpoint))
                 .collect(),
             None => {
                 self.untracked += 1;
@@ -141,6 +134,18 @@ impl<'s, 'p> Controller<'s, 'p> {
             true => self.on_their_way.pop_front().expect("there is one"),
             false => self.script.laws(to_s),
         }
+    }
+}
+
+/// A servo with what it is to do until the next tick.
+pub(crate) fn law(servo: &Law, setpoint: &Setpoint) -> Law {
+    Law {
+        kp_nm_rad: setpoint.kp_nm_rad,
+        kd_nm_s_rad: setpoint.kd_nm_s_rad,
+        position_rad: setpoint.position_rad,
+        speed_rad_s: setpoint.speed_rad_s,
+        torque_nm: setpoint.torque_nm,
+        ..*servo
     }
 }
 

@@ -4,6 +4,7 @@
 //! [`Options::planning_s`] later. Until then the plan before goes on, and the measured state is expected to keep its distance
 //! to it. A plan that is not accepted does not take over.
 
+use crate::control::law;
 use crate::script::servo;
 use crate::sensors::touches;
 use nalgebra::Isometry3;
@@ -64,6 +65,15 @@ impl Default for Options {
     }
 }
 
+/// How a plan ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Planned {
+    /// Iterations.
+    pub iterations: usize,
+    /// Whether it was accepted.
+    pub accepted: bool,
+}
+
 /// A run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outcome {
@@ -71,8 +81,8 @@ pub struct Outcome {
     pub fell_at_s: Option<f64>,
     /// Simulated time, s.
     pub time_s: f64,
-    /// Iterations of each plan, and whether it was accepted.
-    pub plans: Vec<(usize, bool)>,
+    /// The plans, in order.
+    pub plans: Vec<Planned>,
     /// Ticks in which the tracker had no solution, and the motors kept their setpoints.
     pub untracked: u32,
     /// Steps of the world a second.
@@ -84,7 +94,7 @@ pub struct Outcome {
 impl Outcome {
     /// Plans that were not accepted.
     pub fn rejected(&self) -> usize {
-        self.plans.iter().filter(|(_, accepted)| !accepted).count()
+        self.plans.iter().filter(|plan| !plan.accepted).count()
     }
 
     /// Mean velocity between two times, as [`velocities`](Self::velocities).
@@ -113,7 +123,7 @@ impl Outcome {
     }
 }
 
-/// Reason for which a run ends without an outcome.
+/// Reason for which there is no outcome.
 #[derive(Debug, Error)]
 pub enum SteeredError {
     /// A step of the world has no solution.
@@ -122,9 +132,15 @@ pub enum SteeredError {
     /// The horizon cannot be planned.
     #[error(transparent)]
     Horizon(#[from] HorizonError),
-    /// The world and the controller do not see the first plan in time.
+    /// The first plan is not accepted.
     #[error(
-        "planning_s is {planning_s} s: it must be less than the {replan_s} s after which the next plan takes over"
+        "the robot cannot stand as the horizon is to begin: its first plan does not meet the constraints"
+    )]
+    CannotStand,
+    /// A plan would take over after the next one.
+    #[error(
+        "planning_s is {planning_s} s: it must be at least 0 and less than the {replan_s} s after which the next plan takes \
+         over"
     )]
     Late {
         /// Time of planning, s.
@@ -146,16 +162,70 @@ impl Tracked {
     fn at(&mut self, time_s: f64) -> Instant {
         self.body.at(time_s - self.from_s, &self.world_from_plan)
     }
+
+    fn reference(&mut self, time_s: f64) -> Reference {
+        let Instant { state, acceleration, stands, force_n } = self.at(time_s);
+        let world_from_ground = Isometry3::identity();
+        Reference { time_s, world_from_ground, state, acceleration, stands, force_n }
+    }
 }
 
-/// Steers a robot on level ground, from its stand at the origin. Commands are in order of time; before the first the robot is to
-/// stand still.
+/// Planner of the run, with its grid of time.
+struct Planner {
+    horizon: Horizon,
+    steering: Steering,
+    /// Most iterations.
+    iterations: usize,
+    /// Steps of the world in a sample of the horizon, and the length of one, s.
+    steps: usize,
+    step_s: f64,
+    plans: Vec<Planned>,
+}
+
+impl Planner {
+    /// Plans from the state in which the robot is expected at a step. `None` if the plan is not accepted.
+    fn plan(
+        &mut self,
+        measured: Measured<'_>,
+        step: usize,
+    ) -> Result<Option<Tracked>, HorizonError> {
+        let mut left = self.iterations;
+        let limit = &mut |_: &_| {
+            left = left.saturating_sub(1);
+            if left > 0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let at = (step / self.steps) as u64;
+        let found = self.horizon.plan(measured, at, self.steering, limit)?;
+        let (iterations, accepted) = (found.plan.solve.iterations, found.is_accepted());
+        self.plans.push(Planned { iterations, accepted });
+        let (world_from_plan, from_s) = (found.world_from_plan, step as f64 * self.step_s);
+        Ok(accepted.then(|| Tracked { body: WholeBody::new(&found.plan), world_from_plan, from_s }))
+    }
+
+    /// Plans for a later step from what is measured now, while a plan is tracked.
+    fn plan_ahead(
+        &mut self,
+        tracked: &mut Tracked,
+        measured: Measured<'_>,
+        [now, then]: [usize; 2],
+    ) -> Result<Option<Tracked>, HorizonError> {
+        let [here, there] = [now, then].map(|step| tracked.at(step as f64 * self.step_s));
+        let touches: Vec<bool> = (here.stands.iter().zip(&there.stands).zip(measured.touches))
+            .map(|((here, there), touches)| if here == there { *touches } else { *there })
+            .collect();
+        let state = expected(measured.state, &here.state, there.state);
+        self.plan(Measured { state: &state, touches: &touches }, then)
+    }
+}
+
+/// Steers a robot on level ground, from its stand at the origin. Commands are in order of time; until the first one the robot is
+/// to stand still. The first plan is made before the run begins.
 ///
 /// # Errors
 /// [`SteeredError`].
 pub fn steer(
     robot: &Robot,
-    mut horizon: Horizon,
+    horizon: Horizon,
     commands: &[Command],
     options: &Options,
 ) -> Result<Outcome, SteeredError> {
@@ -175,119 +245,54 @@ pub fn steer(
     let tree = horizon.tree().clone();
     let mut tracker = Tracker::new(tree.clone(), Weights::default(), step_s);
     let servos: Vec<Law> = robot.channels().map(|channel| servo(&channel)).collect();
-    let mut outcome = Outcome {
-        fell_at_s: None,
-        time_s: 0.0,
-        plans: Vec::new(),
-        untracked: 0,
-        rate_hz: 1.0 / step_s,
-        velocities: Vec::new(),
-    };
-    let mut steering = Steering::default();
+    let (steering, iterations, plans) = (Steering::default(), options.iterations, Vec::new());
+    let mut planner = Planner { horizon, steering, iterations, steps, step_s, plans };
     let mut commands = commands.iter().peekable();
-    let plan =
-        |horizon: &mut Horizon, state: &State, touches: &[bool], takes_over: usize, steering| {
-            let mut iterations = 0;
-            let limit = &mut |_: &_| {
-                iterations += 1;
-                if iterations < options.iterations {
-                    ControlFlow::Continue(())
-                } else {
-                    ControlFlow::Break(())
-                }
-            };
-            let at = (takes_over / steps) as u64;
-            let found = horizon.plan(Measured { state, touches }, at, steering, limit)?;
-            let from_s = takes_over as f64 * step_s;
-            let tracked = Tracked {
-                body: WholeBody::new(&found.plan),
-                world_from_plan: found.world_from_plan,
-                from_s,
-            };
-            Ok::<_, HorizonError>((tracked, found.plan.solve.iterations, found.is_accepted()))
-        };
-    let now: Vec<bool> = vec![true; robot.end_effectors.len()];
-    let (mut tracked, iterations, accepted) =
-        plan(&mut horizon, &world.state(&tree), &now, 0, steering)?;
-    outcome.plans.push((iterations, accepted));
-    let mut next: Option<Tracked> = None;
+    let standing = vec![true; robot.end_effectors.len()];
+    let state = world.state(&tree);
+    let first = planner.plan(Measured { state: &state, touches: &standing }, 0)?;
+    let mut tracked = first.ok_or(SteeredError::CannotStand)?;
+    let mut next = None;
+    let (mut untracked, mut fell_at_s, mut velocities) = (0, None, Vec::new());
     for step in 0..(options.duration_s / step_s).round() as usize {
         let time_s = step as f64 * step_s;
         let state = world.state(&tree);
         let touching: Vec<bool> = touches(&world, &tree).collect();
-        if step % between == 0
-            && let Some(plan) = next.take()
-        {
-            tracked = plan;
-        }
-        if (step + ahead) % between == 0 && step + ahead > 0 {
-            let takes_over = step + ahead;
+        let then = step + ahead;
+        if then.is_multiple_of(between) && then > 0 {
             while let Some(command) = commands.next_if(|command| command.at_s <= time_s) {
-                steering = command.steering;
+                planner.steering = command.steering;
                 if let Some(gait) = &command.gait {
-                    horizon.change_gait(gait.clone(), (takes_over / steps) as u64)?;
+                    planner.horizon.change_gait(gait.clone(), (then / steps) as u64)?;
                 }
             }
-            let here = tracked.at(time_s);
-            let there = tracked.at(takes_over as f64 * step_s);
-            let expected = expected(&state, &here.state, there.state);
-            let expected_touches: Vec<bool> =
-                (0..touching.len())
-                    .map(|j| {
-                        if here.stands[j] == there.stands[j] {
-                            touching[j]
-                        } else {
-                            there.stands[j]
-                        }
-                    })
-                    .collect();
-            let (found, iterations, accepted) =
-                plan(&mut horizon, &expected, &expected_touches, takes_over, steering)?;
-            outcome.plans.push((iterations, accepted));
-            next = Some(found).filter(|_| accepted);
-            if ahead == 0
-                && let Some(plan) = next.take()
-            {
-                tracked = plan;
-            }
+            let measured = Measured { state: &state, touches: &touching };
+            next = planner.plan_ahead(&mut tracked, measured, [step, then])?;
         }
-        let Instant { state: planned, acceleration, stands, force_n } = tracked.at(time_s);
-        let reference = Reference {
-            time_s,
-            world_from_ground: Isometry3::identity(),
-            state: planned,
-            acceleration,
-            stands,
-            force_n,
-        };
-        match tracker.tick(&reference, &state, &touching) {
+        if step.is_multiple_of(between)
+            && let Some(next) = next.take()
+        {
+            tracked = next;
+        }
+        match tracker.tick(&tracked.reference(time_s), &state, &touching) {
             Ok(setpoints) => {
                 for (channel, (servo, setpoint)) in servos.iter().zip(setpoints).enumerate() {
-                    let law = Law {
-                        kp_nm_rad: setpoint.kp_nm_rad,
-                        kd_nm_s_rad: setpoint.kd_nm_s_rad,
-                        position_rad: setpoint.position_rad,
-                        speed_rad_s: setpoint.speed_rad_s,
-                        torque_nm: setpoint.torque_nm,
-                        ..*servo
-                    };
-                    world.set_law(channel, law);
+                    world.set_law(channel, law(servo, setpoint));
                 }
             }
-            Err(_) => outcome.untracked += 1,
+            Err(_) => untracked += 1,
         }
         let heading = heading_rad(&world.base().1);
         world.push(mean_force(&options.shoves, world.system().time_s(), step_s, heading));
         world.step(step_s)?;
-        let after = world.state(&tree);
-        outcome.velocities.push(in_heading(&after));
-        outcome.time_s = world.system().time_s();
+        velocities.push(in_heading(&world.state(&tree)));
         if fall_watch.look(&world).is_some() {
-            outcome.fell_at_s = Some(outcome.time_s);
+            fell_at_s = Some(world.system().time_s());
             break;
         }
     }
-    Ok(outcome)
+    let (time_s, plans) = (world.system().time_s(), planner.plans);
+    Ok(Outcome { fell_at_s, time_s, plans, untracked, rate_hz: 1.0 / step_s, velocities })
 }
 
 /// Velocity of the body, along and to the left of its heading, m/s, and rate of the heading, rad/s.
@@ -297,23 +302,20 @@ fn in_heading(state: &State) -> [f64; 3] {
     [cos * x + sin * y, cos * y - sin * x, state.velocity[5]]
 }
 
-/// The state in which a robot will be that is in one near its plan: as far from the plan, at its velocity there.
+/// Part of the error of velocity that is left when a plan takes over: the controller brings it down meanwhile.
+const KEPT: f64 = 0.5;
+
+/// The state in which a robot will be when its plan is at `then`: as far from it as it is from `planned`.
 fn expected(measured: &State, planned: &State, mut then: State) -> State {
+    let add = |to: &mut [f64], part: f64, measured: &[f64], planned: &[f64]| {
+        for (to, (here, there)) in to.iter_mut().zip(measured.iter().zip(planned)) {
+            *to += part * (here - there);
+        }
+    };
     let turned = measured.world_from_body * planned.world_from_body.transpose();
     then.base_position_m += measured.base_position_m - planned.base_position_m;
     then.world_from_body = turned * then.world_from_body;
-    for (angle, (here, there)) in
-        then.joint_rad.iter_mut().zip(measured.joint_rad.iter().zip(&planned.joint_rad))
-    {
-        *angle += here - there;
-    }
-    for (speed, (here, there)) in
-        then.velocity.iter_mut().zip(measured.velocity.iter().zip(&planned.velocity))
-    {
-        *speed += KEPT * (here - there);
-    }
+    add(&mut then.joint_rad, 1.0, &measured.joint_rad, &planned.joint_rad);
+    add(&mut then.velocity, KEPT, &measured.velocity, &planned.velocity);
     then
 }
-
-/// Part of the error of velocity that is left when a plan takes over: the controller brings it down meanwhile.
-const KEPT: f64 = 0.5;

@@ -172,7 +172,7 @@ fn a_robot_walks_as_it_is_steered_and_stops() {
     let robot = robot("agilebot");
     let stand = Gait::standing(&robot, 0.05).unwrap();
     let mut walker = Walker::new(&robot, Gait::of(&planned(&robot, "walk")).unwrap(), 1.6);
-    let mut go_on = |walker: &mut Walker, steering: Steering, samples: u64| {
+    let go_on = |walker: &mut Walker, steering: Steering, samples: u64| {
         let from = walker.state.base_position_m;
         for _ in 0..samples / 4 {
             let found = walker.plan(steering);
