@@ -76,16 +76,11 @@ impl Walker {
     }
 }
 
-/// Whether horizons are accepted from states every `every` samples on, undisturbed and with a push to each of four sides.
-/// Returns how many are from pushes by 0.5 m/s, of how many.
-fn is_planned_from_everywhere(
-    robot: &Robot,
-    gait: Gait,
-    duration_s: f64,
-    every: u64,
-) -> [usize; 2] {
+/// Horizons are accepted from ten states, `every` samples apart, undisturbed and pushed by 0.2 m/s to all sides. Returns how many
+/// are after pushes by 0.5 m/s.
+fn is_planned_from_everywhere(robot: &Robot, gait: Gait, duration_s: f64, every: u64) -> usize {
     let mut walker = Walker::new(robot, gait, duration_s);
-    let mut accepted = [0, 0];
+    let mut accepted = 0;
     for k in 0..10 {
         let steering = Steering { turn_rad_s: 0.1, ..forward(0.1) };
         let found = walker.plan(steering);
@@ -96,9 +91,7 @@ fn is_planned_from_everywhere(
         let push = Vector3::new(cos, sin, 0.0);
         let pushed = walker.plan_pushed(steering, push * 0.2);
         assert!(pushed.is_accepted(), "{k}, pushed: {:?}", pushed.plan.solve);
-        let pushed = walker.plan_pushed(steering, push * 0.5);
-        accepted[0] += usize::from(pushed.is_accepted());
-        accepted[1] += 1;
+        accepted += usize::from(walker.plan_pushed(steering, push * 0.5).is_accepted());
         walker.follow(&found, every);
     }
     accepted
@@ -109,12 +102,10 @@ fn agilebot_is_planned_from_everywhere_in_its_gaits() {
     let robot = robot("agilebot");
     let [walk, trot] = ["walk", "trot"].map(|name| Gait::of(&planned(&robot, name)).unwrap());
     let stand = Gait::standing(&robot, 0.1).unwrap();
-    assert_eq!(is_planned_from_everywhere(&robot, stand, 1.0, 1), [10, 10]);
-    let [accepted, of] = is_planned_from_everywhere(&robot, walk, 1.6, 3);
-    assert!(accepted + 2 >= of, "walk: {accepted} of {of}");
-    // In a trot, pushes of half a metre a second across the line of support are beyond its steps.
-    let [accepted, of] = is_planned_from_everywhere(&robot, trot, 0.8, 3);
-    assert!(2 * accepted >= of, "trot: {accepted} of {of}");
+    assert_eq!(is_planned_from_everywhere(&robot, stand, 1.0, 1), 10);
+    assert!(is_planned_from_everywhere(&robot, walk, 1.6, 3) >= 9);
+    // On two feet, half a metre a second across their line takes most of what steps can do.
+    assert!(is_planned_from_everywhere(&robot, trot, 0.8, 3) >= 7);
 }
 
 #[test]
@@ -122,9 +113,8 @@ fn anymal_is_planned_from_everywhere_in_its_gaits() {
     let robot = robot("anymal_wheels");
     let turn = Gait::of(&planned(&robot, "anymal_turn")).unwrap();
     let stand = Gait::standing(&robot, 0.1).unwrap();
-    assert_eq!(is_planned_from_everywhere(&robot, stand, 1.0, 1), [10, 10]);
-    let [accepted, of] = is_planned_from_everywhere(&robot, turn, 1.2, 3);
-    assert!(2 * accepted >= of, "turn: {accepted} of {of}");
+    assert_eq!(is_planned_from_everywhere(&robot, stand, 1.0, 1), 10);
+    assert!(is_planned_from_everywhere(&robot, turn, 1.2, 3) >= 9);
 }
 
 #[test]
