@@ -2,8 +2,8 @@
 //! joystick. Model-predictive control with the full planner, as real-time iteration (Diehl et al., 2005).
 //!
 //! A [`Horizon`] is made once for a robot, a [`Gait`] and a length. Each [`Horizon::plan`] takes the measured state and what is
-//! wanted, and returns a [`Plan`](crate::plan::Plan) like any other, that begins in this state with its velocity and does not end at rest.
-//! It solves the problem of [`Problem::horizon`]:
+//! wanted, and returns a [`Plan`] like any other, that begins in this state with its velocity and does not end at rest.
+//! It solves the problem of `Problem::horizon`:
 //!
 //! * **Start.** The nearest state whose feet touch the ground without slip (`measured`) is given, with its velocity.
 //! * **Contacts** are those of the gait by the number of the sample (`schedule`). End effectors in the air go on with the swing
@@ -16,37 +16,35 @@
 //! the next: a plan that failed leaves no trace. What does not depend on numbers is kept for each footfall pattern, as in
 //! [`Editing`](crate::Editing).
 
+mod error;
 mod gait;
 mod measured;
 mod schedule;
 mod start;
 
+pub use error::HorizonError;
 use gait::base_placement;
 pub use gait::{Gait, GaitError};
 
 use crate::families::Family;
 use crate::formulation::rows::Rows;
-use crate::formulation::terms::motor_speed_rad_s;
 use crate::formulation::{Selection, Structure, System};
 use crate::motion::{Ends, Goal, Motion};
-use crate::plan::{Placement, Plan, SolveSummary, StartKind, Started, Status};
+use crate::plan::{Plan, SolveSummary, StartKind, Started, Status};
 use crate::planning::write_plan;
-use crate::problem::variables::Layout;
 use crate::problem::{HorizonGoal, Problem, Unknowns, Weights};
 use crate::solve::normal::NormalEquations;
 use crate::solve::{ACCEPTED_LEVEL, Begin, Outcome, Point, Progress, Settings, Solver};
 use crate::start::guess;
 use crate::torque;
-use nalgebra::{DVector, Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
-use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model};
-use rollwalk_multibody::{ANGULAR, Kinematics, LINEAR, RimContact, State, Tree, rotation};
+use nalgebra::{Isometry3, Vector3};
+use rollwalk_multibody::euler::Model;
+use rollwalk_multibody::{Kinematics, RimContact, State, Tree};
 use rollwalk_robot::Robot;
 use schedule::{Place, Schedule};
-use start::Beginning;
 use std::collections::HashMap;
 use std::fmt;
 use std::ops::ControlFlow;
-use thiserror::Error;
 
 /// What is wanted of the body, in the frame of its heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -66,54 +64,6 @@ pub struct Measured<'a> {
     pub state: &'a State,
     /// Whether each end effector touches the ground.
     pub touches: &'a [bool],
-}
-
-/// Reason for which a horizon cannot be made or planned.
-#[derive(Clone, Debug, PartialEq, Error)]
-pub enum HorizonError {
-    /// The horizon has too few samples for splines.
-    #[error(
-        "horizon of {duration_s} s has {samples} samples at a spacing of {interval_s} s: it needs at least {least}; give a longer \
-         one"
-    )]
-    TooShort {
-        /// The duration.
-        duration_s: f64,
-        /// Its samples.
-        samples: usize,
-        /// Their spacing.
-        interval_s: f64,
-        /// Fewest samples.
-        least: usize,
-    },
-    /// A gait is of another robot, or spaced otherwise.
-    #[error("gait `{gait}`: {what} is {found}, expected {expected}: that of the horizon")]
-    OtherGait {
-        /// Name of its motion.
-        gait: String,
-        /// What differs.
-        what: &'static str,
-        /// Its value.
-        found: f64,
-        /// That of the horizon.
-        expected: f64,
-    },
-    /// The state is of another robot.
-    #[error("measured {what} has {found} entries, expected {expected}")]
-    OtherRobot {
-        /// The field.
-        what: &'static str,
-        /// Its length.
-        found: usize,
-        /// That of the robot.
-        expected: usize,
-    },
-    /// A number is not finite.
-    #[error("{what} is not finite; a horizon needs a finite number")]
-    NotFinite {
-        /// The field.
-        what: &'static str,
-    },
 }
 
 /// Options of a horizon.
@@ -256,8 +206,7 @@ impl Horizon {
         // On its contacts, the robot holds what swings a little higher or lower.
         let places = self.places(Measured { state: &state, touches: stands });
         let footfalls = self.schedule.from(at, self.samples, &places);
-        let place = over_ground(&state);
-        let world_from_plan = isometry(&place);
+        let world_from_plan = measured::isometry(&measured::over_ground(&state));
         let motion = Motion {
             name: "horizon".into(),
             duration_s: (self.samples - 1) as f64 * self.interval_s,
@@ -277,7 +226,8 @@ impl Horizon {
         let goal = HorizonGoal { height_m: footfalls.height_m, steering };
         let problem =
             Problem::horizon(self.model.clone(), &motion, goal, self.options.weights.clone());
-        let beginning = beginning(&problem, &self.tree, state.moved(&world_from_plan.inverse()));
+        let beginning =
+            measured::beginning(&problem, &self.tree, state.moved(&world_from_plan.inverse()));
         let gait = &self.schedule.gait;
         let start = start::from_gait(&problem, gait, self.schedule.phase(at), &beginning);
         let (unknowns, solve) = self.solve(&problem, &motion.stance, start, progress);
@@ -454,60 +404,4 @@ fn iterate(
     };
     let (outcome, normal, rows) = solver.finish_with_parts(status);
     (best, outcome, normal, rows)
-}
-
-/// Where the body is over the ground, and its heading.
-fn over_ground(state: &State) -> Placement {
-    let p = state.base_position_m;
-    Placement { offset_m: [p.x, p.y], yaw_rad: yaw_pitch_roll(&state.world_from_body).x }
-}
-
-fn isometry(place: &Placement) -> Isometry3<f64> {
-    let [x, y] = place.offset_m;
-    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), place.yaw_rad);
-    Isometry3::from_parts(Translation3::new(x, y, 0.0), turn)
-}
-
-/// Intrinsic z-y-x angles of a rotation, rad.
-fn yaw_pitch_roll(world_from_body: &Matrix3<f64>) -> Vector3<f64> {
-    let r = world_from_body;
-    let pitch = (-r[(2, 0)]).clamp(-1.0, 1.0).asin();
-    Vector3::new(r[(1, 0)].atan2(r[(0, 0)]), pitch, r[(2, 1)].atan2(r[(2, 2)]))
-}
-
-/// A state at the origin with heading 0 as the first sample of a horizon, and the sample before it.
-fn beginning(problem: &Problem, tree: &Tree, state: State) -> Beginning {
-    let layout: &Layout = &problem.layout;
-    let mut at = DVector::zeros(layout.len);
-    at.rows_mut(BASE_POSITION, 3).copy_from(&state.base_position_m);
-    let ypr = yaw_pitch_roll(&state.world_from_body);
-    at.rows_mut(BASE_YAW, 3).copy_from(&ypr);
-    at.rows_mut(JOINTS, state.joint_rad.len()).copy_from_slice(&state.joint_rad);
-    let axes = Matrix3::from_columns(&rotation::yaw_pitch_roll_axes(&ypr));
-    let spin = Vector3::from_column_slice(&state.velocity[ANGULAR..ANGULAR + 3]);
-    // Pitched by a right angle, where no rates are, a robot has fallen.
-    let rates = axes.lu().solve(&spin).unwrap_or_default();
-    let mut before = at.clone();
-    let h = problem.interval_s;
-    for k in 0..3 {
-        before[BASE_POSITION + k] -= h * state.velocity[LINEAR + k];
-        before[BASE_YAW + k] -= h * rates[k];
-    }
-    for (j, speed) in state.velocity[JOINTS..].iter().take(state.joint_rad.len()).enumerate() {
-        before[JOINTS + j] -= h * speed;
-    }
-    for vars in [&mut at, &mut before] {
-        guess::follow_kinematics(&problem.model, layout, vars);
-    }
-    let evaluated = |vars: &DVector<f64>| {
-        crate::problem::state::State::new(&problem.model, layout, vars.clone())
-    };
-    let [from, to] = [evaluated(&before), evaluated(&at)];
-    for (j, wheel) in layout.end_effectors.iter().enumerate() {
-        let (Some(wheel), Some(dof)) = (wheel.wheel, tree.wheel_dof(j)) else { continue };
-        // Over the ground the wheel turns as its motor does and as its link.
-        before[wheel.speed] = state.velocity[dof] - motor_speed_rad_s(problem, j, &from, &to);
-        at[wheel.speed] = before[wheel.speed];
-    }
-    Beginning { at, before }
 }

@@ -3,7 +3,6 @@
 use super::variables::{Layout, Lift, TimelineSample};
 use super::{Problem, Weights};
 use crate::motion::Motion;
-use nalgebra::DVector;
 use rollwalk_multibody::euler::Model;
 
 /// What is known of a horizon before it is planned.
@@ -57,7 +56,7 @@ impl Problem {
             goal: motion.goal,
             targets: Vec::new(),
             heights: vec![Vec::new(); samples + 2],
-            posture_q: vec![DVector::clone(&model.standing_q(&motion.posture_rad)); samples],
+            posture_q: vec![model.standing_q(&motion.posture_rad); samples],
             steering: goal.steering,
             weights,
             model,

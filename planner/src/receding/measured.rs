@@ -3,9 +3,19 @@
 //! A measured foot is never at exactly z = 0 and never without slip, and a horizon that began so could not meet its
 //! constraints at its first sample. The state that is nearest and does is where it begins.
 
-use nalgebra::{DMatrix, DVector, Matrix3xX, Rotation3, Vector3};
-use rollwalk_multibody::euler::JOINTS;
-use rollwalk_multibody::{ANGULAR, Frames, LINEAR, RimContact, State, Tree};
+use super::start::Beginning;
+use crate::formulation::terms::motor_speed_rad_s;
+use crate::plan::Placement;
+use crate::problem::Problem;
+use crate::problem::state::State as Sampled;
+use crate::problem::variables::Layout;
+use crate::start::guess;
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Matrix3, Matrix3xX, Rotation3, Translation3, UnitQuaternion,
+    Vector3,
+};
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
+use rollwalk_multibody::{ANGULAR, Frames, LINEAR, RimContact, State, Tree, rotation};
 
 /// Rounds of Newton's method to the ground: millimetres become nanometres in two.
 const ROUNDS: usize = 3;
@@ -93,6 +103,60 @@ fn nearest(rows: &DMatrix<f64>, off: &DVector<f64>, weights: &DVector<f64>) -> D
     let gram = rows * &scaled + DMatrix::identity(count, count) * DAMPING;
     let shares = gram.cholesky().expect("damped").solve(off);
     -(scaled * shares)
+}
+
+/// Where the body is over the ground, and its heading.
+pub(super) fn over_ground(state: &State) -> Placement {
+    let p = state.base_position_m;
+    Placement { offset_m: [p.x, p.y], yaw_rad: yaw_pitch_roll(&state.world_from_body).x }
+}
+
+pub(super) fn isometry(place: &Placement) -> Isometry3<f64> {
+    let [x, y] = place.offset_m;
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), place.yaw_rad);
+    Isometry3::from_parts(Translation3::new(x, y, 0.0), turn)
+}
+
+/// Intrinsic z-y-x angles of a rotation, rad.
+fn yaw_pitch_roll(world_from_body: &Matrix3<f64>) -> Vector3<f64> {
+    let r = world_from_body;
+    let pitch = (-r[(2, 0)]).clamp(-1.0, 1.0).asin();
+    Vector3::new(r[(1, 0)].atan2(r[(0, 0)]), pitch, r[(2, 1)].atan2(r[(2, 2)]))
+}
+
+/// A state at the origin with heading 0 as the first sample of a horizon, and the sample before it.
+pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> Beginning {
+    let layout: &Layout = &problem.layout;
+    let mut at = DVector::zeros(layout.len);
+    at.rows_mut(BASE_POSITION, 3).copy_from(&state.base_position_m);
+    let ypr = yaw_pitch_roll(&state.world_from_body);
+    at.rows_mut(BASE_YAW, 3).copy_from(&ypr);
+    at.rows_mut(JOINTS, state.joint_rad.len()).copy_from_slice(&state.joint_rad);
+    let axes = Matrix3::from_columns(&rotation::yaw_pitch_roll_axes(&ypr));
+    let spin = Vector3::from_column_slice(&state.velocity[ANGULAR..ANGULAR + 3]);
+    // Pitched by a right angle, where no rates are, a robot has fallen.
+    let rates = axes.lu().solve(&spin).unwrap_or_default();
+    let mut before = at.clone();
+    let h = problem.interval_s;
+    for k in 0..3 {
+        before[BASE_POSITION + k] -= h * state.velocity[LINEAR + k];
+        before[BASE_YAW + k] -= h * rates[k];
+    }
+    for (j, speed) in state.velocity[JOINTS..].iter().take(state.joint_rad.len()).enumerate() {
+        before[JOINTS + j] -= h * speed;
+    }
+    for vars in [&mut at, &mut before] {
+        guess::follow_kinematics(&problem.model, layout, vars);
+    }
+    let evaluated = |vars: &DVector<f64>| Sampled::new(&problem.model, layout, vars.clone());
+    let [from, to] = [evaluated(&before), evaluated(&at)];
+    for (j, wheel) in layout.end_effectors.iter().enumerate() {
+        let (Some(wheel), Some(dof)) = (wheel.wheel, tree.wheel_dof(j)) else { continue };
+        // Over the ground the wheel turns as its motor does and as its link.
+        before[wheel.speed] = state.velocity[dof] - motor_speed_rad_s(problem, j, &from, &to);
+        at[wheel.speed] = before[wheel.speed];
+    }
+    Beginning { at, before }
 }
 
 #[cfg(test)]
