@@ -255,6 +255,7 @@ catalogue! {
     Posture: "posture", "sec. 2.4.1", Mixed, Level::None, Cost, NO_ADVICE;
     WheelEffort: "wheel effort", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
     WheelSmoothness: "wheel smoothness", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
+    Steering: "steering", "velocity in the heading's frame", Mixed, Level::None, Cost, NO_ADVICE;
     LiftOffSlip: "slip at lift-off", "sec. 2.4.1", MPerS, Level::None, Cost, NO_ADVICE;
     // Wheels that land are rows of the slip in a solve, feet in swing follow their profile there.
     LandingSlip: "landing slip", "Eq. 2.8, midpoint", MPerS, Residual(0.005), Check, NO_ADVICE;

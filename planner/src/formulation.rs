@@ -24,7 +24,7 @@ use std::cell::{Cell, OnceCell};
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
     DynamicsLinear, EvenForce, Friction, GroundClearance, HeightBound, JointLimit, JointSpeed,
-    JointTorque, LiftOffSlip, LinkClearance, NoSlip, Posture, Smoothness, SwingForce,
+    JointTorque, LiftOffSlip, LinkClearance, NoSlip, Posture, Smoothness, Steering, SwingForce,
     TargetHeading, TargetPosition, TargetVelocity, TorqueSpeed, Traction, Turn, WheelAxis,
     WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed, WheelTorque,
 };
@@ -92,6 +92,7 @@ pub static TERMS: &[&dyn Term] = &[
     &Posture,
     &WheelEffort,
     &WheelSmoothness,
+    &Steering,
     &LiftOffSlip,
 ];
 

@@ -21,6 +21,7 @@ pub mod plan;
 mod planning;
 pub mod plot;
 mod problem;
+pub mod receding;
 pub mod report;
 pub mod sample;
 pub mod sensitivity;

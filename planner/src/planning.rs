@@ -24,6 +24,7 @@ pub use replan::{ReplanError, replan, replan_solution};
 pub(crate) use replan::{from_near, same_structure};
 pub use search::Search;
 pub use transition::{TransitionError, optimise_transition};
+pub(crate) use write::write_plan;
 
 use crate::motion::Motion;
 use crate::plan::Plan;

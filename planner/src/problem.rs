@@ -1,14 +1,17 @@
 //! Optimisation problem: robot, timeline, contact schedule, goals and weights, with its variables and the states that
 //! follow from them.
 //!
-//! It is built from a motion goal ([`Problem::new`]) or from two states of other motions ([`Problem::transition`]).
+//! It is built from a motion goal ([`Problem::new`]), from two states of other motions ([`Problem::transition`]) or from the
+//! state in which a robot is ([`Problem::horizon`]).
 //! Costs and constraints are in [`crate::formulation`].
 
+mod horizon;
 mod means;
 pub mod state;
 pub mod variables;
 mod weights;
 
+pub use horizon::HorizonGoal;
 pub use means::Means;
 pub use weights::Weights;
 
@@ -57,6 +60,9 @@ pub struct Problem {
     pub heights: Vec<Vec<HeightLimit>>,
     /// Standing configurations to which the posture term pulls the samples.
     pub posture_q: Vec<DVector<f64>>,
+    /// Wanted velocity of the body on the interval after each sample: along and to the left of its heading, m/s, and of the
+    /// heading, rad/s. Empty if the motion is not steered.
+    pub steering: Vec<[f64; 3]>,
     /// Weights.
     pub weights: Weights,
 }
@@ -162,6 +168,7 @@ impl Problem {
             targets: placed_targets(motion),
             heights: placed_heights(motion),
             posture_q: vec![model.standing_q(&motion.posture_rad); samples],
+            steering: Vec::new(),
             weights,
             model,
             layout,
@@ -218,6 +225,7 @@ impl Problem {
             targets: placed_targets(motion),
             heights: placed_heights(motion),
             posture_q: blend(&model, &start.posture_rad, &end.posture_rad, samples),
+            steering: Vec::new(),
             weights,
             model,
             layout,

@@ -196,6 +196,11 @@ impl<'a> Solver<'a> {
         (&mut self.normal, &self.point.unknowns)
     }
 
+    /// Progress at the present point.
+    pub fn present(&self) -> Progress {
+        self.progress()
+    }
+
     /// Whether the rows have the pattern that the system began with.
     pub fn fits(&self) -> bool {
         self.system.fits()

@@ -168,7 +168,7 @@ fn copy(from: &Sample, to: &mut Sample) {
 
 /// The robot with turning wheels and rotors. A wheel is a thin disc with a part of its link's mass, shared by the
 /// wheels on it, and no more of the link's inertia than half.
-fn tree(robot: &Robot) -> Tree {
+pub(crate) fn tree(robot: &Robot) -> Tree {
     let disc = |foot: &EndEffector| {
         let link = &robot.links[foot.link];
         let sharing = robot.end_effectors.iter().filter(|other| other.link == foot.link).count();

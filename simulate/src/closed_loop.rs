@@ -133,7 +133,8 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
     }
 }
 
-fn law(servo: &Law, setpoint: &Setpoint) -> Law {
+/// A servo with what it is to do until the next tick.
+pub(crate) fn law(servo: &Law, setpoint: &Setpoint) -> Law {
     Law {
         kp_nm_rad: setpoint.kp_nm_rad,
         kd_nm_s_rad: setpoint.kd_nm_s_rad,

@@ -12,6 +12,7 @@
 //! | [`log`] | a run as a table, a line for each step |
 //! | [`identify`] | numbers of a robot, such as friction and gains, from a recorded run
 //! | [`retarget`] | corrections of setpoints with which a robot with soft servos follows its plan |
+//! | [`steered`] | a robot that is steered as by a joystick, by horizons from its measured state |
 //! | [`judgement`] | whether a way is what the plan says |
 //!
 //! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
@@ -27,6 +28,7 @@ pub mod retarget;
 pub mod run;
 pub mod script;
 pub mod sensors;
+pub mod steered;
 
 pub use closed_loop::Feedback;
 pub use control::Control;

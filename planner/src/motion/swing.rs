@@ -82,6 +82,12 @@ fn swing_around(
     (0..len).filter(|&t| found[t]).collect()
 }
 
+/// Contact heights of end effectors in swing `[sample][end effector]`, m, of rows that begin before a lift-off and end after a
+/// landing.
+pub fn arches(stance: &[Vec<bool>], swing_height_m: f64) -> Vec<Vec<f64>> {
+    profiles(&(0..stance.len()).collect::<Vec<_>>(), stance, false, swing_height_m)
+}
+
 /// Contact heights before targets scale them, `[timeline sample][end effector]`, m.
 fn profiles(
     timeline: &[usize],

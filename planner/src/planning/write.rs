@@ -12,7 +12,7 @@ use nalgebra::{Rotation3, UnitQuaternion};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 
 /// Converts a solution to a plan.
-pub(super) fn write_plan(
+pub(crate) fn write_plan(
     problem: &Problem,
     motion: &Motion,
     unknowns: &Unknowns,

@@ -28,6 +28,9 @@ pub struct Weights {
     /// Pull of feet and driven wheels to stand still (m/s) in the interval at lift-off and touch-down in which force
     /// and foot leave the ground together. Too low, and the force is missing; too high, and swings are too fast.
     pub lift_off_slip: f64,
+    /// Pull of the body's velocity towards the wanted one where a motion is steered (m/s and rad/s). Too low, and the robot
+    /// follows late; too high, and it does so with its feet at the limits of friction.
+    pub steering: f64,
     /// Smallest normal force of a foot in stance, as a fraction of its even share of the weight.
     pub least_normal_force: f64,
     /// Fraction of the friction cone available to plans; the rest is a reserve for disturbances.
@@ -45,6 +48,7 @@ impl Default for Weights {
             wheel_speed: 1e-6,
             wheel_smoothness: 0.1,
             lift_off_slip: 1.0,
+            steering: 1e-2,
             least_normal_force: 0.1,
             friction_use: 0.8,
         }

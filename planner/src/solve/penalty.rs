@@ -245,7 +245,8 @@ mod tests {
             motion.held_wheels =
                 driven.enumerate().map(|(j, driven)| j % 2 == 1 && driven).collect();
             let model = Model::new(&robot);
-            let problem = Problem::new(model, &motion, Weights::default());
+            let mut problem = Problem::new(model, &motion, Weights::default());
+            problem.steering = vec![[0.1; 3]; problem.samples];
             let unknowns = test_robots::random_unknowns(&problem.model, problem.frozen.len(), 3);
             let system = System::new(&problem);
             let plain = system.rows(&unknowns, Rows::default());

@@ -17,6 +17,7 @@ const LAYERS: &[&[&str]] = &[
     &["solve"],
     &["start", "diagnose", "report"],
     &["planning"],
+    &["receding"],
     &["sensitivity"],
     &["export", "library", "library_file", "plot"],
     &["building"],

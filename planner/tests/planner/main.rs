@@ -6,6 +6,7 @@ mod diagnosis;
 mod layers;
 mod motion_files;
 mod optimise;
+mod receding;
 mod refine;
 mod robots;
 mod start;

@@ -4,6 +4,7 @@ mod estimates;
 mod iterations;
 mod plays;
 mod retargets;
+mod steered;
 
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};

@@ -70,7 +70,7 @@ fn check_robot(robot: &Robot, ends: Ends, seed: u64, seen: &mut [usize]) {
     motion.held_wheels = (0..robot.end_effectors.len()).map(|j| j % 2 == 1 && driven(j)).collect();
     motion.targets = test_robots::targets();
     motion.heights = test_robots::heights();
-    let problem = if ends == Ends::Prescribed {
+    let mut problem = if ends == Ends::Prescribed {
         let random = random_unknowns(&model, 4, 77).slots;
         let end = |k: usize| crate::problem::PrescribedEnd {
             at: random[k].clone(),
@@ -82,6 +82,7 @@ fn check_robot(robot: &Robot, ends: Ends, seed: u64, seen: &mut [usize]) {
     } else {
         Problem::new(model, &motion, Weights::default())
     };
+    problem.steering = vec![[0.3, -0.1, 0.2]; problem.samples];
     let unknowns = random_unknowns(&problem.model, problem.frozen.len(), seed);
     check(&problem, &unknowns, seen);
 }

@@ -1,0 +1,66 @@
+//! Problem of a receding horizon: from a state with its velocity, with a free end, steered by wanted velocities.
+
+use super::variables::{Layout, Lift, TimelineSample};
+use super::{Problem, Weights};
+use crate::motion::Motion;
+use rollwalk_multibody::euler::Model;
+
+/// What is known of a horizon before it is planned.
+#[derive(Clone, Debug)]
+pub struct HorizonGoal {
+    /// Contact heights `[sample][end effector]`, m: 0 in stance.
+    pub height_m: Vec<Vec<f64>>,
+    /// Wanted velocity of the body on the interval after each sample: along and to the left of its heading, m/s, and of the
+    /// heading, rad/s.
+    pub steering: Vec<[f64; 3]>,
+}
+
+impl Problem {
+    /// Builds the problem of a horizon. Its slots are those of its samples, then the states one interval before the first
+    /// sample and after the last. The state before is given, as is the first sample but for its ground forces and wheel
+    /// speeds; of the state after, which says with which velocity the horizon ends, pose and joints are free.
+    ///
+    /// The first sample is at the origin with heading 0.
+    pub fn horizon(model: Model, motion: &Motion, goal: HorizonGoal, weights: Weights) -> Self {
+        let layout = Layout::new(&model);
+        let samples = motion.stance.len();
+        let slots = std::iter::once(samples).chain(0..samples).chain([samples + 1]);
+        let timeline: Vec<_> =
+            slots.map(|slot| TimelineSample { slot, lift: Lift::Identity }).collect();
+        // States outside have the contacts of the samples beside them.
+        let beside = |t: usize| t.clamp(1, samples) - 1;
+        let around =
+            |rows: &[Vec<f64>]| (0..samples + 2).map(|t| rows[beside(t)].clone()).collect();
+        let mut frozen = vec![vec![false; layout.len]; samples + 2];
+        frozen[samples].fill(true);
+        frozen[samples + 1][layout.dofs..].fill(true);
+        frozen[0].fill(true);
+        for force in layout.vectors() {
+            frozen[0][force..force + 3].fill(false);
+        }
+        for wheel in layout.end_effectors.iter().filter_map(|e| e.wheel) {
+            frozen[0][wheel.speed] = false;
+        }
+        Self {
+            interval_s: motion.duration_s / (samples - 1) as f64,
+            samples,
+            height_m: around(&goal.height_m),
+            stance: (0..samples + 2).map(|t| motion.stance[beside(t)].clone()).collect(),
+            timeline,
+            periodic: false,
+            at_rest: false,
+            frozen,
+            placement_free: false,
+            held: motion.still_wheels(model.robot()),
+            reserve: motion.reserve,
+            goal: motion.goal,
+            targets: Vec::new(),
+            heights: vec![Vec::new(); samples + 2],
+            posture_q: vec![model.standing_q(&motion.posture_rad); samples],
+            steering: goal.steering,
+            weights,
+            model,
+            layout,
+        }
+    }
+}

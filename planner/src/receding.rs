@@ -1,0 +1,407 @@
+//! Receding horizon: the motion of the next seconds from a measured state, planned anew again and again and steered as by a
+//! joystick. Model-predictive control with the full planner, as real-time iteration (Diehl et al., 2005).
+//!
+//! A [`Horizon`] is made once for a robot, a [`Gait`] and a length. Each [`Horizon::plan`] takes the measured state and what is
+//! wanted, and returns a [`Plan`] like any other, that begins in this state with its velocity and does not end at rest.
+//! It solves the problem of `Problem::horizon`:
+//!
+//! * **Start.** The nearest state whose feet touch the ground without slip (`measured`) is given, with its velocity.
+//! * **Contacts** are those of the gait by the number of the sample (`schedule`). End effectors in the air go on with the swing
+//!   they are in, from the height and the rate at which they are; one that has landed early stands.
+//! * **End.** Nothing is required of it. Velocity and rate of heading are drawn to the wanted ones in all intervals and more so
+//!   in the last (`Family::Steering`), and the posture to that of the gait, so that the robot can go on from there, and stop.
+//! * **Time** is up to the caller: the callback stops the solve, and the best samples so far are returned.
+//!
+//! A solve starts from the gait, with the measured error in it fading (`start`). Nothing but the footfalls is carried from one plan to
+//! the next: a plan that failed leaves no trace. What does not depend on numbers is kept for each footfall pattern, as in
+//! [`Editing`](crate::Editing).
+
+mod error;
+mod gait;
+mod measured;
+mod schedule;
+mod start;
+
+pub use error::HorizonError;
+use gait::base_placement;
+pub use gait::{Gait, GaitError};
+
+use crate::families::Family;
+use crate::formulation::rows::Rows;
+use crate::formulation::{Selection, Structure, System};
+use crate::motion::{Ends, Goal, Motion};
+use crate::plan::{Plan, SolveSummary, StartKind, Started, Status};
+use crate::planning::write_plan;
+use crate::problem::{HorizonGoal, Problem, Unknowns, Weights};
+use crate::solve::normal::NormalEquations;
+use crate::solve::{ACCEPTED_LEVEL, Begin, Outcome, Point, Progress, Settings, Solver};
+use crate::start::guess;
+use crate::torque;
+use nalgebra::{Isometry3, Vector3};
+use rollwalk_multibody::euler::Model;
+use rollwalk_multibody::{Kinematics, RimContact, State, Tree};
+use rollwalk_robot::Robot;
+use schedule::{Place, Schedule};
+use std::collections::HashMap;
+use std::fmt;
+use std::ops::ControlFlow;
+
+/// What is wanted of the body, in the frame of its heading.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Steering {
+    /// Velocity along its heading, m/s.
+    pub forward_m_s: f64,
+    /// Velocity to the left of it, m/s.
+    pub left_m_s: f64,
+    /// Rate of its heading, rad/s, positive to the left.
+    pub turn_rad_s: f64,
+}
+
+/// A state that was measured, in the world; the ground is its plane z = 0.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured<'a> {
+    /// Pose and velocity, those of [`Horizon::tree`].
+    pub state: &'a State,
+    /// Whether each end effector touches the ground.
+    pub touches: &'a [bool],
+}
+
+/// Options of a horizon.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HorizonOptions {
+    /// Length, s. A period of the gait or more: the weight is shifted to feet that stand later.
+    pub duration_s: f64,
+    /// Weights of the formulation.
+    pub weights: Weights,
+    /// Settings of the solver. A horizon is left before it ends, so that its constraints need to be met no better than a plan is accepted.
+    pub settings: Settings,
+}
+
+impl Default for HorizonOptions {
+    fn default() -> Self {
+        let settings = Settings {
+            iterations: 60,
+            target_level: ACCEPTED_LEVEL,
+            flat: 0.01,
+            ..Settings::default()
+        };
+        Self { duration_s: 1.0, weights: Weights::default(), settings }
+    }
+}
+
+/// The plan of a horizon.
+#[derive(Clone, Debug)]
+pub struct HorizonPlan {
+    /// The plan, which begins at the origin of its world with heading 0. Its solve summary says how it ended, and which
+    /// constraint holds worst.
+    pub plan: Plan,
+    /// Where its world is.
+    pub world_from_plan: Isometry3<f64>,
+}
+
+impl HorizonPlan {
+    /// Whether all constraints hold within the tolerances of plans. If not, [`SolveSummary::worst_constraint`] says which does
+    /// not.
+    pub fn is_accepted(&self) -> bool {
+        self.plan.solve.worst_level <= ACCEPTED_LEVEL
+    }
+}
+
+/// Fewest samples of a horizon.
+const LEAST_SAMPLES: usize = 5;
+/// Footfall patterns of which the structure is kept: more than a walk has.
+const MOST_KEPT: usize = 64;
+
+/// Planner of horizons of one robot.
+pub struct Horizon {
+    model: Model,
+    tree: Tree,
+    options: HorizonOptions,
+    samples: usize,
+    interval_s: f64,
+    schedule: Schedule,
+    kept: HashMap<Vec<Vec<bool>>, Kept>,
+}
+
+impl fmt::Debug for Horizon {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Horizon").field("options", &self.options).finish_non_exhaustive()
+    }
+}
+
+/// What one solve leaves for another with the same footfalls.
+struct Kept {
+    structure: Structure,
+    normal: NormalEquations,
+    rows: Rows,
+}
+
+impl Horizon {
+    /// A planner for a robot that begins in a gait at sample 0, all its end effectors on the ground before.
+    ///
+    /// # Errors
+    /// The horizon is too short, or the gait is of another robot.
+    pub fn new(robot: &Robot, gait: Gait, options: HorizonOptions) -> Result<Self, HorizonError> {
+        let interval_s = gait.interval_s();
+        let intervals = (options.duration_s / interval_s).round();
+        let samples = if intervals.is_finite() { intervals as usize + 1 } else { 0 };
+        if samples < LEAST_SAMPLES {
+            let duration_s = options.duration_s;
+            return Err(HorizonError::TooShort {
+                duration_s,
+                samples,
+                interval_s,
+                least: LEAST_SAMPLES,
+            });
+        }
+        check_gait(&gait, robot, interval_s)?;
+        Ok(Self {
+            model: Model::new(robot),
+            tree: torque::tree(robot),
+            options,
+            samples,
+            interval_s,
+            schedule: Schedule::new(gait, 0),
+            kept: HashMap::new(),
+        })
+    }
+
+    /// The robot with turning wheels and rotors, whose generalised velocities are those of states.
+    pub fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    /// Sample spacing, s: new plans begin a whole number of samples after one another.
+    pub fn interval_s(&self) -> f64 {
+        self.interval_s
+    }
+
+    /// Goes over to another gait at a sample: what is in the air there lands as it would have.
+    ///
+    /// # Errors
+    /// The gait is of another robot or has another spacing.
+    pub fn change_gait(&mut self, gait: Gait, at: u64) -> Result<(), HorizonError> {
+        check_gait(&gait, self.model.robot(), self.interval_s)?;
+        self.schedule.change(gait, at as i64);
+        Ok(())
+    }
+
+    /// Plans on from a state at a sample, counted from 0 where the horizon was made.
+    ///
+    /// `progress` sees every iteration and may stop the solve: then the plan is that of the best samples so far.
+    ///
+    /// # Errors
+    /// The state is of another robot, or a number is not finite.
+    pub fn plan(
+        &mut self,
+        measured: Measured<'_>,
+        at: u64,
+        steering: Steering,
+        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<HorizonPlan, HorizonError> {
+        self.check(measured, steering)?;
+        let at = at as i64;
+        let stands = &self.schedule.from(at, self.samples, &self.places(measured)).stance[0];
+        let state = measured::on_contacts(&self.tree, measured.state, stands);
+        // On its contacts, the robot holds what swings a little higher or lower.
+        let places = self.places(Measured { state: &state, touches: stands });
+        let footfalls = self.schedule.from(at, self.samples, &places);
+        let world_from_plan = measured::isometry(&measured::over_ground(&state));
+        let motion = Motion {
+            name: "horizon".into(),
+            duration_s: (self.samples - 1) as f64 * self.interval_s,
+            ends: Ends::Prescribed,
+            goal: Goal::default(),
+            targets: Vec::new(),
+            heights: Vec::new(),
+            stance: footfalls.stance,
+            ..self.schedule.gait.motion.clone()
+        };
+        let wanted = [steering.forward_m_s, steering.left_m_s, steering.turn_rad_s];
+        let of_interval = |i: usize| {
+            let sway = self.schedule.gait.sway[self.schedule.phase(at + i as i64)];
+            [0, 1, 2].map(|c| wanted[c] + sway[c])
+        };
+        let steering = (0..self.samples - 1).map(of_interval).collect();
+        let goal = HorizonGoal { height_m: footfalls.height_m, steering };
+        let problem =
+            Problem::horizon(self.model.clone(), &motion, goal, self.options.weights.clone());
+        let beginning =
+            measured::beginning(&problem, &self.tree, state.moved(&world_from_plan.inverse()));
+        let gait = &self.schedule.gait;
+        let start = start::from_gait(&problem, gait, self.schedule.phase(at), &beginning);
+        let (unknowns, solve) = self.solve(&problem, &motion.stance, start, progress);
+        let plan = write_plan(&problem, &motion, &unknowns, solve);
+        Ok(HorizonPlan { plan, world_from_plan })
+    }
+
+    /// Solves the problem.
+    fn solve(
+        &mut self,
+        problem: &Problem,
+        stance: &[Vec<bool>],
+        mut unknowns: Unknowns,
+        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> (Unknowns, SolveSummary) {
+        let Self { options, kept, samples, .. } = self;
+        problem.add_up(&mut unknowns);
+        let known = kept.remove(stance).and_then(|Kept { structure, normal, rows }| {
+            let (system, rows) = System::again(problem, &unknowns, structure, rows)?;
+            Some((system, rows, normal))
+        });
+        let (system, rows, normal) = known.unwrap_or_else(|| {
+            let system = System::selected(problem, Selection::default());
+            let rows = system.rows(&unknowns, Rows::default());
+            let normal = NormalEquations::new(&rows, system.columns());
+            (system, rows, normal)
+        });
+        let point = Point { unknowns, rows };
+        let solver = Solver::at(&system, point, normal, Begin::Cold, &options.settings);
+        let (best, outcome, normal, rows) = iterate(solver, &options.settings, progress);
+        let Best { mut unknowns, worst_level, worst_constraint } = best;
+        let after = &mut unknowns.slots[*samples + 1];
+        guess::follow_kinematics(&problem.model, &problem.layout, after);
+        unknowns.placement = base_placement(&unknowns.slots[*samples - 1]);
+        if system.fits() {
+            if kept.len() >= MOST_KEPT {
+                kept.clear();
+            }
+            let structure = system.into_structure();
+            kept.insert(stance.to_vec(), Kept { structure, normal, rows });
+        }
+        let summary = SolveSummary {
+            status: outcome.status,
+            iterations: outcome.iterations,
+            energy: outcome.energy,
+            worst_level,
+            worst_constraint,
+            start: Started { kind: StartKind::Neighbour, seed: 0 },
+            diagnosis: None,
+            refinements: Vec::new(),
+        };
+        (unknowns, summary)
+    }
+
+    /// Heights of the contact points, and their rates.
+    fn places(&self, Measured { state, touches }: Measured<'_>) -> Vec<Place> {
+        let mut kinematics = Kinematics::new(&self.tree, &state.configuration());
+        kinematics.update(&self.tree, &state.configuration(), &state.velocity);
+        let place = |(j, &touches): (usize, &bool)| {
+            let contact = RimContact::new(&self.tree, &kinematics.frames, j, &Vector3::z());
+            // A wheel that lies flat has no lowest point, and touches nothing.
+            let at =
+                contact.map(|of| [of.position().z, of.motion(&kinematics).geometric_velocity.z]);
+            let [height_m, rises_m_s] = at.unwrap_or_default();
+            Place { touches: touches && at.is_some(), height_m, rises_m_s }
+        };
+        touches.iter().enumerate().map(place).collect()
+    }
+
+    fn check(&self, measured: Measured<'_>, steering: Steering) -> Result<(), HorizonError> {
+        let Measured { state, touches } = measured;
+        let robot = self.model.robot();
+        for (what, found, expected) in [
+            ("state.joint_rad", state.joint_rad.len(), robot.joints.len()),
+            ("state.velocity", state.velocity.len(), self.tree.dofs()),
+            ("touches", touches.len(), robot.end_effectors.len()),
+        ] {
+            if found != expected {
+                return Err(HorizonError::OtherRobot { what, found, expected });
+            }
+        }
+        let Steering { forward_m_s, left_m_s, turn_rad_s } = steering;
+        let all_finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
+        for (what, finite) in [
+            ("state.base_position_m", all_finite(state.base_position_m.as_slice())),
+            ("state.world_from_body", all_finite(state.world_from_body.as_slice())),
+            ("state.joint_rad", all_finite(&state.joint_rad)),
+            ("state.velocity", all_finite(&state.velocity)),
+            ("steering.forward_m_s", forward_m_s.is_finite()),
+            ("steering.left_m_s", left_m_s.is_finite()),
+            ("steering.turn_rad_s", turn_rad_s.is_finite()),
+        ] {
+            if !finite {
+                return Err(HorizonError::NotFinite { what });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A gait has the feet of the robot and the spacing of the horizon.
+fn check_gait(gait: &Gait, robot: &Robot, interval_s: f64) -> Result<(), HorizonError> {
+    let count = |number: usize| number as f64;
+    for (what, found, expected) in [
+        (
+            "count of end effectors",
+            count(gait.motion.held_wheels.len()),
+            count(robot.end_effectors.len()),
+        ),
+        ("count of joints", count(gait.motion.posture_rad.len()), count(robot.joints.len())),
+        ("sample spacing, s,", gait.interval_s(), interval_s),
+    ] {
+        if (found - expected).abs() > 1e-9 * expected {
+            let gait = gait.motion.name.clone();
+            return Err(HorizonError::OtherGait { gait, what, found, expected });
+        }
+    }
+    Ok(())
+}
+
+/// Unknowns with their worst constraint: its residual over its tolerance, and its family.
+struct Best {
+    unknowns: Unknowns,
+    worst_level: f64,
+    worst_constraint: Family,
+}
+
+impl Best {
+    fn of(
+        solver: &mut Solver<'_>,
+        Progress { worst_level, worst_constraint, .. }: &Progress,
+    ) -> Self {
+        let unknowns = solver.lend().1.clone();
+        Self { unknowns, worst_level: *worst_level, worst_constraint: *worst_constraint }
+    }
+}
+
+/// Iterates until the constraints hold and costs are flat, the time is up, or no step helps. Returns the best point: the last one
+/// in which the constraints held, or the one in which they held best.
+fn iterate(
+    mut solver: Solver<'_>,
+    settings: &Settings,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> (Best, Outcome, NormalEquations, Rows) {
+    let first = solver.present();
+    let mut best = Best::of(&mut solver, &first);
+    let mut cost = f64::INFINITY;
+    let status = loop {
+        if solver.iteration() >= settings.iterations {
+            break Status::IterationLimit;
+        }
+        let iteration = solver.iterate();
+        let state = iteration.progress;
+        if !solver.fits() {
+            break Status::Stalled;
+        }
+        if state.worst_level <= best.worst_level.max(ACCEPTED_LEVEL) {
+            best = Best::of(&mut solver, &state);
+        }
+        if progress(&state).is_break() {
+            break Status::Interrupted;
+        }
+        if let Some(status) = iteration.ended {
+            break status;
+        }
+        let before = std::mem::replace(&mut cost, state.cost);
+        let change = iteration.mismatch.min((state.cost - before).abs());
+        if change < settings.flat * state.cost && state.worst_level <= settings.target_level {
+            break Status::Converged;
+        }
+        if iteration.nearly_flat {
+            solver.shift_multipliers();
+        }
+    };
+    let (outcome, normal, rows) = solver.finish_with_parts(status);
+    (best, outcome, normal, rows)
+}

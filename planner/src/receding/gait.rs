@@ -1,0 +1,130 @@
+//! A gait that a horizon is planned in: which end effectors stand when, and how the body sways with it.
+
+use crate::motion::{Ends, Goal, Motion};
+use crate::plan::Placement;
+use crate::plan::Plan;
+use crate::problem::variables::{Layout, Lift};
+use crate::start::guess;
+use nalgebra::DVector;
+use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
+use rollwalk_robot::Robot;
+use thiserror::Error;
+
+/// Reason for which a motion is no gait.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum GaitError {
+    /// It does not repeat.
+    #[error(
+        "motion `{motion}` has ends = \"{ends}\": a gait repeats; give a plan with ends = \"periodic\", or stand on all end \
+         effectors"
+    )]
+    DoesNotRepeat {
+        /// Name of the motion.
+        motion: String,
+        /// Its ends.
+        ends: Ends,
+    },
+    /// The spacing of samples is no time.
+    #[error("sample spacing is {interval_s} s: it must be a positive time")]
+    NoSpacing {
+        /// The spacing.
+        interval_s: f64,
+    },
+}
+
+/// A cyclic footfall pattern at the sample spacing of the horizons that are planned in it.
+#[derive(Clone, Debug)]
+pub struct Gait {
+    /// One period: footfalls, swing height, posture, held wheels and reserve.
+    pub(super) motion: Motion,
+    /// Variables of each sample as seen from its base: at the origin with heading 0.
+    pub(super) cycle: Vec<DVector<f64>>,
+    /// Velocity of the body on the interval after each sample less its mean, along and to the left of the heading, m/s, and
+    /// of the heading, rad/s.
+    pub(super) sway: Vec<[f64; 3]>,
+}
+
+impl Gait {
+    /// The footfalls of a periodic plan, and its sway: in the velocity with which the body is steered it shifts the weight to
+    /// the feet that stand.
+    ///
+    /// # Errors
+    /// The plan does not repeat.
+    pub fn of(plan: &Plan) -> Result<Self, GaitError> {
+        let motion = &plan.motion;
+        if motion.ends != Ends::Periodic {
+            return Err(GaitError::DoesNotRepeat {
+                motion: motion.name.clone(),
+                ends: motion.ends,
+            });
+        }
+        let layout = Layout::new(&Model::new(&plan.robot));
+        let placed: Vec<_> =
+            plan.samples.iter().chain([&plan.after]).map(|s| layout.variables_of(s)).collect();
+        let velocity = |pair: &[DVector<f64>]| {
+            let [from, to] = pair else { unreachable!("two samples") };
+            let moved: [f64; 3] = [BASE_POSITION, BASE_POSITION + 1, BASE_YAW]
+                .map(|k| (to[k] - from[k]) / plan.sample_interval_s);
+            let (sin, cos) = (0.5 * (from[BASE_YAW] + to[BASE_YAW])).sin_cos();
+            [cos * moved[0] + sin * moved[1], cos * moved[1] - sin * moved[0], moved[2]]
+        };
+        let velocities: Vec<[f64; 3]> = placed.windows(2).map(velocity).collect();
+        let mean =
+            |c: usize| velocities.iter().map(|v| v[c]).sum::<f64>() / velocities.len() as f64;
+        let mean = [mean(0), mean(1), mean(2)];
+        let sway = velocities.iter().map(|v| [0, 1, 2].map(|c| v[c] - mean[c])).collect();
+        let cycle = placed[..motion.stance.len()].iter().map(|vars| seen_from_base(&layout, vars));
+        Ok(Self { motion: motion.clone(), cycle: cycle.collect(), sway })
+    }
+
+    /// All end effectors stand, in the robot's nominal posture: driving, or standing.
+    ///
+    /// # Errors
+    /// The spacing is no time.
+    pub fn standing(robot: &Robot, interval_s: f64) -> Result<Self, GaitError> {
+        if !(interval_s.is_finite() && interval_s > 0.0) {
+            return Err(GaitError::NoSpacing { interval_s });
+        }
+        let count = robot.end_effectors.len();
+        let motion = Motion {
+            name: "stand".into(),
+            duration_s: interval_s,
+            ends: Ends::Periodic,
+            stance: vec![vec![true; count]],
+            swing_height_m: 0.0,
+            goal: Goal::default(),
+            posture_rad: robot.joints.iter().map(|joint| joint.nominal_rad).collect(),
+            held_wheels: vec![false; count],
+            targets: Vec::new(),
+            heights: Vec::new(),
+            reserve: Default::default(),
+            needs_feedback: None,
+        };
+        let model = Model::new(robot);
+        let layout = Layout::new(&model);
+        let mut stand = DVector::zeros(layout.len);
+        stand.rows_mut(0, layout.dofs).copy_from(&model.standing_q(&motion.posture_rad));
+        guess::follow_kinematics(&model, &layout, &mut stand);
+        Ok(Self { motion, cycle: vec![stand], sway: vec![[0.0; 3]] })
+    }
+
+    /// Samples in a period.
+    pub fn samples(&self) -> usize {
+        self.motion.stance.len()
+    }
+
+    /// Sample spacing, s.
+    pub fn interval_s(&self) -> f64 {
+        self.motion.interval_s()
+    }
+}
+
+/// Variables, moved so that the base is at the origin with heading 0.
+pub(super) fn seen_from_base(layout: &Layout, vars: &DVector<f64>) -> DVector<f64> {
+    Lift::PlacedBack.apply(layout, vars, &base_placement(vars))
+}
+
+/// Where the base is over the ground.
+pub(super) fn base_placement(vars: &DVector<f64>) -> Placement {
+    Placement { offset_m: [vars[BASE_POSITION], vars[BASE_POSITION + 1]], yaw_rad: vars[BASE_YAW] }
+}

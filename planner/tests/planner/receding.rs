@@ -1,0 +1,209 @@
+//! Horizons from states on the way of the ones before them, in stance and in swing, with and without a push.
+
+use nalgebra::{Isometry3, Vector3};
+use rollwalk_multibody::State;
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::receding::{
+    Gait, GaitError, Horizon, HorizonError, HorizonOptions, HorizonPlan, Measured, Steering,
+};
+use rollwalk_planner::whole_body::WholeBody;
+use rollwalk_planner::{Options, Progress, optimise};
+use rollwalk_robot::Robot;
+use std::fs;
+use std::ops::ControlFlow;
+
+fn read(path: &str) -> String {
+    fs::read_to_string(format!("{}/../{path}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+fn robot(name: &str) -> Robot {
+    Robot::from_toml(name, &read(&format!("robots/{name}"))).unwrap()
+}
+
+fn planned(robot: &Robot, motion: &str) -> Plan {
+    let motion = Motion::from_toml(motion, &read(&format!("motions/{motion}")), robot).unwrap();
+    let options = Options { refine: false, ..Options::default() };
+    optimise(robot, &motion, &options, &mut go)
+}
+
+fn go(_: &Progress) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+fn forward(forward_m_s: f64) -> Steering {
+    Steering { forward_m_s, ..Steering::default() }
+}
+
+/// A robot that moves as its horizons say.
+struct Walker {
+    horizon: Horizon,
+    state: State,
+    touches: Vec<bool>,
+    at: u64,
+}
+
+impl Walker {
+    /// In the stand in which the gait begins.
+    fn new(robot: &Robot, gait: Gait, duration_s: f64) -> Self {
+        let options = HorizonOptions { duration_s, ..HorizonOptions::default() };
+        let horizon = Horizon::new(robot, gait, options).unwrap();
+        let mut state = State::nominal(horizon.tree());
+        // On its contacts it stands, however high it was.
+        state.base_position_m.z = 0.0;
+        let touches = vec![true; robot.end_effectors.len()];
+        Self { horizon, state, touches, at: 0 }
+    }
+
+    fn plan(&mut self, steering: Steering) -> HorizonPlan {
+        self.plan_pushed(steering, Vector3::zeros())
+    }
+
+    /// Plans from its state with another velocity of the body, m/s.
+    fn plan_pushed(&mut self, steering: Steering, push: Vector3<f64>) -> HorizonPlan {
+        let mut state = self.state.clone();
+        (0..3).for_each(|k| state.velocity[k] += push[k]);
+        let measured = Measured { state: &state, touches: &self.touches };
+        self.horizon.plan(measured, self.at, steering, &mut go).unwrap()
+    }
+
+    /// Follows a plan for some samples.
+    fn follow(&mut self, found: &HorizonPlan, samples: u64) {
+        let time_s = samples as f64 * self.horizon.interval_s();
+        let there = WholeBody::new(&found.plan).at(time_s, &found.world_from_plan);
+        (self.state, self.touches) = (there.state, there.stands);
+        self.at += samples;
+    }
+}
+
+/// Horizons are accepted from ten states, `every` samples apart, undisturbed and pushed by 0.2 m/s to all sides. Returns how many
+/// are after pushes by 0.5 m/s.
+fn is_planned_from_everywhere(robot: &Robot, gait: Gait, duration_s: f64, every: u64) -> usize {
+    let mut walker = Walker::new(robot, gait, duration_s);
+    let mut accepted = 0;
+    for k in 0..10 {
+        let steering = Steering { turn_rad_s: 0.1, ..forward(0.1) };
+        let found = walker.plan(steering);
+        found.plan.validate("horizon").unwrap();
+        let solve = &found.plan.solve;
+        assert!(found.is_accepted() && solve.status == Status::Converged, "{k}: {solve:?}");
+        let (sin, cos) = (f64::from(k) * 2.4).sin_cos();
+        let push = Vector3::new(cos, sin, 0.0);
+        let pushed = walker.plan_pushed(steering, push * 0.2);
+        assert!(pushed.is_accepted(), "{k}, pushed: {:?}", pushed.plan.solve);
+        accepted += usize::from(walker.plan_pushed(steering, push * 0.5).is_accepted());
+        walker.follow(&found, every);
+    }
+    accepted
+}
+
+#[test]
+fn agilebot_is_planned_from_everywhere_in_its_gaits() {
+    let robot = robot("agilebot");
+    let [walk, trot] = ["walk", "trot"].map(|name| Gait::of(&planned(&robot, name)).unwrap());
+    let stand = Gait::standing(&robot, 0.1).unwrap();
+    assert_eq!(is_planned_from_everywhere(&robot, stand, 1.0, 1), 10);
+    assert!(is_planned_from_everywhere(&robot, walk, 1.6, 3) >= 9);
+    // On two feet, half a metre a second across their line takes most of what steps can do.
+    assert!(is_planned_from_everywhere(&robot, trot, 0.8, 3) >= 7);
+}
+
+#[test]
+fn anymal_is_planned_from_everywhere_in_its_gaits() {
+    let robot = robot("anymal_wheels");
+    let turn = Gait::of(&planned(&robot, "anymal_turn")).unwrap();
+    let stand = Gait::standing(&robot, 0.1).unwrap();
+    assert_eq!(is_planned_from_everywhere(&robot, stand, 1.0, 1), 10);
+    assert!(is_planned_from_everywhere(&robot, turn, 1.2, 3) >= 9);
+}
+
+#[test]
+fn a_plan_begins_where_the_robot_is_and_as_it_moves() {
+    let robot = robot("agilebot");
+    let mut walker = Walker::new(&robot, Gait::of(&planned(&robot, "trot")).unwrap(), 0.8);
+    for _ in 0..6 {
+        let found = walker.plan(forward(0.1));
+        walker.follow(&found, 3);
+    }
+    walker.state =
+        walker.state.moved(&Isometry3::new(Vector3::new(3.0, -2.0, 0.0), Vector3::z() * 2.0));
+    let found = walker.plan(forward(0.1));
+    let begins = WholeBody::new(&found.plan).at(0.0, &found.world_from_plan);
+    let (there, here) = (&begins.state, &walker.state);
+    // Feet that stand on the plan before slip and sink by some millimetres (a second) between its samples.
+    assert!((there.base_position_m - here.base_position_m).norm() < 1e-3);
+    assert!((there.world_from_body - here.world_from_body).norm() < 2e-3);
+    let off = there.velocity.iter().zip(&here.velocity).take(6).map(|(a, b)| (a - b).abs());
+    assert!(off.fold(0.0, f64::max) < 0.02, "{:?} {:?}", there.velocity, here.velocity);
+    assert_eq!(begins.stands, walker.touches);
+}
+
+#[test]
+fn a_plan_that_is_stopped_is_the_best_so_far() {
+    let robot = robot("agilebot");
+    let mut walker = Walker::new(&robot, Gait::of(&planned(&robot, "walk")).unwrap(), 1.6);
+    let measured = Measured { state: &walker.state, touches: &walker.touches };
+    let mut levels = Vec::new();
+    let stop = &mut |progress: &Progress| {
+        levels.push(progress.worst_level);
+        if levels.len() < 2 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    };
+    let found = walker.horizon.plan(measured, 0, forward(0.1), stop).unwrap();
+    found.plan.validate("horizon").unwrap();
+    let solve = &found.plan.solve;
+    assert_eq!((solve.status, solve.iterations), (Status::Interrupted, 2));
+    assert!(levels.iter().all(|level| solve.worst_level <= *level), "{solve:?} {levels:?}");
+    // A plan that was stopped leaves no trace.
+    assert!(walker.plan(forward(0.1)).is_accepted());
+}
+
+#[test]
+fn a_robot_walks_as_it_is_steered_and_stops() {
+    let robot = robot("agilebot");
+    let stand = Gait::standing(&robot, 0.05).unwrap();
+    let mut walker = Walker::new(&robot, Gait::of(&planned(&robot, "walk")).unwrap(), 1.6);
+    let go_on = |walker: &mut Walker, steering: Steering, samples: u64| {
+        let from = walker.state.base_position_m;
+        for _ in 0..samples / 4 {
+            let found = walker.plan(steering);
+            assert!(found.is_accepted(), "{:?}", found.plan.solve);
+            walker.follow(&found, 4);
+        }
+        walker.state.base_position_m - from
+    };
+    go_on(&mut walker, forward(0.1), 32);
+    // A period of 1.6 s at 0.1 m/s: 0.16 m, but for what the costs of force and posture take of it.
+    let way = go_on(&mut walker, forward(0.1), 32);
+    assert!((way.x / 0.16 - 1.0).abs() < 0.1 && way.y.abs() < 0.01, "{way:?}");
+    walker.horizon.change_gait(stand, walker.at).unwrap();
+    go_on(&mut walker, Steering::default(), 32);
+    let fastest = walker.state.velocity.iter().fold(0.0f64, |fastest, v| fastest.max(v.abs()));
+    assert!(fastest < 0.02 && walker.touches.iter().all(|touches| *touches), "{fastest}");
+}
+
+#[test]
+fn what_cannot_be_planned_is_refused_with_its_value() {
+    let agilebot = robot("agilebot");
+    let stand = || Gait::standing(&agilebot, 0.1).unwrap();
+    let short = HorizonOptions { duration_s: 0.2, ..HorizonOptions::default() };
+    let error = Horizon::new(&agilebot, stand(), short).unwrap_err();
+    assert!(matches!(error, HorizonError::TooShort { samples: 3, .. }), "{error}");
+    let error = Gait::of(&planned(&agilebot, "drive_1m")).unwrap_err();
+    assert!(matches!(error, GaitError::DoesNotRepeat { .. }), "{error}");
+    assert!(Gait::standing(&agilebot, f64::NAN).is_err());
+
+    let mut walker = Walker::new(&agilebot, stand(), 1.0);
+    let other = Gait::standing(&agilebot, 0.05).unwrap();
+    let error = walker.horizon.change_gait(other, 0).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "gait `stand`: sample spacing, s, is 0.05, expected 0.1: that of the horizon"
+    );
+    let touches = [true; 3];
+    let measured = Measured { state: &walker.state, touches: &touches };
+    let error = walker.horizon.plan(measured, 0, forward(0.0), &mut go).unwrap_err();
+    assert_eq!(error.to_string(), "measured touches has 3 entries, expected 4");
+    let measured = Measured { state: &walker.state, touches: &walker.touches };
+    let error = walker.horizon.plan(measured, 0, forward(f64::NAN), &mut go).unwrap_err();
+    assert_eq!(error, HorizonError::NotFinite { what: "steering.forward_m_s" });
+}

@@ -1,0 +1,321 @@
+//! A robot that is steered in the simulated world: horizons from its measured state, planned again and again and tracked.
+//!
+//! Time is virtual, planning takes a part of it: a plan is made from what was measured, for the moment at which it takes over,
+//! [`Options::planning_s`] later. Until then the plan before goes on, and the measured state is expected to keep its distance
+//! to it. A plan that is not accepted does not take over.
+
+use crate::closed_loop::law;
+use crate::script::servo;
+use crate::sensors::touches;
+use nalgebra::Isometry3;
+use rollwalk_multibody::State;
+use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_physics::motor::Law;
+use rollwalk_physics::push::{Shove, mean_force};
+use rollwalk_physics::world::{FallWatch, Parameters, heading_rad};
+use rollwalk_physics::{StepError, World};
+use rollwalk_planner::receding::{Gait, Horizon, HorizonError, Measured, Steering};
+use rollwalk_planner::whole_body::{Instant, WholeBody};
+use rollwalk_robot::Robot;
+use rollwalk_tracking::tasks::Weights;
+use rollwalk_tracking::{Reference, Tracker};
+use serde::Serialize;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// A command of an operator.
+#[derive(Clone, Debug)]
+pub struct Command {
+    /// Time at which it is given, s.
+    pub at_s: f64,
+    /// What is wanted from then on.
+    pub steering: Steering,
+    /// Another gait from then on.
+    pub gait: Option<Gait>,
+}
+
+/// How a robot is steered.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Duration of the run, s.
+    pub duration_s: f64,
+    /// Samples of a horizon after which the next one takes over.
+    pub replan_samples: usize,
+    /// Time between a measurement and the moment at which the plan from it takes over, s.
+    pub planning_s: f64,
+    /// Most iterations of a plan.
+    pub iterations: usize,
+    /// Steps of the world and of the controller per second, about: a sample of the horizon is a whole number of them.
+    pub rate_hz: u32,
+    /// Pushes.
+    pub shoves: Vec<Shove>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            duration_s: 10.0,
+            replan_samples: 2,
+            planning_s: 0.1,
+            iterations: 20,
+            rate_hz: 500,
+            shoves: Vec::new(),
+        }
+    }
+}
+
+/// How a plan ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Planned {
+    /// Iterations.
+    pub iterations: usize,
+    /// Whether it was accepted.
+    pub accepted: bool,
+}
+
+/// A run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Outcome {
+    /// When the robot fell, s.
+    pub fell_at_s: Option<f64>,
+    /// Simulated time, s.
+    pub time_s: f64,
+    /// The plans, in order.
+    pub plans: Vec<Planned>,
+    /// Ticks in which the tracker had no solution, and the motors kept their setpoints.
+    pub untracked: u32,
+    /// Steps of the world a second.
+    pub rate_hz: f64,
+    /// Velocity of the body after each step: along and to the left of its heading, m/s, and rate of the heading, rad/s.
+    pub velocities: Vec<[f64; 3]>,
+}
+
+impl Outcome {
+    /// Plans that were not accepted.
+    pub fn rejected(&self) -> usize {
+        self.plans.iter().filter(|plan| !plan.accepted).count()
+    }
+
+    /// Mean velocity between two times, as [`velocities`](Self::velocities).
+    pub fn mean(&self, from_s: f64, to_s: f64) -> [f64; 3] {
+        let index = |time_s: f64| {
+            ((time_s * self.rate_hz).round().max(0.0) as usize).min(self.velocities.len())
+        };
+        let span = &self.velocities[index(from_s)..index(to_s)];
+        [0, 1, 2].map(|c| span.iter().map(|v| v[c]).sum::<f64>() / span.len().max(1) as f64)
+    }
+
+    /// Time after a command until component `c` of the velocity has made 63 % of its change, s. Velocities are means over a
+    /// period of the gait, around each time, without its sway. `None` if it has not until the end of the run.
+    pub fn latency_s(
+        &self,
+        at_s: f64,
+        c: usize,
+        [from, to]: [f64; 2],
+        period_s: f64,
+    ) -> Option<f64> {
+        let end_s = self.velocities.len() as f64 / self.rate_hz - 0.5 * period_s;
+        let times = (0..).map(|k| at_s + f64::from(k) / self.rate_hz).take_while(|t| *t < end_s);
+        let half = (0.5 * period_s).max(1.0 / self.rate_hz);
+        let reached = |t: &f64| (self.mean(t - half, t + half)[c] - from) / (to - from) >= 0.63;
+        times.into_iter().find(reached).map(|t| t - at_s)
+    }
+}
+
+/// Reason for which there is no outcome.
+#[derive(Debug, Error)]
+pub enum SteeredError {
+    /// A step of the world has no solution.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The horizon cannot be planned.
+    #[error(transparent)]
+    Horizon(#[from] HorizonError),
+    /// The first plan is not accepted.
+    #[error(
+        "the robot cannot stand as the horizon is to begin: its first plan does not meet the constraints"
+    )]
+    CannotStand,
+    /// A plan would take over after the next one.
+    #[error(
+        "planning_s is {planning_s} s: it must be at least 0 and less than the {replan_s} s after which the next plan takes \
+         over"
+    )]
+    Late {
+        /// Time of planning, s.
+        planning_s: f64,
+        /// Time between plans, s.
+        replan_s: f64,
+    },
+}
+
+/// The plan that is tracked.
+struct Tracked {
+    body: WholeBody,
+    world_from_plan: Isometry3<f64>,
+    /// When it took over, s.
+    from_s: f64,
+}
+
+impl Tracked {
+    fn at(&mut self, time_s: f64) -> Instant {
+        self.body.at(time_s - self.from_s, &self.world_from_plan)
+    }
+
+    fn reference(&mut self, time_s: f64) -> Reference {
+        let Instant { state, acceleration, stands, force_n } = self.at(time_s);
+        let world_from_ground = Isometry3::identity();
+        Reference { time_s, world_from_ground, state, acceleration, stands, force_n }
+    }
+}
+
+/// Planner of the run, with its grid of time.
+struct Planner {
+    horizon: Horizon,
+    steering: Steering,
+    /// Most iterations.
+    iterations: usize,
+    /// Steps of the world in a sample of the horizon, and the length of one, s.
+    steps: usize,
+    step_s: f64,
+    plans: Vec<Planned>,
+}
+
+impl Planner {
+    /// Plans from the state in which the robot is expected at a step. `None` if the plan is not accepted.
+    fn plan(
+        &mut self,
+        measured: Measured<'_>,
+        step: usize,
+    ) -> Result<Option<Tracked>, HorizonError> {
+        let mut left = self.iterations;
+        let limit = &mut |_: &_| {
+            left = left.saturating_sub(1);
+            if left > 0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let at = (step / self.steps) as u64;
+        let found = self.horizon.plan(measured, at, self.steering, limit)?;
+        let (iterations, accepted) = (found.plan.solve.iterations, found.is_accepted());
+        self.plans.push(Planned { iterations, accepted });
+        let (world_from_plan, from_s) = (found.world_from_plan, step as f64 * self.step_s);
+        Ok(accepted.then(|| Tracked { body: WholeBody::new(&found.plan), world_from_plan, from_s }))
+    }
+
+    /// Plans for a later step from what is measured now, while a plan is tracked.
+    fn plan_ahead(
+        &mut self,
+        tracked: &mut Tracked,
+        measured: Measured<'_>,
+        [now, then]: [usize; 2],
+    ) -> Result<Option<Tracked>, HorizonError> {
+        let [here, there] = [now, then].map(|step| tracked.at(step as f64 * self.step_s));
+        let touches: Vec<bool> = (here.stands.iter().zip(&there.stands).zip(measured.touches))
+            .map(|((here, there), touches)| if here == there { *touches } else { *there })
+            .collect();
+        let state = expected(measured.state, &here.state, there.state);
+        self.plan(Measured { state: &state, touches: &touches }, then)
+    }
+}
+
+/// Steers a robot on level ground, from its stand at the origin. Commands are in order of time; until the first one the robot is
+/// to stand still. The first plan is made before the run begins.
+///
+/// # Errors
+/// [`SteeredError`].
+pub fn steer(
+    robot: &Robot,
+    horizon: Horizon,
+    commands: &[Command],
+    options: &Options,
+) -> Result<Outcome, SteeredError> {
+    let replan_s = options.replan_samples as f64 * horizon.interval_s();
+    let planning_s = options.planning_s;
+    if !(0.0..replan_s).contains(&planning_s) {
+        return Err(SteeredError::Late { planning_s, replan_s });
+    }
+    let steps = (horizon.interval_s() * f64::from(options.rate_hz)).round().max(1.0) as usize;
+    let step_s = horizon.interval_s() / steps as f64;
+    let between = steps * options.replan_samples;
+    let ahead = (planning_s / step_s).round() as usize;
+
+    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    let mut world = World::standing(robot, &ground, &Parameters::new(robot));
+    let fall_watch = FallWatch::new(&world, &ground);
+    let tree = horizon.tree().clone();
+    let mut tracker = Tracker::new(tree.clone(), Weights::default(), step_s);
+    let servos: Vec<Law> = robot.channels().map(|channel| servo(&channel)).collect();
+    let (steering, iterations, plans) = (Steering::default(), options.iterations, Vec::new());
+    let mut planner = Planner { horizon, steering, iterations, steps, step_s, plans };
+    let mut commands = commands.iter().peekable();
+    let standing = vec![true; robot.end_effectors.len()];
+    let state = world.state(&tree);
+    let first = planner.plan(Measured { state: &state, touches: &standing }, 0)?;
+    let mut tracked = first.ok_or(SteeredError::CannotStand)?;
+    let mut next = None;
+    let (mut untracked, mut fell_at_s, mut velocities) = (0, None, Vec::new());
+    for step in 0..(options.duration_s / step_s).round() as usize {
+        let time_s = step as f64 * step_s;
+        let state = world.state(&tree);
+        let touching: Vec<bool> = touches(&world, &tree).collect();
+        let then = step + ahead;
+        if then.is_multiple_of(between) && then > 0 {
+            while let Some(command) = commands.next_if(|command| command.at_s <= time_s) {
+                planner.steering = command.steering;
+                if let Some(gait) = &command.gait {
+                    planner.horizon.change_gait(gait.clone(), (then / steps) as u64)?;
+                }
+            }
+            let measured = Measured { state: &state, touches: &touching };
+            next = planner.plan_ahead(&mut tracked, measured, [step, then])?;
+        }
+        if step.is_multiple_of(between)
+            && let Some(next) = next.take()
+        {
+            tracked = next;
+        }
+        match tracker.tick(&tracked.reference(time_s), &state, &touching) {
+            Ok(setpoints) => {
+                for (channel, (servo, setpoint)) in servos.iter().zip(setpoints).enumerate() {
+                    world.set_law(channel, law(servo, setpoint));
+                }
+            }
+            Err(_) => untracked += 1,
+        }
+        let heading = heading_rad(&world.base().1);
+        world.push(mean_force(&options.shoves, world.system().time_s(), step_s, heading));
+        world.step(step_s)?;
+        velocities.push(in_heading(&world.state(&tree)));
+        if fall_watch.look(&world).is_some() {
+            fell_at_s = Some(world.system().time_s());
+            break;
+        }
+    }
+    let (time_s, plans) = (world.system().time_s(), planner.plans);
+    Ok(Outcome { fell_at_s, time_s, plans, untracked, rate_hz: 1.0 / step_s, velocities })
+}
+
+/// Velocity of the body, along and to the left of its heading, m/s, and rate of the heading, rad/s.
+fn in_heading(state: &State) -> [f64; 3] {
+    let (sin, cos) = heading_rad(&state.world_from_body).sin_cos();
+    let [x, y] = [state.velocity[0], state.velocity[1]];
+    [cos * x + sin * y, cos * y - sin * x, state.velocity[5]]
+}
+
+/// Part of the error of velocity that is left when a plan takes over: the controller brings it down meanwhile.
+const KEPT: f64 = 0.5;
+
+/// The state in which a robot will be when its plan is at `then`: as far from it as it is from `planned`.
+fn expected(measured: &State, planned: &State, mut then: State) -> State {
+    let add = |to: &mut [f64], part: f64, measured: &[f64], planned: &[f64]| {
+        for (to, (here, there)) in to.iter_mut().zip(measured.iter().zip(planned)) {
+            *to += part * (here - there);
+        }
+    };
+    let turned = measured.world_from_body * planned.world_from_body.transpose();
+    then.base_position_m += measured.base_position_m - planned.base_position_m;
+    then.world_from_body = turned * then.world_from_body;
+    add(&mut then.joint_rad, 1.0, &measured.joint_rad, &planned.joint_rad);
+    add(&mut then.velocity, KEPT, &measured.velocity, &planned.velocity);
+    then
+}
