@@ -176,7 +176,7 @@ impl Horizon {
         self.interval_s
     }
 
-    /// Goes over to another gait at a sample: what is in the air there lands as it would have.
+    /// Changes to another gait at a sample. End effectors that are in the air there finish their swing first.
     ///
     /// # Errors
     /// The gait is of another robot or has another spacing.

@@ -1,4 +1,5 @@
-//! A plan tracked in closed loop, whatever world the robot is in: what was measured in, what all motors do until the next tick out.
+//! Tracks a plan in closed loop: each tick takes the measured state or the readings of the sensors, and returns the setpoints of all motors until the next
+//! tick. The world may be ours or another's.
 //!
 //! [`crate::control`] asks it about the simulated world, `rollwalk control` for the simulators of others.
 
@@ -47,7 +48,7 @@ pub enum Untracked {
 pub struct Timing {
     /// Interval between ticks, s.
     pub tick_s: f64,
-    /// How long after it was measured a state is answered by the motors, s, beyond the tick itself: setpoints are for then.
+    /// Time from a measurement until the motors act on the setpoints computed from it, s, beyond the tick itself.
     pub latency_s: f64,
 }
 
@@ -62,10 +63,11 @@ pub struct ClosedLoop<'s, 'p> {
     timing: Timing,
 }
 
-/// The plan where it lies in the world.
-struct Placed {
-    body: WholeBody,
-    world_from_plan: Isometry3<f64>,
+/// A plan where it lies in the world, on its plane z = 0, from a time on, s.
+pub(crate) struct Placed {
+    pub body: WholeBody,
+    pub world_from_plan: Isometry3<f64>,
+    pub from_s: f64,
 }
 
 impl<'s, 'p> ClosedLoop<'s, 'p> {
@@ -77,7 +79,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         world_from_plan: Isometry3<f64>,
         timing: Timing,
     ) -> Self {
-        let mut plan = Placed { body: WholeBody::new(script.plan()), world_from_plan };
+        let mut plan = Placed { body: WholeBody::new(script.plan()), world_from_plan, from_s: 0.0 };
         let tree = plan.body.tree().clone();
         let mut tracker = Tracker::new(tree.clone(), Weights::default(), timing.tick_s)
             .with_latency(timing.latency_s);
@@ -146,9 +148,12 @@ pub(crate) fn law(servo: &Law, setpoint: &Setpoint) -> Law {
 }
 
 impl Placed {
-    fn reference(&mut self, time_s: f64) -> Reference {
-        let Instant { state, acceleration, stands, force_n } =
-            self.body.at(time_s, &self.world_from_plan);
+    pub fn at(&mut self, time_s: f64) -> Instant {
+        self.body.at(time_s - self.from_s, &self.world_from_plan)
+    }
+
+    pub fn reference(&mut self, time_s: f64) -> Reference {
+        let Instant { state, acceleration, stands, force_n } = self.at(time_s);
         let world_from_ground = self.world_from_plan;
         Reference { time_s, world_from_ground, state, acceleration, stands, force_n }
     }

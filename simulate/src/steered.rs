@@ -1,13 +1,12 @@
 //! A robot that is steered in the simulated world: horizons from its measured state, planned again and again and tracked.
 //!
-//! Time is virtual, planning takes a part of it: a plan is made from what was measured, for the moment at which it takes over,
-//! [`Options::planning_s`] later. Until then the plan before goes on, and the measured state is expected to keep its distance
+//! Planning takes simulated time: a plan made from a measured state takes over [`Options::planning_s`] after the measurement, and begins in the state
+//! that is expected then. Until then the plan before goes on, and the measured state is expected to keep its distance
 //! to it. A plan that is not accepted does not take over.
 
-use crate::closed_loop::law;
+use crate::closed_loop::{Placed, law};
 use crate::script::servo;
 use crate::sensors::touches;
-use nalgebra::Isometry3;
 use rollwalk_multibody::State;
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Law;
@@ -15,10 +14,10 @@ use rollwalk_physics::push::{Shove, mean_force};
 use rollwalk_physics::world::{FallWatch, Parameters, heading_rad};
 use rollwalk_physics::{StepError, World};
 use rollwalk_planner::receding::{Gait, Horizon, HorizonError, Measured, Steering};
-use rollwalk_planner::whole_body::{Instant, WholeBody};
+use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_robot::Robot;
+use rollwalk_tracking::Tracker;
 use rollwalk_tracking::tasks::Weights;
-use rollwalk_tracking::{Reference, Tracker};
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -150,26 +149,6 @@ pub enum SteeredError {
     },
 }
 
-/// The plan that is tracked.
-struct Tracked {
-    body: WholeBody,
-    world_from_plan: Isometry3<f64>,
-    /// When it took over, s.
-    from_s: f64,
-}
-
-impl Tracked {
-    fn at(&mut self, time_s: f64) -> Instant {
-        self.body.at(time_s - self.from_s, &self.world_from_plan)
-    }
-
-    fn reference(&mut self, time_s: f64) -> Reference {
-        let Instant { state, acceleration, stands, force_n } = self.at(time_s);
-        let world_from_ground = Isometry3::identity();
-        Reference { time_s, world_from_ground, state, acceleration, stands, force_n }
-    }
-}
-
 /// Planner of the run, with its grid of time.
 struct Planner {
     horizon: Horizon,
@@ -188,7 +167,7 @@ impl Planner {
         &mut self,
         measured: Measured<'_>,
         step: usize,
-    ) -> Result<Option<Tracked>, HorizonError> {
+    ) -> Result<Option<Placed>, HorizonError> {
         let mut left = self.iterations;
         let limit = &mut |_: &_| {
             left = left.saturating_sub(1);
@@ -199,16 +178,16 @@ impl Planner {
         let (iterations, accepted) = (found.plan.solve.iterations, found.is_accepted());
         self.plans.push(Planned { iterations, accepted });
         let (world_from_plan, from_s) = (found.world_from_plan, step as f64 * self.step_s);
-        Ok(accepted.then(|| Tracked { body: WholeBody::new(&found.plan), world_from_plan, from_s }))
+        Ok(accepted.then(|| Placed { body: WholeBody::new(&found.plan), world_from_plan, from_s }))
     }
 
-    /// Plans for a later step from what is measured now, while a plan is tracked.
+    /// Plans for a later step from the state measured now, while another plan is tracked.
     fn plan_ahead(
         &mut self,
-        tracked: &mut Tracked,
+        tracked: &mut Placed,
         measured: Measured<'_>,
         [now, then]: [usize; 2],
-    ) -> Result<Option<Tracked>, HorizonError> {
+    ) -> Result<Option<Placed>, HorizonError> {
         let [here, there] = [now, then].map(|step| tracked.at(step as f64 * self.step_s));
         let touches: Vec<bool> = (here.stands.iter().zip(&there.stands).zip(measured.touches))
             .map(|((here, there), touches)| if here == there { *touches } else { *there })
@@ -305,7 +284,8 @@ fn in_heading(state: &State) -> [f64; 3] {
 /// Part of the error of velocity that is left when a plan takes over: the controller brings it down meanwhile.
 const KEPT: f64 = 0.5;
 
-/// The state in which a robot will be when its plan is at `then`: as far from it as it is from `planned`.
+/// The state that a robot is expected to have when its plan has `then`: its error against the plan, `measured` less `planned`, stays, but for a part of that of
+/// the velocity.
 fn expected(measured: &State, planned: &State, mut then: State) -> State {
     let add = |to: &mut [f64], part: f64, measured: &[f64], planned: &[f64]| {
         for (to, (here, there)) in to.iter_mut().zip(measured.iter().zip(planned)) {

@@ -1,7 +1,7 @@
 //! Whether the robot is on its plan or recovers from a push, and where its plan lies.
 //!
-//! A robot whose capture point, c + v √(h/g), is far from the planned one recovers: what touches the ground stays there, what is in the
-//! air lands, and centre of mass and body are led back each by itself. Recovery ends when the capture point is back, or when the robot
+//! A robot whose capture point, c + v √(h/g), is far from the planned one recovers: end effectors on the ground stay
+//! there, those in the air land, and centre of mass and body are led back each by itself. Recovery ends when the capture point is back, or when the robot
 //! stands while its plan walks on: it then resumes the plan from where it is. A push is not paid back by a sprint: the plan moves along
 //! with a robot that is far off.
 

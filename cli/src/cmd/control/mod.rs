@@ -19,8 +19,8 @@ const LINE_MAX: u64 = 1 << 20;
 /// Run the controller that tracks a plan, for another simulator: a line of measurements in, a line of setpoints out.
 ///
 /// Its first line says what the plan is, in which order channels, joints, wheels and end effectors are, and the state in which the motion begins.
-/// Then each line on standard input is a tick, a JSON object with the time of the motion and what was measured, and is answered by a line with
-/// setpoints of all channels for the drives' own loops: torque = kp (position - angle) + kd (speed - angular speed) + torque. The program ends
+/// Each line on standard input is a tick: a JSON object with the time of the motion and the measured state or sensor readings. The program answers it
+/// with a line of setpoints of all channels for the drives' own loops: torque = kp (position - angle) + kd (speed - angular speed) + torque. The program ends
 /// with its input. docs/tracking.md describes the fields.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
@@ -35,7 +35,7 @@ pub struct Args {
     /// Ticks per second.
     #[arg(long, value_name = "HZ", default_value_t = 500, value_parser = clap::value_parser!(u32).range(30..=10_000))]
     rate: u32,
-    /// How long after a measurement the motors act on its answer, in milliseconds, beyond a tick: setpoints are for then.
+    /// Time from a measurement until the motors act on the answer, in milliseconds, beyond a tick.
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = latency_ms)]
     latency_ms: f64,
     /// How the robot is brought back to the plan.

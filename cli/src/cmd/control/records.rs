@@ -66,7 +66,7 @@ impl Hello {
     }
 }
 
-/// A line of the simulator: what was measured at the beginning of a tick.
+/// A line of the simulator: measurements at the beginning of a tick.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
