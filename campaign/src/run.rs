@@ -491,6 +491,11 @@ fn disarms(log: &[LogEntry], from: SimTime, until: SimTime) -> bool {
 fn driven(state: State) -> bool {
     matches!(
         state,
-        State::Aligning | State::Ready | State::Playing | State::Paused | State::Returning
+        State::Aligning
+            | State::Ready
+            | State::Playing
+            | State::Paused
+            | State::Streaming
+            | State::Returning
     )
 }

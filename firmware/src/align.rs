@@ -1,6 +1,6 @@
-//! Ramp from the measured pose to the SAFE pose, for all channels at once.
+//! Ramp to the SAFE pose from the measured pose, or from where a stream of setpoints ends, for all channels at once.
 //!
-//! The ramp is the minimum-jerk quintic from the measured pose to the entry pose, at rest at both
+//! The ramp is the minimum-jerk quintic from there to the SAFE pose, at rest at both ends.
 //! All channels arrive together; the slowest channel determines the duration.
 
 use heapless::Vec;
@@ -17,12 +17,12 @@ const MIN_DURATION_S: f32 = 0.25;
 /// Where a channel begins and ends.
 #[derive(Clone, Copy, Debug)]
 pub struct RampEnds {
-    /// Measured value, rad or rad/s.
+    /// Value at the beginning, rad or rad/s.
     pub from: f32,
     /// Value in SAFE, rad or rad/s.
     pub to: f32,
-    /// Torque in SAFE, N·m. It comes in along the ramp: the robot takes its weight on as it stands up.
-    pub torque_nm: f32,
+    /// Torques at the beginning and in SAFE, N·m. The change comes in along the ramp: the robot takes its weight on as it stands up.
+    pub torques_nm: [f32; 2],
 }
 
 /// A ramp in progress.
@@ -55,15 +55,16 @@ impl Ramp {
         Self { duration_s: needed.fold(MIN_DURATION_S, f32::max), ends, period_s, ticks: 0 }
     }
 
-    /// Target at the current time; the first is the measured pose at rest.
+    /// Target at the current time; the first is the beginning, at rest.
     pub fn target(&self, channel: usize) -> Option<Target> {
-        let &RampEnds { from, to, torque_nm } = self.ends.get(channel)?;
+        let &RampEnds { from, to, torques_nm: [before_nm, after_nm] } = self.ends.get(channel)?;
         let u = (self.elapsed_s() / self.duration_s).min(1.0);
         let blend = u * u * u * (10.0 + u * (6.0 * u - 15.0));
         let rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / self.duration_s;
         // At the end this is exactly the entry pose, from which `from + (to - from)` may differ by rounding.
         let value = if u == 1.0 { to } else { from + blend * (to - from) };
-        Some(Target { value, slope: rate * (to - from), torque_nm: blend * torque_nm })
+        let torque_nm = before_nm + blend * (after_nm - before_nm);
+        Some(Target { value, slope: rate * (to - from), torque_nm })
     }
 
     /// Advances by one control period.
@@ -107,7 +108,7 @@ mod tests {
 
     fn ends(from: [f32; 2], to: [f32; 2]) -> Vec<RampEnds, MAX_CHANNELS> {
         let pairs = from.into_iter().zip(to);
-        pairs.map(|(from, to)| RampEnds { from, to, torque_nm: SAFE_NM }).collect()
+        pairs.map(|(from, to)| RampEnds { from, to, torques_nm: [0.0, SAFE_NM] }).collect()
     }
 
     proptest! {

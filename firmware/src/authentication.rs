@@ -113,6 +113,10 @@ mod absent {
         pub fn admit(&mut self, _: u64, _: u16, _: &[u8]) -> Admission {
             Admission::Admitted
         }
+
+        pub fn insists(&self) -> bool {
+            false
+        }
     }
 }
 

@@ -370,6 +370,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 Ok(())
             }
             Action::RouteToSafe => self.motion.route_to_safe(library),
+            Action::StartStream => self.motion.start_stream(&self.setup, library),
+            Action::AlignFromStream => self.motion.align_from_stream(&self.setup, library),
+            Action::HaltStream => {
+                self.motion.halt_stream();
+                Ok(())
+            }
             Action::StartHold => {
                 self.held_since_us.get_or_insert(now_us);
                 Ok(())

@@ -6,7 +6,7 @@
 //!                  │                                             authentication: from a host with the key)
 //!                  │  link:     transmit scheduler of the host link
 //!                  │  safety:   states, events, transitions     (pure state machine)
-//!                  │  motion:   setpoints of the actuators      (align or player, then
+//!                  │  motion:   setpoints of the actuators      (align, player or stream, then
 //!                  │                                            limiter ─> actuators' mailboxes)
 //!                  │  tuning:   gains and torque limits at run time
 //!                  │  journal:  log of state changes and faults
@@ -38,6 +38,7 @@ pub mod player;
 pub mod safety;
 mod settings;
 pub mod store;
+pub mod stream;
 mod tilt;
 mod transfer;
 mod tuning;

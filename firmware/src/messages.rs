@@ -62,8 +62,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                     self.refuse_command(command);
                 }
             }
-            // The transport is point to point: answers to a broadcast would collide.
-            ToController::Transport if to == Node::BROADCAST => {}
+            // The transport is point to point: answers to a broadcast would collide. Setpoints are of one robot.
+            ToController::Transport | ToController::Setpoint(_) if to == Node::BROADCAST => {}
+            ToController::Setpoint(setpoint) => self.motion.stream(&self.setup, &setpoint),
             ToController::Transport => {
                 if self.link.on_transport(now_us, frame.data()) {
                     self.on_request(now_us);
@@ -150,6 +151,15 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         const NOTHING_TO_SAY: Done = (None, 0);
         match action {
             Action::Play { code, speed_64ths } => self.play(now_us, code, speed_64ths),
+            Action::Stream => {
+                self.may_stream()?;
+                self.raise(now_us, Event::StreamStarted);
+                Ok(NOTHING_TO_SAY)
+            }
+            Action::Return if self.state() == State::Streaming => {
+                self.raise(now_us, Event::StreamEnded);
+                Ok((self.storage.library().map(|library| library.safe_node()), 0))
+            }
             Action::Return => {
                 let safe = self.storage.library().map(|library| library.safe_node());
                 self.go(now_us, safe.ok_or(CommandResult::NoLibrary))
@@ -236,6 +246,16 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     fn may(&self, from: State, to: State) -> Result<(), CommandResult> {
         match self.state() {
             state if state == from || state == to => Ok(()),
+            state if state.torque() == Torque::Driven => Err(CommandResult::WrongState),
+            _ => Err(CommandResult::NotArmed),
+        }
+    }
+
+    /// Whether the controller may follow streamed setpoints. They are not authenticated.
+    fn may_stream(&self) -> Result<(), CommandResult> {
+        match self.state() {
+            _ if self.authentication.insists() => Err(CommandResult::AuthenticationRequired),
+            State::Ready => Ok(()),
             state if state.torque() == Torque::Driven => Err(CommandResult::WrongState),
             _ => Err(CommandResult::NotArmed),
         }
@@ -339,7 +359,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             severity: self.state().severity(faults),
             faults,
             clip: playing.map(|p| p.clip.0),
-            frame: playing.map_or(0, |p| p.frame),
+            frame: playing.map_or(self.motion.streamed_frames() & 0xFFF, |p| p.frame),
             counter,
             library: self.storage.library().map_or(0, |library| library.index().id() as u8),
         }
@@ -381,6 +401,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 (None, excess.filter(|_| awake).unwrap_or(-1.0))
             }
             Fault::Overrun => (None, self.tick_gap_us as f32 * 1e-6),
+            Fault::SetpointTimeout => (None, self.motion.starved_s()),
             Fault::BusNoAck | Fault::BusPassive | Fault::BusOff => {
                 (None, self.bus_watch.about(fault).map_or(0.0, f32::from))
             }

@@ -7,7 +7,8 @@
 use heapless::Vec;
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::faults::{Event, Fault};
-use rollwalk_protocol::library::{Library, NodeId, Unreadable};
+use rollwalk_protocol::library::{Library, NodeId, RATE_HZ, Unreadable};
+use rollwalk_protocol::wire::Setpoint;
 
 use crate::actuators::{Actuators, FRESH_TICKS, Hold};
 use crate::align::{Ramp, RampEnds};
@@ -18,6 +19,7 @@ use crate::parameters::Parameters;
 use crate::player::{Player, Playing};
 use crate::safety::EventSet;
 use crate::settings::Settings;
+use crate::stream::Stream;
 
 /// Rate at which each actuator is queried for its pose while torque is off, Hz.
 const QUERY_HZ: u16 = 20;
@@ -29,6 +31,7 @@ enum Stage {
     Enabling { ticks: u32 },
     Ramping { ramp: Ramp, settling_ticks: u32 },
     Playing(Player),
+    Streaming(Stream),
     Damped,
 }
 
@@ -176,6 +179,62 @@ impl Motion {
         Ok(())
     }
 
+    /// Starts to follow streamed setpoints, at rest in SAFE.
+    // Of its own, because a stream is large on the stack.
+    #[inline(never)]
+    pub fn start_stream(
+        &mut self,
+        setup: &Setup,
+        library: Option<Library<'_>>,
+    ) -> Result<(), Unreadable> {
+        let (values, torques) = safe(&library.ok_or(Unreadable)?)?;
+        let stream = Stream::start(values, torques, setup.settings.ticks_per_frame());
+        self.stage = Stage::Streaming(stream);
+        Ok(())
+    }
+
+    /// Keeps a streamed setpoint until it is due. Ignored unless a stream is followed.
+    pub fn stream(&mut self, setup: &Setup, setpoint: &Setpoint) {
+        if let Stage::Streaming(stream) = &mut self.stage {
+            stream.receive(&setup.config, setpoint, setup.settings.align_tolerance_rad);
+        }
+    }
+
+    /// Ramps to SAFE from the present setpoints of the stream.
+    pub fn align_from_stream(
+        &mut self,
+        setup: &Setup,
+        library: Option<Library<'_>>,
+    ) -> Result<(), Unreadable> {
+        let library = library.ok_or(Unreadable)?;
+        let Stage::Streaming(stream) = &self.stage else { return Err(Unreadable) };
+        let config = &setup.config;
+        let ramp = ramp_to_safe(setup, &library, |i| {
+            let target = stream.target(config, i)?;
+            Some((target.value, target.torque_nm))
+        })?;
+        self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
+        Ok(())
+    }
+
+    /// Brings the stream to rest where it is.
+    pub fn halt_stream(&mut self) {
+        if let Stage::Streaming(stream) = &mut self.stage {
+            stream.halt();
+        }
+    }
+
+    /// Frames of the stream that were taken, modulo 65,536; 0 without a stream.
+    pub fn streamed_frames(&self) -> u16 {
+        if let Stage::Streaming(stream) = &self.stage { stream.taken() } else { 0 }
+    }
+
+    /// Time since the last frame of the stream was taken, s.
+    pub fn starved_s(&self) -> f32 {
+        let frames = if let Stage::Streaming(stream) = &self.stage { stream.starved() } else { 0 };
+        f32::from(frames) / f32::from(RATE_HZ)
+    }
+
     /// Sends the player to SAFE.
     pub fn route_to_safe(&mut self, library: Option<Library<'_>>) -> Result<(), Unreadable> {
         let library = library.ok_or(Unreadable)?;
@@ -243,7 +302,7 @@ impl Motion {
             Stage::Off => return,
             // Of actuators damped during enabling, some were never enabled.
             Stage::Enabling { .. } | Stage::Damped => false,
-            Stage::Ramping { .. } | Stage::Playing(_) => true,
+            Stage::Ramping { .. } | Stage::Playing(_) | Stage::Streaming(_) => true,
         };
         let health = self.actuators.health();
         if !health.fresh_within(self.patience_ticks(setup)) {
@@ -260,7 +319,7 @@ impl Motion {
     fn watch_following(&mut self, setup: &Setup, events: &mut EventSet) {
         let Setup { config, settings, .. } = setup;
         let far = |i| self.lag_rad(setup, i).is_some_and(|lag| lag > settings.follow_tolerance_rad);
-        let plays = matches!(self.stage, Stage::Playing(_));
+        let plays = matches!(self.stage, Stage::Playing(_) | Stage::Streaming(_));
         let behind = plays && (0..config.channels.len()).any(far);
         self.behind_ticks = if behind { self.behind_ticks.saturating_add(1) } else { 0 };
         if behind && self.behind_ticks > settings.ticks(settings.follow_patience_us) {
@@ -309,6 +368,15 @@ impl Motion {
                 events.insert(Event::SafeReached);
             }
         }
+        if let Stage::Streaming(stream) = &mut self.stage {
+            stream.advance(&setup.config);
+            let patience_s = setup.settings.heartbeat_timeout_us as f32 * 1e-6;
+            if stream.rests() {
+                events.insert(Event::StreamHalted);
+            } else if !stream.is_halted() && self.starved_s() > patience_s {
+                events.insert(Event::StreamLost);
+            }
+        }
         self.emit_targets(setup);
         if let Stage::Ramping { ramp, settling_ticks } = &mut self.stage {
             ramp.advance();
@@ -326,21 +394,12 @@ impl Motion {
     }
 
     fn start_ramp(&mut self, setup: &Setup, library: &Library<'_>) -> Result<(), Unreadable> {
-        let mut safe = [0.0; MAX_CHANNELS];
-        library.safe_pose_into(&mut safe).ok_or(Unreadable)?;
-        let mut torques = [0.0; MAX_CHANNELS];
-        library.safe_torques_into(&mut torques)?;
-        let config = &setup.config;
-        let mut ends: Vec<RampEnds, MAX_CHANNELS> = Vec::new();
-        let safe = safe.into_iter().zip(torques).enumerate();
-        for (i, (to, torque_nm)) in safe.take(config.channels.len()) {
-            let from = self.actuators.measured(config, i).ok_or(Unreadable)?;
-            self.limiter.start(i, from);
-            ends.push(RampEnds { from, to, torque_nm }).map_err(|_| Unreadable)?;
-        }
-        let settings = &setup.settings;
-        let (speed, period) = (settings.align_speed_rad_s, settings.period_s());
-        let ramp = Ramp::new(config, ends, speed, period);
+        let (actuators, limiter) = (&self.actuators, &mut self.limiter);
+        let ramp = ramp_to_safe(setup, library, |i| {
+            let from = actuators.measured(&setup.config, i)?;
+            limiter.start(i, from);
+            Some((from, 0.0))
+        })?;
         self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
         Ok(())
     }
@@ -351,6 +410,7 @@ impl Motion {
             let target = match &self.stage {
                 Stage::Ramping { ramp, .. } => ramp.target(i),
                 Stage::Playing(player) => player.target(&setup.config, i),
+                Stage::Streaming(stream) => stream.target(&setup.config, i),
                 Stage::Off | Stage::Enabling { .. } | Stage::Damped => None,
             };
             if let Some(mut target) = target {
@@ -410,6 +470,30 @@ impl Motion {
         };
         self.actuators.keep_disabled(query);
     }
+}
+
+/// The SAFE pose and its torques.
+fn safe(library: &Library<'_>) -> Result<([f32; MAX_CHANNELS], [f32; MAX_CHANNELS]), Unreadable> {
+    let (mut pose, mut torques) = ([0.0; MAX_CHANNELS], [0.0; MAX_CHANNELS]);
+    library.safe_pose_into(&mut pose).ok_or(Unreadable)?;
+    library.safe_torques_into(&mut torques)?;
+    Ok((pose, torques))
+}
+
+/// A ramp to SAFE from the value and the torque that `from` has for a channel.
+fn ramp_to_safe(
+    setup: &Setup,
+    library: &Library<'_>,
+    mut from: impl FnMut(usize) -> Option<(f32, f32)>,
+) -> Result<Ramp, Unreadable> {
+    let (pose, torques) = safe(library)?;
+    let Setup { config, settings, .. } = setup;
+    let mut ends: Vec<RampEnds, MAX_CHANNELS> = Vec::new();
+    for (i, (to, to_nm)) in pose.into_iter().zip(torques).enumerate().take(config.channels.len()) {
+        let (from, from_nm) = from(i).ok_or(Unreadable)?;
+        ends.push(RampEnds { from, to, torques_nm: [from_nm, to_nm] }).map_err(|_| Unreadable)?;
+    }
+    Ok(Ramp::new(config, ends, settings.align_speed_rad_s, settings.period_s()))
 }
 
 /// Whether the measured position of every joint is close to the end of the ramp.

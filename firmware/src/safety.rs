@@ -15,8 +15,9 @@
 //!            └────────EStopped  <─ everywhere
 //! ```
 //!
-//! The motors drive only in Aligning, Ready, Playing, Paused and Returning. The only way into these states is
-//! Disarmed → Aligning, which starts from the measured pose.
+//! The motors drive only in Aligning, Ready, Playing, Paused, Streaming and Returning. The only way into these states is
+//! Disarmed → Aligning, which starts from the measured pose. Streaming is entered from Ready; it ends through Aligning, or through
+//! Returning, which then holds the robot where it is: from there no way leads along the graph.
 //! Events that arrive together are handled most severe first, hence the outcome does not depend on the order in which
 //! frames came in. [`rollwalk_protocol::faults`] defines the severity of each event.
 //! - A fault never re-arms by itself: TorqueOff with a latched fault and EStopped wait for the
@@ -42,7 +43,13 @@ pub enum Action {
     Resume,
     /// Send the player to SAFE, from a halt too, and accept no other target.
     RouteToSafe,
-    /// Start the time that SAFE is held before damping.
+    /// Follow the setpoints that the host streams, from SAFE on.
+    StartStream,
+    /// Ramp to SAFE from the setpoints at which the stream ends.
+    AlignFromStream,
+    /// Bring the stream to rest where it is.
+    HaltStream,
+    /// Start the time that SAFE, or the end of a stream, is held before damping.
     StartHold,
     /// Replace all setpoints by damping.
     Damp,
@@ -74,12 +81,17 @@ pub fn step(state: State, event: Event) -> (State, Action) {
         (S::Paused, _, E::ResumeAsked) => (S::Playing, A::Resume),
         (S::Playing, _, E::SafeReached) => (S::Ready, A::None),
         (S::Ready | S::Playing | S::Paused, V::Return, _) => (S::Returning, A::RouteToSafe),
-        (S::Returning, _, E::SafeReached) => (S::Returning, A::StartHold),
+        (S::Ready, _, E::StreamStarted) => (S::Streaming, A::StartStream),
+        (S::Streaming, _, E::StreamEnded) => (S::Aligning, A::AlignFromStream),
+        (S::Streaming, V::Return, _) => (S::Returning, A::HaltStream),
+        (S::Returning, _, E::SafeReached | E::StreamHalted) => (S::Returning, A::StartHold),
         (S::Returning, _, E::HoldElapsed) => (S::Damped, A::Damp),
 
-        (S::Aligning | S::Ready | S::Playing | S::Paused | S::Returning, V::Damp, _) => {
-            (S::Damped, A::Damp)
-        }
+        (
+            S::Aligning | S::Ready | S::Playing | S::Paused | S::Streaming | S::Returning,
+            V::Damp,
+            _,
+        ) => (S::Damped, A::Damp),
         // In Disarmed as well: only the operator's CLEAR leads to where ARM is granted again.
         (_, V::TorqueOff, _) if state == S::Disarmed || state.torque() != Torque::Off => {
             (S::TorqueOff, A::CutTorque)

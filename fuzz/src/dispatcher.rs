@@ -6,7 +6,7 @@ use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::authentication::SessionRequest;
-use rollwalk_protocol::wire::{Action, ParameterAction, Request, State, Torque};
+use rollwalk_protocol::wire::{Action, ParameterAction, Request, Setpoint, State, Torque};
 
 use crate::authentication;
 use crate::deeds::{Deed, act, assert_way_home};
@@ -38,10 +38,12 @@ mod tag {
     pub const ESTOP: u8 = 14;
     pub const BOARD: u8 = 15;
     pub const PARAMETER: u8 = 16;
+    pub const STREAM: u8 = 17;
+    pub const SETPOINTS: u8 = 18;
     /// The rest is lies.
-    pub const FEEDBACK: u8 = 17;
-    pub const FRAME: u8 = 18;
-    pub const TIME: u8 = 19;
+    pub const FEEDBACK: u8 = 19;
+    pub const FRAME: u8 = 20;
+    pub const TIME: u8 = 21;
 }
 
 fn frame(u: &mut Unstructured<'_>) -> Result<Frame> {
@@ -63,7 +65,7 @@ fn action(u: &mut Unstructured<'_>) -> Result<Action> {
         4 => Action::ArmConfirm { nonce: u.arbitrary()? },
         5 => Action::ClearConfirm { nonce: u.arbitrary()? },
         6 => Action::Play { code: u.arbitrary()?, speed_64ths: u.arbitrary()? },
-        _ => Action::Unknown { kind: u.int_in_range(9..=15)? },
+        _ => Action::Unknown { kind: u.int_in_range(10..=15)? },
     })
 }
 
@@ -88,6 +90,18 @@ fn parameter(u: &mut Unstructured<'_>) -> Result<ParameterAction> {
     })
 }
 
+/// Any setpoint that decodes; in three of four cases near the pose of SAFE.
+fn setpoint(u: &mut Unstructured<'_>) -> Result<Setpoint> {
+    let (how, channel) = (u.arbitrary::<u8>()?, u.arbitrary::<u8>()? % 4);
+    let safe = robot::STAND.get(usize::from(channel)).copied().unwrap_or(0.0);
+    let value = match how % 4 {
+        0 => f32::from(u.arbitrary::<i16>()?) / 50.0,
+        _ => safe + f32::from(u.arbitrary::<i8>()?) / 400.0,
+    };
+    let torque_nm = f32::from(u.arbitrary::<i16>()?) / 1000.0;
+    Ok(Setpoint { frame: u.arbitrary()?, channel, value, torque_nm })
+}
+
 /// A lying actuator: any measurement, any status, in a frame that decodes.
 fn feedback(u: &mut Unstructured<'_>) -> Result<Frame> {
     let feedback = Feedback {
@@ -101,7 +115,7 @@ fn feedback(u: &mut Unstructured<'_>) -> Result<Frame> {
 }
 
 fn deed(u: &mut Unstructured<'_>, lies: bool) -> Result<Deed> {
-    let count = if lies { tag::TIME } else { tag::PARAMETER } + 1;
+    let count = if lies { tag::TIME } else { tag::SETPOINTS } + 1;
     let servo = |u: &mut Unstructured<'_>| u.choose_index(robot::CHANNELS);
     Ok(match u.arbitrary::<u8>()? % count {
         tag::RUN => Deed::Run(u.arbitrary::<u8>()?.into()),
@@ -130,6 +144,8 @@ fn deed(u: &mut Unstructured<'_>, lies: bool) -> Result<Deed> {
         tag::ESTOP => Deed::Estop,
         tag::BOARD => Deed::Board,
         tag::PARAMETER => Deed::Parameter(parameter(u)?),
+        tag::STREAM => Deed::Command(Action::Stream),
+        tag::SETPOINTS => Deed::Setpoints(u.arbitrary::<u8>()?, setpoint(u)?),
         tag::FEEDBACK => Deed::Actuator(u.int_in_range(0..=2)?, feedback(u)?),
         tag::FRAME => Deed::Actuator(u.int_in_range(0..=2)?, frame(u)?),
         _ => Deed::TimeJump(i64::from(u.arbitrary::<i16>()?) * 100),
@@ -197,6 +213,8 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let told = [&stopped[..], &[MESSAGE, log.len() as u8 - 1], log, &[RUN, 9]].concat();
     let set = [PARAMETER, 6, 0, 1, 200, PARAMETER, 6, 1, 2, 3, PARAMETER, 1, PARAMETER, 4, 0, 1];
     let tuned = [&armed[..], &set, &plays, &[PARAMETER, 0, RUN, 99]].concat();
+    let streams = [STREAM, SETPOINTS, 40, 1, 0, 9, 0, 0, 0, RUN, 90];
+    let streamed = [&armed[..], &streams, &[ACTION, 1, RUN, 250], &streams, &[RUN, 250]].concat();
     let link = [LINK, 4, 8, 0, 0, 0, 0, 0, 0, 0, 0, LINK, 1, 0, BOARD, CLEAR];
     let lies = [FEEDBACK, 0, 50, 9, 1, 1, 0, FRAME, 0, 9, 0, 8, 1, 2, 3, 4, 5, 6, 7, 8, TIME, 9, 9];
     let lying = [&armed[..], &lies, &plays].concat();
@@ -205,7 +223,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     assert_eq!(plays_in.map(|rig| rig.brain.state()), Ok(State::Playing));
     let seed = |how: u8, deeds: &[u8]| [&[how], deeds].concat();
     let mut seeds: Vec<_> =
-        [&day[..], &stopped, &lost, &broken, &hot, &flashed, &talk, &told, &tuned, &link]
+        [&day[..], &stopped, &lost, &broken, &hot, &flashed, &talk, &told, &tuned, &streamed, &link]
             .into_iter()
             .flat_map(|deeds| [seed(0, deeds), seed(2, deeds), seed(1, deeds)])
             .collect();

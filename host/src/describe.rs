@@ -17,6 +17,7 @@ pub fn state_name(state: State) -> &'static str {
         State::Damped => "damped",
         State::TorqueOff => "stopped, torque off",
         State::EStopped => "stopped by an emergency stop",
+        State::Streaming => "following streamed setpoints",
     }
 }
 
@@ -35,6 +36,7 @@ pub fn advice(state: State, faults: FaultBits) -> &'static str {
         State::Returning => "wait: it returns to SAFE, then torque goes off",
         State::Damped => "wait: it is let down, then torque goes off",
         State::TorqueOff | State::EStopped => "clear, then arm",
+        State::Streaming => "steer, or return to SAFE",
     }
 }
 

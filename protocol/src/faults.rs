@@ -146,6 +146,10 @@ faults! {
     /// The body is tilted further than its motion makes it.
     Tilt = 7: "the body is tilted", "set the robot up, without torque; clear, then arm",
         value MeasuredUnless("rad", "beyond the tilt of its motion", "the IMU is silent");
+    /// Streamed setpoints did not come in time.
+    SetpointTimeout = 8: "streamed setpoints came too late",
+        "see what holds up the host or the link; clear, then arm",
+        value Measured("s", "since the last frame of setpoints");
     /// No node acknowledges on an actuator bus.
     BusNoAck = 9: "no node acknowledges on an actuator bus",
         "check motor power and the actuator bus; clear, then arm", value Number("bus");
@@ -319,6 +323,14 @@ events! {
     /// A message was refused because nothing proved that its sender has the link key. Changes no state; only the log has
     /// it, with the count of such messages as its value.
     Unauthenticated = 27: None, None, "messages were refused that were not authenticated";
+    /// Command STREAM.
+    StreamStarted = 28: None, None, "a command to follow streamed setpoints";
+    /// Command RETURN while streaming.
+    StreamEnded = 29: None, None, "a command to end the stream of setpoints";
+    /// The next streamed setpoints are missing for too long.
+    StreamLost = 30: Return, Some(Fault::SetpointTimeout), "streamed setpoints came too late";
+    /// A stream of setpoints that had to end has come to rest.
+    StreamHalted = 31: None, None, "the robot halted where its stream of setpoints ended";
 }
 
 #[cfg(test)]

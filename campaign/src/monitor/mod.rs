@@ -329,7 +329,10 @@ impl Observer for Monitor {
             ToController::Transport if to == self.config.node => {
                 self.nonces.on_transport(frame.data());
             }
-            ToController::Transport | ToController::Parameter(_) | ToController::Discover => {}
+            ToController::Transport
+            | ToController::Parameter(_)
+            | ToController::Setpoint(_)
+            | ToController::Discover => {}
         }
     }
 

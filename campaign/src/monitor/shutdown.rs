@@ -103,7 +103,9 @@ impl ShutdownCheck {
         let required = faults.iter().map(Fault::least_severity).max().unwrap_or(Severity::None);
         self.has_torque = true;
         let reaction = match state {
-            State::Aligning | State::Ready | State::Playing | State::Paused => Severity::Notice,
+            State::Aligning | State::Ready | State::Playing | State::Paused | State::Streaming => {
+                Severity::Notice
+            }
             State::Returning => Severity::Return,
             State::Damped => Severity::Damp,
             _ => Severity::EStop,
@@ -123,7 +125,7 @@ impl ShutdownCheck {
                 );
             }
             State::Damped => self.require_torque_off(at, damping, "after damping began"),
-            State::Aligning | State::Ready | State::Playing | State::Paused => {
+            State::Aligning | State::Ready | State::Playing | State::Paused | State::Streaming => {
                 if let Some(lost) = self.lost_since
                     && at - lost > notices_within
                 {

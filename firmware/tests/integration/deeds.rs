@@ -3,10 +3,10 @@
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{
-    Action, CommandResult, ParameterAction, ParameterResult, Request, State, Torque,
+    Action, CommandResult, ParameterAction, ParameterResult, Request, Setpoint, State, Torque,
 };
 
-use crate::rig::Rig;
+use crate::rig::{Rig, me};
 use crate::robot::*;
 
 /// Something that happens to a controller.
@@ -31,6 +31,8 @@ pub enum Deed {
     Estop,
     Board,
     TimeJump(i64),
+    /// A setpoint, and as many frames of all channels after it that go on with it.
+    Setpoints(u8, Setpoint),
 }
 
 /// Lets it happen.
@@ -82,6 +84,17 @@ pub fn act(rig: &mut Rig, deed: &Deed) {
         Deed::Board => {
             rig.brain.estop(rig.now_us);
             assert_eq!(rig.brain.state(), State::EStopped);
+        }
+        Deed::Setpoints(frames, first) => {
+            rig.send(&first.encode(me()));
+            for ahead in 1..=*frames {
+                for (channel, value) in (0..).zip(STAND) {
+                    let frame = first.frame.wrapping_add(ahead);
+                    let value = if channel == first.channel { first.value } else { value };
+                    rig.send(&Setpoint { frame, channel, value, ..*first }.encode(me()));
+                }
+                rig.run(2);
+            }
         }
         Deed::TimeJump(us) => rig.now_us = rig.now_us.saturating_add_signed(*us),
     }

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::wire::{Action, ParameterAction, State};
+use rollwalk_protocol::wire::{Action, ParameterAction, Setpoint, State};
 
 use crate::deeds::{Deed, act, assert_way_home};
 use crate::rig::Rig;
@@ -16,7 +16,7 @@ fn frame() -> impl Strategy<Value = Frame> {
     let any_id = 0u16..0x800;
     // Mostly identifiers that mean something to the controller.
     let known = prop::sample::select(vec![
-        0x010u16, 0x0F0, 0x110, 0x1F0, 0x210, 0x510, 0x610, 0x710, 0x7F0,
+        0x010u16, 0x0F0, 0x110, 0x1F0, 0x210, 0x411, 0x510, 0x610, 0x710, 0x7F0,
     ]);
     (prop_oneof![any_id, known], prop::collection::vec(any::<u8>(), 0..=8))
         .prop_map(|(id, data)| Frame::standard(id, &data).unwrap())
@@ -43,9 +43,10 @@ fn action() -> impl Strategy<Value = Action> {
         1 => Just(Action::Pause),
         1 => Just(Action::Return),
         1 => Just(Action::Disarm),
+        3 => Just(Action::Stream),
         1 => any::<u16>().prop_map(|nonce| Action::ArmConfirm { nonce }),
         1 => any::<u16>().prop_map(|nonce| Action::ClearConfirm { nonce }),
-        1 => (9u8..16).prop_map(|kind| Action::Unknown { kind }),
+        1 => (10u8..16).prop_map(|kind| Action::Unknown { kind }),
     ]
 }
 
@@ -88,7 +89,17 @@ fn honest() -> impl Strategy<Value = Deed> {
         1 => (0usize..3, any::<u8>()).prop_map(|(i, s)| Deed::Status(i, s & ActuatorStatus::FAULTS)),
         1 => Just(Deed::Estop),
         1 => Just(Deed::Board),
+        4 => (any::<u8>(), setpoint()).prop_map(|(frames, first)| Deed::Setpoints(frames / 3, first)),
     ]
+}
+
+/// Near SAFE, where a stream begins, or anywhere.
+fn setpoint() -> impl Strategy<Value = Setpoint> {
+    let value = prop_oneof![3 => -0.7f32..0.5, 1 => -900.0f32..900.0];
+    let frame = prop_oneof![2 => Just(0u8), 1 => any::<u8>()];
+    (frame, 0u8..4, value, -200.0f32..200.0).prop_map(|(frame, channel, value, torque_nm)| {
+        Setpoint { frame, channel, value, torque_nm }
+    })
 }
 
 fn dishonest() -> impl Strategy<Value = Deed> {

@@ -23,6 +23,7 @@ mod rig;
 mod robot;
 mod scars;
 mod stopping;
+mod streaming;
 mod tilt;
 mod torque;
 mod transfer;

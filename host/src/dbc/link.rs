@@ -43,7 +43,7 @@ struct Kind {
 const HOST: &str = "host";
 
 /// Kinds of commands, as in the table of `docs/wire-format.md`.
-const COMMAND_KINDS: [&str; 9] = [
+const COMMAND_KINDS: [&str; 10] = [
     "Play",
     "Pause",
     "Resume",
@@ -53,6 +53,7 @@ const COMMAND_KINDS: [&str; 9] = [
     "ArmConfirm",
     "ClearRequest",
     "ClearConfirm",
+    "Stream",
 ];
 /// Kinds of requests about parameters.
 const PARAMETER_KINDS: [&str; 5] = ["Get", "Set", "Reset", "Save", "Origin"];
@@ -102,7 +103,7 @@ impl Kind {
     }
 }
 
-fn kinds(names: Option<&RobotNames>) -> [Kind; 16] {
+fn kinds(names: Option<&RobotNames>) -> [Kind; 17] {
     let kind = |schema, class, number, len, from, comment, layout| {
         let (to_all, period_ms) = (false, 0);
         Kind { schema, class, number, len, from, to_all, period_ms, comment, layout }
@@ -154,6 +155,15 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 16] {
         from("fault", 3, 1, 8, "A fault in detail: when it appears, then once a second", fault()),
         from("command_ack", 3, 2, 7, "Answer to each command", command_ack()),
         from("joint", 4, 0, 8, "Measurements of one channel after the other", joint(names)),
+        kind(
+            "setpoint",
+            4,
+            1,
+            8,
+            From::Host,
+            "Streamed setpoint of one channel, 60 a second",
+            setpoint(names),
+        ),
         kind("transport_to_controller", 5, 0, 8, From::Host, "ISO-TP: requests", isotp()),
         from("transport_to_host", 5, 1, 8, "ISO-TP: responses", isotp()),
         to("parameter", 6, 8, "Gains and limits at run time", parameter()),
@@ -274,6 +284,35 @@ fn joint(names: Option<&RobotNames>) -> Layout {
     let mut layout = layout.names(names.clone()).selects();
     for (i, name) in names {
         layout = layout.when(i, servo::telemetry_of(&name, 8));
+    }
+    layout
+}
+
+/// A streamed setpoint. With a robot file the channel selects signals named after the joint.
+fn setpoint(names: Option<&RobotNames>) -> Layout {
+    let layout = Layout::sealed()
+        .unsigned("frame", 8)
+        .comment("From 0 after STREAM, modulo 256")
+        .unsigned("channel", 8);
+    let values = |layout: Layout, prefix: &str, unit| {
+        layout
+            .steps(&format!("{prefix}value"), 24, 1e-4)
+            .unit(unit)
+            .steps(&format!("{prefix}torque"), 16, 5e-3)
+            .unit("Nm")
+            .comment("Torque that is fed forward")
+    };
+    let Some(names) = names else {
+        let layout = layout.comment("As in the robot's configuration");
+        return values(layout, "", "rad|rad/s");
+    };
+    let channels: Vec<_> = (0..).zip(names.identified()).collect();
+    let of_channel = channels.iter().map(|(i, (name, _))| (*i, name.clone()));
+    let mut layout = layout.names(of_channel).selects();
+    for (i, (name, channel)) in channels {
+        let unit = if channel.is_wheel { "rad/s" } else { "rad" };
+        let prefix = format!("{name}_");
+        layout = layout.when(i, values(Layout::new().at(24), &prefix, unit).finish());
     }
     layout
 }

@@ -51,8 +51,17 @@ fn sealed(schema: &'static str, frame: Frame, mut values: Vec<(String, f64)>) ->
 
 /// Of the link.
 pub fn link() -> BoxedStrategy<Sample> {
-    prop_oneof![safety(), heartbeats(), commands(), told(), parameters(), discovery(), transport()]
-        .boxed()
+    prop_oneof![
+        safety(),
+        heartbeats(),
+        commands(),
+        setpoints(),
+        told(),
+        parameters(),
+        discovery(),
+        transport()
+    ]
+    .boxed()
 }
 
 fn safety() -> impl Strategy<Value = Sample> {
@@ -104,7 +113,8 @@ fn action() -> impl Strategy<Value = Action> {
             Action::Return,
             Action::Disarm,
             Action::ArmRequest,
-            Action::ClearRequest
+            Action::ClearRequest,
+            Action::Stream
         ]),
         any::<u16>().prop_map(|nonce| Action::ArmConfirm { nonce }),
         any::<u16>().prop_map(|nonce| Action::ClearConfirm { nonce }),
@@ -128,7 +138,7 @@ fn commands() -> impl Strategy<Value = Sample> {
         ]);
         sealed("command", Command { seq, action, valid_until_ms: until }.encode(to), values)
     });
-    let ack = (node(), 0u8..16, 0u8..9, of(CommandResult::ALL), of(State::ALL), option());
+    let ack = (node(), 0u8..16, 0u8..10, of(CommandResult::ALL), of(State::ALL), option());
     let ack = (ack, any::<u16>()).prop_map(|((node, seq, kind, result, state, motion), value)| {
         let values = says([
             ("seq", seq.into()),
@@ -142,6 +152,26 @@ fn commands() -> impl Strategy<Value = Sample> {
         sealed("command_ack", ack.encode(node), values)
     });
     prop_oneof![command, ack]
+}
+
+fn setpoints() -> impl Strategy<Value = Sample> {
+    // Up to 2^22 steps a single-precision number is as fine as they are.
+    let setpoint = (node(), any::<u8>(), any::<u8>(), -(1i32 << 22)..1 << 22, -32767i16..=32767);
+    setpoint.prop_map(|(to, frame, channel, value, torque)| {
+        let setpoint = Setpoint {
+            frame,
+            channel,
+            value: value as f32 / 10_000.0,
+            torque_nm: f32::from(torque) / 200.0,
+        };
+        let values = says([
+            ("frame", frame.into()),
+            ("channel", channel.into()),
+            ("value", f64::from(value) / 1e4),
+            ("torque", f64::from(torque) / 200.0),
+        ]);
+        sealed("setpoint", setpoint.encode(to), values)
+    })
 }
 
 fn told() -> impl Strategy<Value = Sample> {

@@ -59,9 +59,11 @@ pub enum Action {
         /// From the acknowledgement of the request.
         nonce: u16,
     },
+    /// Follow the [`super::Setpoint`]s that the host streams, from SAFE on, until [`Action::Return`].
+    Stream,
     /// Of a later version; the answer is [`CommandResult::UnknownKind`].
     Unknown {
-        /// Kind on the wire, 9 to 15.
+        /// Kind on the wire, 10 to 15.
         kind: u8,
     },
 }
@@ -79,6 +81,7 @@ impl Action {
             Action::ArmConfirm { .. } => 6,
             Action::ClearRequest => 7,
             Action::ClearConfirm { .. } => 8,
+            Action::Stream => 9,
             Action::Unknown { kind } => kind & 0xF,
         }
     }
@@ -122,7 +125,7 @@ impl Command {
                     Action::ClearConfirm { nonce }
                 }
             }
-            1..=5 | 7 => {
+            1..=5 | 7 | 9 => {
                 unused(play)?;
                 unused([arg, 0])?;
                 match kind {
@@ -131,7 +134,8 @@ impl Command {
                     3 => Action::Return,
                     4 => Action::Disarm,
                     5 => Action::ArmRequest,
-                    _ => Action::ClearRequest,
+                    7 => Action::ClearRequest,
+                    _ => Action::Stream,
                 }
             }
             _ => Action::Unknown { kind },

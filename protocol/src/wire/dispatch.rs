@@ -3,7 +3,8 @@
 use super::transport::{TO_CONTROLLER, TO_HOST};
 use super::{
     Command, CommandAck, DecodeError, Discover, Discovered, Estop, EstopAck, FaultReport,
-    Heartbeat, HeartbeatReply, JointTelemetry, Node, ParameterAck, ParameterRequest, Status,
+    Heartbeat, HeartbeatReply, JointTelemetry, Node, ParameterAck, ParameterRequest, Setpoint,
+    Status,
 };
 use crate::can::Frame;
 
@@ -16,6 +17,8 @@ pub enum ToController {
     Heartbeat(Heartbeat),
     /// Command of the host.
     Command(Command),
+    /// Setpoint of a stream.
+    Setpoint(Setpoint),
     /// Part of a [`super::Request`], or flow control: for [`super::isotp::Endpoint::on_frame`].
     Transport,
     /// Reads, sets or saves gains and limits.
@@ -32,6 +35,7 @@ impl ToController {
             0x000 => Estop::decode(frame).map(|(node, _)| (node, Self::Estop)),
             0x100 => Heartbeat::decode(frame).map(|(node, m)| (node, Self::Heartbeat(m))),
             0x200 => Command::decode(frame).map(|(node, m)| (node, Self::Command(m))),
+            0x401 => Setpoint::decode(frame).map(|(node, m)| (node, Self::Setpoint(m))),
             0x500 => TO_CONTROLLER.node(frame).map(|node| (node, Self::Transport)),
             0x600 => ParameterRequest::decode(frame).map(|(node, m)| (node, Self::Parameter(m))),
             0x700 => Discover::decode(frame).map(|(node, _)| (node, Self::Discover)),
@@ -96,11 +100,13 @@ mod tests {
     fn every_message_to_a_controller_arrives() {
         let heartbeat = Heartbeat { seq: 1, host_ms: 2 };
         let command = Command { seq: 1, action: Action::Disarm, valid_until_ms: 2 };
+        let setpoint = Setpoint { frame: 1, channel: 2, value: 0.5, torque_nm: -0.25 };
         let parameter = ParameterRequest { seq: 1, action: ParameterAction::Save };
         for (frame, message) in [
             (Estop.encode(node()), ToController::Estop),
             (heartbeat.encode(node()), ToController::Heartbeat(heartbeat)),
             (command.encode(node()), ToController::Command(command)),
+            (setpoint.encode(node()), ToController::Setpoint(setpoint)),
             (Frame::known(TO_CONTROLLER.id(node()), [1, 2]), ToController::Transport),
             (parameter.encode(node()), ToController::Parameter(parameter)),
             (Discover.encode(node()), ToController::Discover),

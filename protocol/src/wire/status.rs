@@ -35,6 +35,8 @@ coded! {
         TorqueOff = 9,
         /// No torque; latched until the operator clears it.
         EStopped = 10,
+        /// Follows setpoints that the host streams.
+        Streaming = 11,
     }
 }
 
@@ -57,9 +59,12 @@ impl State {
                 Torque::Off
             }
             Self::Damped => Torque::Damped,
-            Self::Aligning | Self::Ready | Self::Playing | Self::Paused | Self::Returning => {
-                Torque::Driven
-            }
+            Self::Aligning
+            | Self::Ready
+            | Self::Playing
+            | Self::Paused
+            | Self::Returning
+            | Self::Streaming => Torque::Driven,
         }
     }
 
@@ -92,7 +97,7 @@ pub struct Status {
     pub faults: FaultBits,
     /// Clip being played: motions, then transitions, as in the library.
     pub clip: Option<u8>,
-    /// Frame of that clip, 0 to 4095.
+    /// Frame of that clip, 0 to 4095; while streaming the frames played so far, modulo 4096.
     pub frame: u16,
     /// 0 to 15, one more (and around) with each status message.
     pub counter: u8,
@@ -183,6 +188,7 @@ mod tests {
             (State::Damped, V::Damp),
             (State::TorqueOff, V::TorqueOff),
             (State::EStopped, V::EStop),
+            (State::Streaming, V::Notice),
         ];
         let faults = FaultBits::default().with(Fault::HostLost);
         assert!(State::ALL.iter().map(|&state| (state, state.severity(faults))).eq(with_a_fault));

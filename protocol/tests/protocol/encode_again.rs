@@ -8,6 +8,7 @@ pub fn encode_to(node: Node, message: ToController) -> Option<Frame> {
     Some(match message {
         ToController::Heartbeat(m) => m.encode(node),
         ToController::Command(m) => m.encode(node),
+        ToController::Setpoint(m) => m.encode(node),
         ToController::Parameter(m) => m.encode(node),
         ToController::Discover => Discover.encode(node),
         // Any payload is one.

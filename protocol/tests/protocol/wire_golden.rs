@@ -18,7 +18,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0xa38f_3276);
+    assert_eq!(SCHEMA_HASH, 0x8bac_997f);
 }
 
 #[test]
@@ -62,6 +62,7 @@ fn command() {
         (Action::ArmConfirm { nonce: 0xBEEF }, "230#8c6c0000efbe1027"),
         (Action::ClearRequest, "230#af7d000000001027"),
         (Action::ClearConfirm { nonce: 0x1234 }, "230#1a8e000034121027"),
+        (Action::Stream, "230#d89f000000001027"),
     ];
     for (i, (action, golden)) in actions.into_iter().enumerate() {
         let command = Command { seq: i as u8 + 5, action, valid_until_ms: 0x2710 };
@@ -129,6 +130,30 @@ fn joint_telemetry() {
 }
 
 #[test]
+fn setpoint() {
+    for (value, torque_nm, golden) in
+        [(-1.0, 0.5, "431#1cab07f0d8ff6400"), (838.0, -160.0, "431#74ab0760de7f0083")]
+    {
+        let m = Setpoint { frame: 0xAB, channel: 7, value, torque_nm };
+        assert_eq!(text(m.encode(node())), golden);
+        assert_eq!(Setpoint::decode(&m.encode(node())), Ok((node(), m)));
+    }
+    // The lowest numbers mean no value.
+    for (value, torque) in [([0, 0, 0x80], [0, 0]), ([0, 0, 0], [0, 0x80])] {
+        let body = [1, 2, value[0], value[1], value[2], torque[0], torque[1]];
+        let mut data = [0; 8];
+        data[1..].copy_from_slice(&body);
+        data[0] = rollwalk_protocol::crc::crc8_with_id(0x431, &body);
+        let frame = Frame::standard(0x431, &data).unwrap();
+        assert_eq!(Setpoint::decode(&frame), Err(DecodeError::BadValue));
+    }
+    // What does not fit saturates, and what is no number is 0.
+    let wild = Setpoint { frame: 0, channel: 0, value: 1e9, torque_nm: f32::NAN };
+    let (_, read) = Setpoint::decode(&wild.encode(node())).unwrap();
+    assert_eq!((read.value, read.torque_nm), (838.8607, 0.0));
+}
+
+#[test]
 fn parameter() {
     let actions = [
         (ParameterAction::Get { parameter: 1, channel: 23 }, "630#0105011700000000"),
@@ -185,7 +210,7 @@ fn codes_are_pinned() {
     check(
         State::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
         "0 Boot, 1 SelfTest, 2 Disarmed, 3 Aligning, 4 Ready, 5 Playing, 6 Paused, 7 Returning, \
-         8 Damped, 9 TorqueOff, 10 EStopped",
+         8 Damped, 9 TorqueOff, 10 EStopped, 11 Streaming",
     );
     check(
         Severity::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
@@ -194,7 +219,7 @@ fn codes_are_pinned() {
     check(
         Fault::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
         "0 NoLibrary, 1 ConfigMismatch, 2 HostLost, 3 ActuatorSilent, 4 ActuatorFault, \
-         5 TrackingError, 6 OutOfLimits, 7 Tilt, 9 BusNoAck, \
+         5 TrackingError, 6 OutOfLimits, 7 Tilt, 8 SetpointTimeout, 9 BusNoAck, \
          10 BusPassive, 11 BusOff, 12 EStop, 13 Overrun, 14 LibraryUnreadable, 15 Internal",
     );
     check(
@@ -209,7 +234,8 @@ fn codes_are_pinned() {
          6 BusPassive, 7 Tipped, 8 NotFollowing, 9 PlaybackFailed, 10 Overrun, 11 AlignFailed, \
          12 HostLost, 13 Leaning, 14 Disarm, 15 ClearConfirmed, 16 ArmConfirmed, 17 Started, \
          18 SelfTestPassed, 19 Aligned, 20 MotionStarted, 21 PauseAsked, 22 ResumeAsked, \
-         23 SafeReached, 24 HoldElapsed, 25 DampingElapsed, 26 FaultFree, 27 Unauthenticated",
+         23 SafeReached, 24 HoldElapsed, 25 DampingElapsed, 26 FaultFree, 27 Unauthenticated, \
+         28 StreamStarted, 29 StreamEnded, 30 StreamLost, 31 StreamHalted",
     );
     check(
         Parameter::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),

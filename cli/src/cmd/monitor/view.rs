@@ -133,6 +133,7 @@ impl<'a> View<'a> {
             Action::ArmConfirm { .. } => "arm, confirmed".into(),
             Action::ClearRequest => "clear".into(),
             Action::ClearConfirm { .. } => "clear, confirmed".into(),
+            Action::Stream => "follow streamed setpoints".into(),
             Action::Unknown { kind, .. } => format!("of unknown kind {kind}"),
         };
         match result {

@@ -68,6 +68,7 @@ pub fn state_words(view: &View) -> &'static str {
         Some(State::Damped) => "DAMPED",
         Some(State::TorqueOff) => "TORQUE OFF",
         Some(State::EStopped) => "EMERGENCY STOP",
+        Some(State::Streaming) => "STREAMING",
     }
 }
 
@@ -79,7 +80,7 @@ fn colour(view: &View) -> Color {
         return Color::Gray;
     }
     match view.status.map(|status| status.state) {
-        Some(State::Ready | State::Playing) => Color::Green,
+        Some(State::Ready | State::Playing | State::Streaming) => Color::Green,
         Some(State::Aligning | State::Paused | State::Returning) => Color::Yellow,
         Some(State::Damped | State::TorqueOff | State::EStopped) => Color::Red,
         Some(State::Boot | State::SelfTest | State::Disarmed) | None => Color::Gray,

@@ -1,0 +1,232 @@
+//! Setpoints that a host streams, as a smooth curve at the control rate: what the [player](crate::player) is to a library.
+//!
+//! The host numbers its frames from 0 and sends them ahead of time, [`RATE_HZ`](rollwalk_protocol::library::RATE_HZ) a second; they
+//! wait in a ring until they are due by the controller's clock. Four consecutive frames make the curve between the middle two, so
+//! that a frame takes effect two frames after it was taken.
+//!
+//! ```text
+//! SETPOINT ──> ring of DEPTH frames ──> window of 4 ──> Hermite ──> target
+//! ```
+//!
+//! A frame of which a channel is missing is taken with that channel's last value when a later frame is there, [`MOST_GAPS`] times in a
+//! row: a lost message is a small error. Without a frame to take the curve comes to rest at the last one, within two frames,
+//! and goes on where it stopped: what comes late is played late, and nothing jumps.
+
+use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
+use rollwalk_protocol::wire::Setpoint;
+
+use crate::hermite;
+use crate::limiter::Target;
+
+/// Frames that may wait: a power of two, so that places follow from numbers that wrap.
+pub const DEPTH: usize = 16;
+/// Frames in a row that are taken although a channel of them is missing.
+pub const MOST_GAPS: u8 = 3;
+
+/// Frames that define a segment of the curve.
+const WINDOW: usize = 4;
+
+/// Values of all channels, rad or rad/s, and torques, N·m.
+#[derive(Clone, Copy, Debug)]
+struct Frame {
+    values: [f32; MAX_CHANNELS],
+    torques: [f32; MAX_CHANNELS],
+}
+
+/// A frame that is on its way.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    /// A bit for each channel that has come.
+    heard: u32,
+    frame: Frame,
+}
+
+/// A stream of setpoints.
+#[derive(Clone, Debug)]
+pub struct Stream {
+    ring: [Waiting; DEPTH],
+    /// Frames taken so far, and the number of the next one, modulo 65,536.
+    taken: u16,
+    /// Frames k−1, k, k+1, k+2, the oldest at `first`.
+    window: [Frame; WINDOW],
+    first: usize,
+    /// Ticks since frame k was passed.
+    ticks: u16,
+    ticks_per_frame: u16,
+    /// Frames in a row with a missing channel.
+    gaps: u8,
+    /// Frames since the last one was taken.
+    starved: u16,
+    halted: bool,
+}
+
+impl Stream {
+    /// A stream that rests in a pose, for a control rate of `ticks_per_frame` · 60 Hz.
+    pub fn start(
+        values: [f32; MAX_CHANNELS],
+        torques: [f32; MAX_CHANNELS],
+        ticks_per_frame: u16,
+    ) -> Self {
+        let frame = Frame { values, torques };
+        Self {
+            ring: [Waiting { heard: 0, frame }; DEPTH],
+            taken: 0,
+            window: [frame; WINDOW],
+            first: 0,
+            ticks: 0,
+            ticks_per_frame: ticks_per_frame.max(1),
+            gaps: 0,
+            starved: 0,
+            halted: false,
+        }
+    }
+
+    /// Keeps a setpoint until it is due. Ignored: one of a frame that was taken or is more than [`DEPTH`] ahead, of an unknown channel,
+    /// and one that would begin the stream further than `nearest_rad` from the pose in which the joint rests.
+    pub fn receive(&mut self, config: &RobotConfig, setpoint: &Setpoint, nearest_rad: f32) {
+        let channel = usize::from(setpoint.channel);
+        let Some(kind) = config.channels.get(channel).map(|channel| channel.kind) else { return };
+        let ahead = setpoint.frame.wrapping_sub(self.taken as u8);
+        if usize::from(ahead) >= DEPTH || !(setpoint.value.is_finite()) {
+            return;
+        }
+        let begins = self.taken == 0 && ahead == 0 && kind == ChannelKind::JointPosition;
+        let [.., rests] = self.frames();
+        let far = |rests: &f32| (setpoint.value - rests).abs() > nearest_rad;
+        if begins && rests.values.get(channel).is_none_or(far) {
+            return;
+        }
+        let place = place(self.taken.wrapping_add(u16::from(ahead)));
+        let Some(waiting) = self.ring.get_mut(place) else { return };
+        if let (Some(value), Some(torque_nm)) =
+            (waiting.frame.values.get_mut(channel), waiting.frame.torques.get_mut(channel))
+        {
+            (*value, *torque_nm) = (setpoint.value, setpoint.torque_nm);
+            waiting.heard |= bit(channel);
+        }
+    }
+
+    /// Advances by one control period.
+    pub fn advance(&mut self, config: &RobotConfig) {
+        self.ticks = self.ticks.saturating_add(1);
+        if self.ticks >= self.ticks_per_frame {
+            self.ticks = 0;
+            let next = if self.halted { None } else { self.take(config) };
+            self.starved = if next.is_some() { 0 } else { self.starved.saturating_add(1) };
+            let next = next.unwrap_or_else(|| self.held(config));
+            if let Some(oldest) = self.window.get_mut(self.first) {
+                *oldest = next;
+            }
+            self.first = self.first.wrapping_add(1) % WINDOW;
+        }
+    }
+
+    /// The frame that is due, if it is there.
+    fn take(&mut self, config: &RobotConfig) -> Option<Frame> {
+        let all = (0..config.channels.len()).fold(0, |bits, channel| bits | bit(channel));
+        let heard = |ahead: usize| {
+            let number = self.taken.wrapping_add(ahead as u16);
+            self.ring.get(place(number)).map_or(0, |waiting| waiting.heard & all)
+        };
+        let complete = heard(0) == all;
+        // The first frame is compared with the pose in which the robot rests, so all of it has to be there.
+        let may_fill = self.taken > 0 && self.gaps < MOST_GAPS;
+        let goes_on = may_fill && (1..DEPTH).any(|ahead| heard(ahead) != 0);
+        if !(complete || goes_on) {
+            return None;
+        }
+        self.gaps = if complete { 0 } else { self.gaps.saturating_add(1) };
+        let [.., last] = self.frames();
+        let last = *last;
+        let waiting = self.ring.get_mut(place(self.taken))?;
+        let missing = all & !waiting.heard;
+        let mut frame = waiting.frame;
+        for channel in (0..MAX_CHANNELS).filter(|&channel| missing & bit(channel) != 0) {
+            if let (Some(value), Some(before)) =
+                (frame.values.get_mut(channel), last.values.get(channel))
+            {
+                *value = *before;
+            }
+            if let (Some(torque_nm), Some(before)) =
+                (frame.torques.get_mut(channel), last.torques.get(channel))
+            {
+                *torque_nm = *before;
+            }
+        }
+        waiting.heard = 0;
+        self.taken = self.taken.wrapping_add(1);
+        Some(frame)
+    }
+
+    /// The last frame once more. The wheels of a stream that has ended stand.
+    fn held(&self, config: &RobotConfig) -> Frame {
+        let [.., last] = self.frames();
+        let mut frame = *last;
+        for (value, channel) in frame.values.iter_mut().zip(&config.channels) {
+            if self.halted && channel.kind == ChannelKind::WheelSpeed {
+                *value = 0.0;
+            }
+        }
+        frame
+    }
+
+    /// Ends the stream: the robot halts where it is.
+    pub fn halt(&mut self) {
+        self.halted = true;
+    }
+
+    /// Whether the stream was ended, and its curve is at rest.
+    pub fn rests(&self) -> bool {
+        self.halted && usize::from(self.starved) >= WINDOW
+    }
+
+    /// Frames taken so far, modulo 65,536.
+    pub fn taken(&self) -> u16 {
+        self.taken
+    }
+
+    /// Frames since the last one was taken.
+    pub fn starved(&self) -> u16 {
+        self.starved
+    }
+
+    /// Whether the host ended the stream, or its end was called for.
+    pub fn is_halted(&self) -> bool {
+        self.halted
+    }
+
+    /// The present target of a channel.
+    pub fn target(&self, config: &RobotConfig, channel: usize) -> Option<Target> {
+        let [a, b, c, d] = self.frames();
+        let value = |frame: &Frame| frame.values.get(channel).copied();
+        let phase = f32::from(self.ticks) / f32::from(self.ticks_per_frame);
+        let sample = hermite::between([value(a)?, value(b)?, value(c)?, value(d)?], phase);
+        let slope = match config.channels.get(channel)?.kind {
+            ChannelKind::JointPosition => sample.slope,
+            ChannelKind::WheelSpeed => 0.0,
+        };
+        let (from, to) = (*b.torques.get(channel)?, *c.torques.get(channel)?);
+        Some(Target { value: sample.value, slope, torque_nm: from + phase * (to - from) })
+    }
+
+    /// Frames k−1, k, k+1, k+2.
+    fn frames(&self) -> [&Frame; WINDOW] {
+        let [a, b, c, d] = &self.window;
+        match self.first {
+            1 => [b, c, d, a],
+            2 => [c, d, a, b],
+            3 => [d, a, b, c],
+            _ => [a, b, c, d],
+        }
+    }
+}
+
+/// Place of a frame in the ring.
+fn place(number: u16) -> usize {
+    usize::from(number) % DEPTH
+}
+
+fn bit(channel: usize) -> u32 {
+    const { assert!(MAX_CHANNELS <= 32, "a bit for each channel") };
+    1_u32.checked_shl(channel as u32).unwrap_or(0)
+}

@@ -1,0 +1,56 @@
+//! Class 4: setpoints that a host streams, in place of a motion of the library.
+
+use super::{DecodeError, Kind, Node};
+use crate::actuator::{TORQUE_STEPS, measured, signed};
+use crate::can::Frame;
+
+const SETPOINT: Kind = Kind::new(4, 1);
+
+/// Steps of a value in a rad or rad/s.
+const VALUE_STEPS: f32 = 10_000.0;
+/// Largest number of steps, in 24 bits; the lowest number means no value.
+const MAX_STEPS: i32 = (1 << 23) - 1;
+
+/// Setpoint of one channel in one frame of a stream, of which there are [`crate::library::RATE_HZ`] a second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setpoint {
+    /// Frame of the stream, from 0 after the command [`super::Action::Stream`], modulo 256.
+    pub frame: u8,
+    /// Channel, as in the robot's configuration.
+    pub channel: u8,
+    /// Angle of a joint, rad; speed of a wheel, rad/s.
+    pub value: f32,
+    /// Torque that is fed forward, N·m.
+    pub torque_nm: f32,
+}
+
+impl Setpoint {
+    /// `[crc8][frame u8][channel u8][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. Numbers beyond their scale
+    /// saturate; NaN becomes 0.
+    pub fn encode(self, to: Node) -> Frame {
+        let most = MAX_STEPS as f32;
+        let exact = (self.value * VALUE_STEPS).clamp(-most, most);
+        let steps = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i32;
+        let [v0, v1, v2, _] = steps.clamp(-MAX_STEPS, MAX_STEPS).to_le_bytes();
+        let [t0, t1] = measured(self.torque_nm, TORQUE_STEPS).to_le_bytes();
+        SETPOINT.seal(to, [0, self.frame, self.channel, v0, v1, v2, t0, t1])
+    }
+
+    /// Addressee and setpoint.
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
+        let (node, [_, number, channel, v0, v1, v2, t0, t1]) = SETPOINT.unseal(frame)?;
+        let bad = DecodeError::BadValue;
+        // The sign fills the upper byte.
+        let steps = i32::from_le_bytes([0, v0, v1, v2]) >> 8;
+        if steps < -MAX_STEPS {
+            return Err(bad);
+        }
+        let setpoint = Self {
+            frame: number,
+            channel,
+            value: steps as f32 / VALUE_STEPS,
+            torque_nm: signed(t0, t1, TORQUE_STEPS).ok_or(bad)?,
+        };
+        Ok((node, setpoint))
+    }
+}
