@@ -12,16 +12,20 @@
 //!   in the last (`Family::Steering`), and the posture to that of the gait, so that the robot can go on from there, and stop.
 //! * **Time** is up to the caller: the callback stops the solve, and the best samples so far are returned.
 //!
+//! A [`Course`] plays horizons one after the other without feedback, as setpoints.
+//!
 //! A solve starts from the gait, with the measured error in it fading (`start`). Nothing but the footfalls is carried from one plan to
 //! the next: a plan that failed leaves no trace. What does not depend on numbers is kept for each footfall pattern, as in
 //! [`Editing`](crate::Editing).
 
+mod course;
 mod error;
 mod gait;
 mod measured;
 mod schedule;
 mod start;
 
+pub use course::{Course, CourseError, Frame, Stretch};
 pub use error::HorizonError;
 use gait::base_placement;
 pub use gait::{Gait, GaitError};

@@ -2,6 +2,7 @@
 //! which end effectors stand.
 
 use crate::plan::Plan;
+use crate::sample::Setpoints;
 use crate::torque::InverseDynamics;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{State, Tree, turn_base};
@@ -38,6 +39,12 @@ impl WholeBody {
     /// The robot with turning wheels and rotors, whose generalised velocities those of [`Instant`] are.
     pub fn tree(&self) -> &Tree {
         self.inverse.tree()
+    }
+
+    /// Setpoints of joints and driven wheels at a time, and torques in channel order, N·m.
+    pub fn setpoints(&mut self, plan_time_s: f64) -> (Setpoints, Vec<f64>) {
+        let torques_nm = self.inverse.at(plan_time_s).channels_nm().collect();
+        (self.inverse.spline().setpoints(plan_time_s), torques_nm)
     }
 
     /// The robot at a time, where `world_from_plan` says that the plan lies. A periodic motion goes on in later periods, any other

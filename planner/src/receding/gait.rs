@@ -82,6 +82,19 @@ impl Gait {
     /// # Errors
     /// The spacing is no time.
     pub fn standing(robot: &Robot, interval_s: f64) -> Result<Self, GaitError> {
+        let nominal: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+        Self::standing_in(robot, interval_s, &nominal)
+    }
+
+    /// The same in another posture: joint angles in joint order, rad.
+    ///
+    /// # Errors
+    /// The spacing is no time.
+    pub fn standing_in(
+        robot: &Robot,
+        interval_s: f64,
+        joint_rad: &[f64],
+    ) -> Result<Self, GaitError> {
         if !(interval_s.is_finite() && interval_s > 0.0) {
             return Err(GaitError::NoSpacing { interval_s });
         }
@@ -93,7 +106,7 @@ impl Gait {
             stance: vec![vec![true; count]],
             swing_height_m: 0.0,
             goal: Goal::default(),
-            posture_rad: robot.joints.iter().map(|joint| joint.nominal_rad).collect(),
+            posture_rad: joint_rad.to_vec(),
             held_wheels: vec![false; count],
             targets: Vec::new(),
             heights: Vec::new(),

@@ -1,0 +1,300 @@
+//! Setpoints of a steered robot without feedback: horizons that continue one another as planned.
+//!
+//! Robots whose servos are commanded angles and speeds play plans as they are. Each horizon here begins in the state in which the robot
+//! is by the horizon before, and its setpoints follow those of that one without a step. Feedback is up to the servos, as in a
+//! motion library; `docs/receding-horizon.md` tells when that is enough.
+
+use super::measured::over_ground;
+use super::{Gait, Horizon, HorizonError, HorizonOptions, Measured, Steering};
+use crate::plan::Placement;
+use crate::solve::Progress;
+use crate::whole_body::WholeBody;
+use nalgebra::{Isometry3, Vector3};
+use rollwalk_multibody::State;
+use rollwalk_multibody::euler::BASE_POSITION;
+use rollwalk_protocol::library::RATE_HZ;
+use rollwalk_robot::Robot;
+use std::fmt;
+use std::ops::ControlFlow;
+
+/// A course of a robot.
+pub struct Course {
+    horizon: Horizon,
+    /// State in which it begins.
+    begins: State,
+    /// The plan in use, where it lies, and its first sample.
+    plan: Option<(WholeBody, Isometry3<f64>, u64)>,
+    /// Samples in a stretch.
+    stretch_samples: u64,
+    /// Samples and frames so far.
+    samples: u64,
+    frames: u64,
+}
+
+impl fmt::Debug for Course {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Course").field("samples", &self.samples).finish_non_exhaustive()
+    }
+}
+
+/// The part of a horizon that is played before the next one takes over.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stretch {
+    /// Setpoints, [`RATE_HZ`] a second.
+    pub frames: Vec<Frame>,
+    /// Iterations of the solve.
+    pub iterations: usize,
+    /// Whether its plan was accepted. If not, the plan before goes on.
+    pub accepted: bool,
+    /// Velocity of the body in the mean of the stretch: along and to the left of its heading, m/s, and rate of the heading, rad/s.
+    pub velocity: [f64; 3],
+    /// Where the body is at its end, and its heading.
+    pub place: Placement,
+}
+
+/// Setpoints of all channels, joints first, then driven wheels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Angles of joints, rad, and speeds of wheels, rad/s.
+    pub values: Vec<f64>,
+    /// Torques of the motors, N·m.
+    pub torques_nm: Vec<f64>,
+}
+
+/// Why a course does not go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CourseError {
+    /// The horizon cannot be planned.
+    #[error(transparent)]
+    Horizon(#[from] HorizonError),
+    /// No plan was accepted for as long as the last one lasts.
+    #[error(
+        "no plan met the constraints for {for_s:.1} s: `{constraint}` held worst, at {level:.1} of its tolerance"
+    )]
+    NoPlan {
+        /// Time since the last plan began, s.
+        for_s: f64,
+        /// The constraint that held worst in the last try.
+        constraint: String,
+        /// Its residual over its tolerance.
+        level: f64,
+    },
+}
+
+impl Course {
+    /// A course that begins at rest, on all end effectors, with these joint angles, rad. Samples are `interval_s` apart, as
+    /// those of the gaits that it [changes to](Self::change_gait). A stretch is a whole number of samples, `stretch_s` at least.
+    ///
+    /// # Errors
+    /// The horizon is too short, or the joints are of another robot.
+    pub fn new(
+        robot: &Robot,
+        joint_rad: &[f64],
+        interval_s: f64,
+        stretch_s: f64,
+        options: HorizonOptions,
+    ) -> Result<Self, HorizonError> {
+        let (what, found, expected) = ("joint_rad", joint_rad.len(), robot.joints.len());
+        if found != expected {
+            return Err(HorizonError::OtherRobot { what, found, expected });
+        }
+        let stand = Gait::standing_in(robot, interval_s, joint_rad)
+            .map_err(|_| HorizonError::NotFinite { what: "interval_s" })?;
+        let horizon = Horizon::new(robot, stand, options)?;
+        let height_m = horizon.model.standing_q(joint_rad)[BASE_POSITION + 2];
+        let begins = State {
+            base_position_m: Vector3::z() * height_m,
+            joint_rad: joint_rad.to_vec(),
+            ..State::nominal(&horizon.tree)
+        };
+        let stretch_samples = (stretch_s / interval_s - 1e-9).ceil().max(1.0) as u64;
+        Ok(Self { horizon, begins, plan: None, stretch_samples, samples: 0, frames: 0 })
+    }
+
+    /// Time of a stretch, s.
+    pub fn stretch_s(&self) -> f64 {
+        self.stretch_samples as f64 * self.horizon.interval_s()
+    }
+
+    /// Changes to another gait with the next stretch. End effectors that are in the air there finish their swing first.
+    ///
+    /// # Errors
+    /// The gait is of another robot or has another spacing.
+    pub fn change_gait(&mut self, gait: Gait) -> Result<(), HorizonError> {
+        self.horizon.change_gait(gait, self.samples)
+    }
+
+    /// Plans on and returns the next stretch. `progress` sees every iteration and may stop the solve.
+    ///
+    /// # Errors
+    /// [`CourseError`]; a course without a plan may be asked again, with other steering.
+    pub fn go_on(
+        &mut self,
+        steering: Steering,
+        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Stretch, CourseError> {
+        let interval_s = self.horizon.interval_s();
+        let time_s = |sample: u64| sample as f64 * interval_s;
+        let count = self.horizon.tree.robot().end_effectors.len();
+        let (state, stands) = match &mut self.plan {
+            None => (self.begins.clone(), vec![true; count]),
+            Some((body, world_from_plan, from)) => {
+                let instant = body.at(time_s(self.samples - *from), world_from_plan);
+                (instant.state, instant.stands)
+            }
+        };
+        let measured = Measured { state: &state, touches: &stands };
+        let found = self.horizon.plan(measured, self.samples, steering, progress)?;
+        let accepted = found.is_accepted();
+        if accepted {
+            self.plan = Some((WholeBody::new(&found.plan), found.world_from_plan, self.samples));
+        }
+        let end = self.samples + self.stretch_samples;
+        let last = |from: u64| from + (found.plan.samples.len() - 1) as u64;
+        let Some((body, world_from_plan, from)) =
+            self.plan.as_mut().filter(|(_, _, from)| end <= last(*from))
+        else {
+            let begun = self.plan.as_ref().map_or(self.samples, |(_, _, from)| *from);
+            return Err(CourseError::NoPlan {
+                for_s: time_s(self.samples - begun),
+                constraint: found.plan.solve.worst_constraint.to_string(),
+                level: found.plan.solve.worst_level,
+            });
+        };
+        let rate_hz = f64::from(RATE_HZ);
+        let mut frames = Vec::new();
+        while (self.frames as f64 / rate_hz) < time_s(end) - 1e-9 {
+            let plan_time_s = self.frames as f64 / rate_hz - time_s(*from);
+            let (setpoints, torques_nm) = body.setpoints(plan_time_s);
+            let values = [setpoints.joint_rad, setpoints.motor_speed_rad_s].concat();
+            frames.push(Frame { values, torques_nm });
+            self.frames += 1;
+        }
+        let then = body.at(time_s(end - *from), world_from_plan).state;
+        self.samples = end;
+        let [before, place] = [&state, &then].map(over_ground);
+        let [dx, dy] = [0, 1].map(|k| place.offset_m[k] - before.offset_m[k]);
+        let turned = place.yaw_rad - before.yaw_rad;
+        let turned = turned.sin().atan2(turned.cos());
+        let (sin, cos) = (before.yaw_rad + 0.5 * turned).sin_cos();
+        let per_s = 1.0 / self.stretch_s();
+        let velocity =
+            [cos * dx + sin * dy, cos * dy - sin * dx, turned].map(|change| change * per_s);
+        let iterations = found.plan.solve.iterations;
+        Ok(Stretch { frames, iterations, accepted, velocity, place })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Motion;
+    use crate::{Options, optimise};
+
+    fn on() -> impl FnMut(&Progress) -> ControlFlow<()> {
+        |_| ControlFlow::Continue(())
+    }
+
+    fn agilebot() -> Robot {
+        let text = include_str!("../../../robots/agilebot.toml");
+        Robot::from_toml("agilebot.toml", text).expect("it ships")
+    }
+
+    fn nominal(robot: &Robot) -> Vec<f64> {
+        robot.joints.iter().map(|joint| joint.nominal_rad).collect()
+    }
+
+    /// Steered by one command after the other, each for some stretches.
+    fn steered(course: &mut Course, commands: &[(Steering, usize)]) -> Vec<Stretch> {
+        let mut stretches = Vec::new();
+        for &(steering, count) in commands {
+            for _ in 0..count {
+                stretches.push(course.go_on(steering, &mut on()).expect("it goes on"));
+            }
+        }
+        stretches
+    }
+
+    /// Frames follow each other within the limits of the actuators, seams included.
+    fn check_frames(robot: &Robot, stretches: &[Stretch]) {
+        let config = robot.controller_config().expect("channels");
+        let frames: Vec<&Frame> = stretches.iter().flat_map(|stretch| &stretch.frames).collect();
+        for (k, pair) in frames.windows(2).enumerate() {
+            for (c, channel) in config.channels.iter().enumerate() {
+                let rate = (pair[1].values[c] - pair[0].values[c]).abs() * f64::from(RATE_HZ);
+                // The tolerance of joint speeds, and a step of acceleration at seams.
+                let most = 1.05 * f64::from(channel.max_rate);
+                assert!(rate <= most, "frame {k}, channel {c}: {rate} of {most}");
+                let value = pair[1].values[c];
+                let limits = f64::from(channel.min) - 0.01..=f64::from(channel.max) + 0.01;
+                assert!(limits.contains(&value), "frame {k}, channel {c}: {value}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_course_begins_at_its_posture_walks_as_it_is_steered_and_comes_to_rest() {
+        let robot = agilebot();
+        let text = include_str!("../../../motions/walk.toml");
+        let motion = Motion::from_toml("walk.toml", text, &robot).expect("it ships");
+        let options = Options { refine: false, ..Options::default() };
+        let walk = Gait::of(&optimise(&robot, &motion, &options, &mut on())).expect("it repeats");
+        let interval_s = walk.interval_s();
+        let horizon = HorizonOptions { duration_s: 1.6, ..HorizonOptions::default() };
+        let posture = nominal(&robot);
+        let mut course =
+            Course::new(&robot, &posture, interval_s, 0.2, horizon).expect("it is long enough");
+        let mut all = steered(&mut course, &[(Steering::default(), 2)]);
+        for (angle, nominal) in all[0].frames[0].values.iter().zip(&posture) {
+            assert!((angle - nominal).abs() < 1e-6, "{angle} {nominal}"); // on its contacts
+        }
+        course.change_gait(walk).expect("of the same robot");
+        let forward = Steering { forward_m_s: 0.15, ..Steering::default() };
+        let turning = Steering { turn_rad_s: 0.3, ..forward };
+        let walked = steered(&mut course, &[(forward, 20), (turning, 20)]);
+        let mean = |part: &[Stretch], c: usize| {
+            part.iter().map(|stretch| stretch.velocity[c]).sum::<f64>() / part.len() as f64
+        };
+        // Wanted velocities are approached by cost, over periods of 1.6 s.
+        assert!((mean(&walked[4..20], 0) - 0.15).abs() < 0.02, "{}", mean(&walked[4..20], 0));
+        assert!((mean(&walked[24..40], 2) - 0.3).abs() < 0.06, "{}", mean(&walked[24..40], 2));
+        let stand = Gait::standing(&robot, interval_s).expect("a spacing");
+        course.change_gait(stand).expect("of the same robot");
+        let stopped = steered(&mut course, &[(Steering::default(), 12)]);
+        let last = stopped.last().expect("some");
+        for (angle, nominal) in last.frames.last().expect("some").values.iter().zip(&posture) {
+            // Well within what ramps to SAFE may have to bridge.
+            assert!((angle - nominal).abs() < 0.1, "{angle} {nominal}");
+        }
+        assert!(last.velocity.iter().all(|v| v.abs() < 0.01), "{:?}", last.velocity);
+        all.extend(walked);
+        all.extend(stopped);
+        assert!(all.iter().all(|stretch| stretch.accepted));
+        // Frames are 1/60 s apart, however samples lie between them.
+        let frames: usize = all.iter().map(|stretch| stretch.frames.len()).sum();
+        assert_eq!(frames, (all.len() as f64 * course.stretch_s() * 60.0).round() as usize);
+        check_frames(&robot, &all);
+    }
+
+    #[test]
+    fn without_plans_the_last_one_goes_on_to_its_end() {
+        let robot = agilebot();
+        let options = HorizonOptions { duration_s: 1.0, ..HorizonOptions::default() };
+        let mut course = Course::new(&robot, &nominal(&robot), 0.1, 0.2, options).expect("long");
+        let forward = Steering { forward_m_s: 0.15, ..Steering::default() };
+        steered(&mut course, &[(forward, 3)]);
+        // Stopped before the first iteration is over, from a state that is far from what is wanted.
+        let wild = Steering { forward_m_s: 40.0, left_m_s: 30.0, turn_rad_s: 50.0 };
+        let mut outcomes = Vec::new();
+        for _ in 0..6 {
+            outcomes.push(course.go_on(wild, &mut |_| ControlFlow::Break(())));
+        }
+        let rejected: Vec<_> = outcomes.iter().flatten().filter(|s| !s.accepted).collect();
+        // 1.0 s of the last plan, of which 0.2 s were played.
+        assert_eq!(rejected.len(), 4, "{outcomes:?}");
+        assert!(matches!(outcomes[4], Err(CourseError::NoPlan { .. })));
+        check_frames(&robot, &outcomes.into_iter().flatten().collect::<Vec<_>>());
+        let wrong = Course::new(&robot, &[0.0], 0.1, 0.2, HorizonOptions::default());
+        assert!(matches!(wrong, Err(HorizonError::OtherRobot { what: "joint_rad", .. })));
+    }
+}
