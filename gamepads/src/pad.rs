@@ -85,6 +85,8 @@ pub struct Pad {
     /// Down since before they count.
     stale: BTreeSet<Input>,
     held: bool,
+    /// Axes where they were seen last.
+    axes: BTreeMap<u16, f32>,
     speed: Option<i8>,
     heard_us: u64,
     /// How long a button must be held to arm, µs.
@@ -102,6 +104,7 @@ impl Pad {
             down: BTreeSet::new(),
             stale: BTreeSet::new(),
             held: false,
+            axes: BTreeMap::new(),
             speed: None,
             heard_us: 0,
             arm_hold_us: 0,
@@ -132,6 +135,12 @@ impl Pad {
     /// The deadman is not held: the first wish of every console with a gamepad.
     pub fn released(&self) -> Deadman {
         Deadman::Released(self.mapping.deadman.released)
+    }
+
+    /// How far an axis is pushed this way, 0 to 1; 0 while the deadman is not held.
+    pub fn pushed(&self, push: Push) -> f32 {
+        let value = self.axes.get(&push.axis).filter(|_| self.held);
+        value.map_or(0.0, |&value| push.how_far(value))
     }
 
     fn let_go(&self) -> Wish {
@@ -200,9 +209,9 @@ impl Pad {
         wishes.push(self.let_go());
         wishes.push(Wish::Say(format!("gamepad: {name}"), false));
         self.is_there = true;
-        let axes: BTreeMap<_, _> = axes.iter().copied().collect();
+        self.axes = axes.iter().copied().collect();
         if let Some(Speed { push, .. }) = self.mapping.speed
-            && let Some(&value) = axes.get(&push.axis)
+            && let Some(&value) = self.axes.get(&push.axis)
         {
             wishes.extend(self.set_speed(value));
         }
@@ -221,6 +230,7 @@ impl Pad {
     }
 
     fn push(&mut self, now_us: u64, axis: u16, value: f32) -> Vec<Wish> {
+        self.axes.insert(axis, value);
         let mut wishes = Vec::new();
         for push in [Push { axis, positive: true }, Push { axis, positive: false }] {
             let how_far = push.how_far(value);

@@ -11,6 +11,7 @@
 //! | [`key_file`] | files with keys |
 //! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
 //! | [`operator`] | the logic of a console: intents, frames and time in, frames and a view out |
+//! | [`stream`] | setpoints that a host streams: frames in, messages out |
 //! | [`discover`], [`listener`] | controllers on the link; other hosts of a controller |
 //! | [`catalog`] | names for the numbers of a library |
 //! | [`doctor`] | diagnosis of a robot, and how to clear its faults |
@@ -31,6 +32,7 @@ pub mod listener;
 pub mod operator;
 pub mod refusal;
 pub mod session;
+pub mod stream;
 pub mod telemetry;
 pub mod traces;
 pub mod transfer;

@@ -27,6 +27,8 @@ pub enum Intent {
         /// 64ths of the planned speed, 1 to 64.
         sixty_fourths: i8,
     },
+    /// Follow the setpoints that are [streamed](super::Operator::stream), from SAFE on.
+    Stream,
     /// State of the deadman; without any such intent there is no deadman.
     Deadman(Deadman),
     /// Return to SAFE, turn torque off and leave; the second time, leave at once.

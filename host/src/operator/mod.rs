@@ -5,6 +5,9 @@
 //! time, repeated with the same number until it is answered or expires; a newer motion supersedes a waiting one.
 //! Stopping commands pre-empt motion commands, and an emergency stop pre-empts everything.
 //!
+//! [Setpoints](Operator::stream) are sent while the controller is Streaming. Who streams decides what a released deadman means: it can stop the robot on its
+//! feet, a command cannot.
+//!
 //! Three interlocks bar motion: an emergency stop, until the operator has cleared and armed; a deadman that is not
 //! held; a controller with another protocol or robot. A released deadman is a condition, not a single command: as
 //! long as STATUS reports motion, stopping commands repeat. Without contact the operator cannot know whether commands
@@ -29,6 +32,7 @@ use crate::catalog::Catalog;
 use crate::client::{Client, Incoming, Outgoing};
 use crate::describe;
 use crate::refusal::session_refusal;
+use crate::stream::{Stream, Target};
 use flashing::Flashing;
 use link_status::LinkStatus;
 use log::Log;
@@ -51,6 +55,8 @@ const HOME_US: u64 = 1_000_000;
 const SPEED_US: u64 = 200_000;
 /// Longest interval between polls, µs.
 const TICK_US: u64 = 20_000;
+/// Delay before a frame that the bus refused is tried again, µs.
+const BUSY_US: u64 = 500;
 /// The planned speed in 64ths.
 const FULL_SPEED: i8 = 64;
 
@@ -90,6 +96,8 @@ pub struct Operator {
     unsent: Option<Frame>,
     /// A library on its way to the controller.
     flashing: Option<Flashing>,
+    /// Setpoints on their way to the controller.
+    stream: Stream,
     /// Identity of the library that was transferred, until HELLO says which one is in use.
     awaited: Option<u32>,
 }
@@ -122,8 +130,20 @@ impl Operator {
             unattended: false,
             unsent: None,
             flashing: None,
+            stream: Stream::default(),
             awaited: None,
         }
+    }
+
+    /// Adds a frame to the stream of setpoints, of all channels. A stream begins anew with [`Intent::Stream`]: then its first frames are
+    /// added, before the controller follows them.
+    pub fn stream(&mut self, frame: Vec<Target>) {
+        self.stream.push(frame);
+    }
+
+    /// Frames of the stream that the controller has not taken yet.
+    pub fn streamed_ahead(&self) -> usize {
+        self.stream.ahead()
     }
 
     /// Sets the catalog of the controller's library: names for messages, and which motions loop.
@@ -203,6 +223,9 @@ impl Operator {
                 if status.state == State::EStopped {
                     self.stopped();
                 }
+                if status.state == State::Streaming {
+                    self.stream.on_status(status.frame);
+                }
                 let library = self.hello.and_then(|hello| hello.library);
                 if library.map_or(0, |library| library as u8) != status.library {
                     // The library has changed since HELLO.
@@ -273,12 +296,20 @@ impl Operator {
             self.end(now_us, ended);
         }
         loop {
-            match self.client.poll(now_us)? {
-                Outgoing::Frame(frame) => return Some(frame),
+            match self.client.poll(now_us) {
+                Some(Outgoing::Frame(frame)) => return Some(frame),
                 // HELLO is repeated after a loss.
-                Outgoing::TransportFailed(_) => self.on_transfer_lost(now_us),
+                Some(Outgoing::TransportFailed(_)) => self.on_transfer_lost(now_us),
+                None => return self.poll_stream(now_us),
             }
         }
+    }
+
+    /// The next setpoint, for a controller that follows them.
+    fn poll_stream(&mut self, now_us: u64) -> Option<Frame> {
+        let follows = self.link.state() == Some(State::Streaming) && self.link.in_contact(now_us);
+        let may = follows && !self.visiting && !self.unattended && self.bus_lost.is_none();
+        if may { self.stream.poll(self.peer.node) } else { None }
     }
 
     /// Returns a frame that the bus refused; [`poll`](Self::poll) gives it once more unless a stopping command
@@ -289,6 +320,10 @@ impl Operator {
 
     /// Latest instant of the next [`poll`](Self::poll).
     pub fn next_poll_us(&self, now_us: u64) -> u64 {
+        // Behind a frame that the bus refused others may wait.
+        if self.unsent.is_some() {
+            return now_us + BUSY_US;
+        }
         let next_us = self.client.next_poll_us(now_us).min(self.orders.next_us());
         next_us.min(now_us + TICK_US)
     }
@@ -452,7 +487,7 @@ impl Operator {
             Order::Arm => self.latch = self.latch.armed(),
             Order::Clear => self.latch = self.latch.cleared(),
             Order::Return | Order::Disarm => self.asked = None,
-            Order::Pause | Order::Resume => {}
+            Order::Pause | Order::Resume | Order::Stream => {}
         }
         let words = match order {
             Order::Arm => "armed: it goes to SAFE",
@@ -460,6 +495,7 @@ impl Operator {
             Order::Return => "it returns to SAFE",
             Order::Disarm => "it returns to SAFE, then torque goes off",
             Order::Pause => "it halts where it is",
+            Order::Stream => "it follows what is streamed",
             _ => "it goes on",
         };
         words.to_owned()

@@ -23,6 +23,8 @@ pub enum Order {
     Arm,
     /// Clears a latched stop, in two steps: request and confirmation.
     Clear,
+    /// Follows streamed setpoints.
+    Stream,
 }
 
 impl Order {
@@ -35,12 +37,13 @@ impl Order {
             Order::Disarm => Action::Disarm,
             Order::Arm => Action::ArmRequest,
             Order::Clear => Action::ClearRequest,
+            Order::Stream => Action::Stream,
         }
     }
 
     /// Whether it can start motion.
     pub fn moves(self) -> bool {
-        matches!(self, Order::Play { .. } | Order::Resume | Order::Arm)
+        matches!(self, Order::Play { .. } | Order::Resume | Order::Arm | Order::Stream)
     }
 
     /// Whether it stops motion, and so pre-empts commands that start it.
@@ -63,6 +66,7 @@ impl Order {
             Order::Disarm => "disarm",
             Order::Arm => "arm",
             Order::Clear => "clear the stop",
+            Order::Stream => "follow streamed setpoints",
         };
         words.to_owned()
     }

@@ -4,6 +4,7 @@ use super::log::Weight;
 use super::orders::Order;
 use super::view::Leaving;
 use super::{Deadman, Intent, LetGo, Operator, has_torque};
+use crate::stream::Stream;
 use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State};
 
 /// Interlock after an emergency stop: the operator has to clear and to arm before anything moves.
@@ -48,6 +49,7 @@ impl Operator {
             Intent::Disarm => self.order(now_us, Order::Disarm),
             Intent::Arm => self.order(now_us, Order::Arm),
             Intent::Clear => self.order(now_us, Order::Clear),
+            Intent::Stream => self.order(now_us, Order::Stream),
         }
     }
 
@@ -135,6 +137,9 @@ impl Operator {
                 // Supersedes the motion before, whether it is answered or not.
                 if matches!(order, Order::Play { .. } | Order::Return | Order::Disarm) {
                     self.asked = None;
+                }
+                if order == Order::Stream && self.link.state() != Some(State::Streaming) {
+                    self.stream = Stream::default();
                 }
                 self.orders.give(now_us, order, false, &mut self.client);
             }

@@ -1,0 +1,147 @@
+//! Setpoints that a host streams: frames in, messages out, as many ahead of the controller as it should have.
+//!
+//! Part of the [operator](crate::operator). The controller plays the frames by its own clock and tells in STATUS how many it has
+//! taken; what it has not taken yet is kept here or waits in its ring (`docs/wire-format.md`, SETPOINT).
+
+use rollwalk_protocol::can::Frame as CanFrame;
+use rollwalk_protocol::wire::{Node, Setpoint};
+use std::collections::VecDeque;
+
+/// Frames that are sent ahead of the last known one of the controller, which is up to 3 frames old: 0.12 to 0.17 s. The
+/// controller has room for 16.
+const LEAD: u64 = 10;
+
+/// Setpoint of a channel: angle of a joint, rad, or speed of a wheel, rad/s; and torque, N·m.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Target {
+    /// Angle or speed.
+    pub value: f32,
+    /// Torque that is fed forward.
+    pub torque_nm: f32,
+}
+
+/// A stream, from its first frame on.
+#[derive(Clone, Debug, Default)]
+pub struct Stream {
+    /// Frames that the controller has not taken yet, the first with the number `first`.
+    frames: VecDeque<Vec<Target>>,
+    first: u64,
+    /// Frame and channel of the next message.
+    next: (u64, usize),
+    /// Frames that the controller has taken.
+    taken: u64,
+}
+
+impl Stream {
+    /// Adds a frame: setpoints of all channels, 1/60 s after those of the frame before.
+    pub fn push(&mut self, frame: Vec<Target>) {
+        self.frames.push_back(frame);
+    }
+
+    /// Frames that the controller has not taken yet, here and on its side.
+    pub fn ahead(&self) -> usize {
+        let end = self.first + self.frames.len() as u64;
+        end.saturating_sub(self.taken) as usize
+    }
+
+    /// Frames that the controller has taken.
+    pub fn taken(&self) -> u64 {
+        self.taken
+    }
+
+    /// Takes the count of frames in a STATUS of the state Streaming, modulo 4096.
+    pub fn on_status(&mut self, frame: u16) {
+        let more = u64::from(frame).wrapping_sub(self.taken) & 0xFFF;
+        // An older STATUS does not count back.
+        if more < 0x800 {
+            self.taken += more;
+        }
+        while self.first < self.taken && self.frames.pop_front().is_some() {
+            self.first += 1;
+        }
+    }
+
+    /// The next message, if it is time for it.
+    pub fn poll(&mut self, to: Node) -> Option<CanFrame> {
+        let (mut number, mut channel) = self.next.max((self.first, 0));
+        let mut frame = self.frames.get((number - self.first) as usize)?;
+        if channel >= frame.len() {
+            (number, channel) = (number + 1, 0);
+            frame = self.frames.get((number - self.first) as usize)?;
+        }
+        if number >= self.taken + LEAD {
+            return None;
+        }
+        let Target { value, torque_nm } = *frame.get(channel)?;
+        self.next = (number, channel + 1);
+        let channel = u8::try_from(channel).ok()?;
+        Some(Setpoint { frame: number as u8, channel, value, torque_nm }.encode(to))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn node() -> Node {
+        Node::new(1).unwrap()
+    }
+
+    fn frame(number: u16) -> Vec<Target> {
+        (0..3u8)
+            .map(|c| Target { value: f32::from(number) + f32::from(c), torque_nm: 0.5 })
+            .collect()
+    }
+
+    fn sent(stream: &mut Stream) -> Vec<(u8, u8)> {
+        let mut sent = Vec::new();
+        while let Some(message) = stream.poll(node()) {
+            let (_, setpoint) = Setpoint::decode(&message).unwrap();
+            sent.push((setpoint.frame, setpoint.channel));
+        }
+        sent
+    }
+
+    #[test]
+    fn frames_go_out_in_order_and_no_further_ahead_than_they_should() {
+        let mut stream = Stream::default();
+        (0..600).for_each(|number| stream.push(frame(number)));
+        assert_eq!(stream.ahead(), 600);
+        let first = sent(&mut stream);
+        let expected: Vec<_> = (0..LEAD as u8).flat_map(|f| (0..3).map(move |c| (f, c))).collect();
+        assert_eq!(first, expected);
+        assert!(sent(&mut stream).is_empty());
+        // The controller's count wraps, and so does the number on the wire.
+        let mut all = LEAD as usize;
+        for taken in (3..=590).step_by(3) {
+            stream.on_status(taken & 0xFFF);
+            let more = sent(&mut stream);
+            assert_eq!(more.first(), Some(&(all as u8, 0)), "{taken}");
+            all += more.len() / 3;
+            assert_eq!(all, (usize::from(taken) + LEAD as usize).min(600));
+            assert_eq!(stream.ahead(), 600 - usize::from(taken));
+        }
+    }
+
+    #[test]
+    fn counts_wrap_and_do_not_go_back() {
+        let mut stream = Stream { taken: 4090, first: 4090, ..Stream::default() };
+        (0..40).for_each(|number| stream.push(frame(number)));
+        stream.on_status(2);
+        assert_eq!(stream.taken(), 4098);
+        stream.on_status(4095);
+        assert_eq!(stream.taken(), 4098);
+        assert_eq!(sent(&mut stream).first(), Some(&(4098u16 as u8, 0)));
+    }
+
+    #[test]
+    fn what_was_pushed_too_late_goes_out_at_once() {
+        let mut stream = Stream::default();
+        (0..4).for_each(|number| stream.push(frame(number)));
+        assert_eq!(sent(&mut stream).len(), 12);
+        stream.on_status(4);
+        assert_eq!((stream.ahead(), sent(&mut stream).len()), (0, 0));
+        stream.push(frame(4));
+        assert_eq!(sent(&mut stream), [(4, 0), (4, 1), (4, 2)]);
+    }
+}
