@@ -10,6 +10,7 @@ mod demo;
 mod design;
 mod discover;
 mod doctor;
+mod drive;
 mod export;
 mod flash;
 mod gains;
@@ -58,6 +59,7 @@ pub enum Command {
     Gains(gains::Args),
     Doctor(doctor::Args),
     Console(console::Args),
+    Drive(drive::Args),
     #[command(subcommand)]
     Keys(keys::Action),
     /// Emergency stop: torque off at once. Sent until the controller acknowledges it, or Ctrl-C; `clear` ends it.
@@ -110,6 +112,7 @@ impl Command {
             Command::Doctor(args) => doctor::run(args),
             Command::Gains(args) => gains::run(args),
             Command::Console(args) => console::run(args),
+            Command::Drive(args) => drive::run(args),
             Command::Keys(action) => keys::run(action),
             Command::Estop(args) => orders::stop(args),
             Command::Clear(args) => orders::run(Order::Clear, args),

@@ -3,12 +3,14 @@
 //! | module | is |
 //! |---|---|
 //! | [`device`] | events of Linux (evdev) |
+//! | [`reader`] | a gamepad at work |
 //! | `capabilities` | buttons of a device without read permission |
 
 #[cfg(target_os = "linux")]
 mod capabilities;
 #[cfg_attr(not(target_os = "linux"), path = "elsewhere.rs")]
 pub mod device;
+pub mod reader;
 
 use crate::files;
 use crate::kind::Kind;

@@ -1,7 +1,8 @@
-//! The link to a controller, as commands open it; and the [`names`] of its motions and channels.
+//! The link to a controller, as commands open it; an operator on it ([`operated`]); and the [`names`] of its motions and channels.
 
 mod interruptible;
 pub mod names;
+pub mod operated;
 
 pub use interruptible::Interruptible;
 

@@ -1,14 +1,15 @@
 //! `rollwalk console`: the robot on a terminal, with keys for its motions.
 
-mod app;
+pub mod app;
 mod keys;
 mod scene;
 mod screen;
 
+use crate::gamepad::reader::Gamepad;
 use crate::link::names::NamesArgs;
 use crate::link::{LinkArgs, cannot_open, ended};
 use crate::{Exit, output};
-use app::{App, Gamepad, terminal_gone};
+use app::{App, terminal_gone};
 use miette::miette;
 use ratatui::DefaultTerminal;
 use rollwalk_host::describe::state_name;

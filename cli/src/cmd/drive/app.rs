@@ -1,0 +1,306 @@
+//! The loop of a drive: keys, sticks, plans and frames in; requests, frames and a screen out.
+
+use super::controls::{Controls, Meaning, sticks};
+use super::pilot::{After, Phase, Pilot, Tally};
+use super::plans::{Planned, Planner};
+use super::screen::{self, Scene};
+use super::steps::{self, Step};
+use crate::gamepad::reader::Gamepad;
+use crate::link::LinkArgs;
+use crate::link::operated::Operated;
+use crate::{Exit, interrupt, output};
+use ratatui::DefaultTerminal;
+use ratatui::crossterm::event::{self, Event};
+use rollwalk_bus::port::Live;
+use rollwalk_gamepads::pad::Wish;
+use rollwalk_host::describe::state_name;
+use rollwalk_host::operator::{Deadman, Intent, Leaving, Operator, Weight};
+use rollwalk_planner::receding::Steering;
+use rollwalk_protocol::wire::State;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::TryRecvError;
+use std::time::Duration;
+
+/// Interval between redraws of the screen, µs.
+const DRAW_US: u64 = 50_000;
+/// Interval between lines of a drive without a terminal, µs.
+const TELL_US: u64 = 1_000_000;
+/// Longest time until the robot follows the steering of a drive without a terminal, µs.
+const START_US: u64 = 20_000_000;
+
+/// How a drive ended.
+pub struct Ending {
+    /// In words.
+    pub words: String,
+    /// As scripts see it.
+    pub exit: Exit,
+}
+
+/// A drive.
+pub struct App<'a> {
+    operated: Operated<'a>,
+    bus: String,
+    planner: Planner,
+    pilot: Pilot,
+    controls: Controls,
+    /// The gamepad, if one steers.
+    pub gamepad: Option<Gamepad>,
+    /// Library that the controller has to have.
+    library: u32,
+    /// Times of plans, ms.
+    took_ms: Vec<f64>,
+    asked_to_end: Arc<AtomicBool>,
+    rounds: Arc<AtomicU64>,
+}
+
+impl<'a> App<'a> {
+    /// A drive on an open bus.
+    pub fn new(
+        link: &'a LinkArgs,
+        bus: Live,
+        operator: Operator,
+        planner: Planner,
+        controls: Controls,
+        library: u32,
+    ) -> Self {
+        Self {
+            operated: Operated::new(link, bus, operator),
+            bus: link.bus.to_string(),
+            planner,
+            pilot: Pilot::new(false),
+            controls,
+            gamepad: None,
+            library,
+            took_ms: Vec::new(),
+            asked_to_end: Arc::default(),
+            rounds: Arc::default(),
+        }
+    }
+
+    /// Number of iterations of the loop.
+    pub fn rounds(&self) -> Arc<AtomicU64> {
+        Arc::clone(&self.rounds)
+    }
+
+    /// Runs with keys and gamepad until the operator leaves.
+    ///
+    /// # Errors
+    /// The terminal is gone.
+    pub fn run(&mut self, terminal: &mut DefaultTerminal) -> io::Result<Ending> {
+        for signal in [SIGINT, SIGTERM] {
+            // Fails only for signals that cannot be caught.
+            let _ = flag::register(signal, Arc::clone(&self.asked_to_end));
+        }
+        if let Some(gamepad) = &self.gamepad {
+            let released = Intent::Deadman(gamepad.released());
+            self.operated.operator.want(0, released);
+        }
+        let mut draw_us = 0;
+        loop {
+            self.rounds.fetch_add(1, Ordering::Relaxed);
+            let now_us = self.operated.now_us();
+            self.read_keys()?;
+            let sticks = self.read_gamepad(now_us);
+            self.pilot.steer(self.controls.wanted(sticks));
+            self.turn(now_us);
+            if self.operated.operator.leaving() == Leaving::Now {
+                return Ok(self.ending());
+            }
+            if now_us >= draw_us {
+                draw_us = now_us + DRAW_US;
+                self.operated.diagnose();
+                let view = self.operated.operator.view(now_us);
+                let gamepad = self.gamepad.as_ref().map(Gamepad::words);
+                let scene = Scene {
+                    view: &view,
+                    bus: &self.bus,
+                    pilot: &self.pilot,
+                    gamepad: gamepad.as_deref(),
+                    ahead: self.operated.operator.streamed_ahead(),
+                    took_ms: self.took_ms.last().copied(),
+                };
+                terminal.draw(|frame| screen::draw(frame, &scene))?;
+            }
+            self.operated.hear();
+        }
+    }
+
+    /// Arms, steers by a list, stops, disarms and ends; prints what happens.
+    pub fn steer(&mut self, steps: &[Step], until_s: f64) -> Ending {
+        self.pilot = Pilot::new(true);
+        let (mut told, mut tell_us, mut begun_us, mut followed) = (0, 0, None, false);
+        loop {
+            let now_us = self.operated.now_us();
+            followed |= self.pilot.phase() == Phase::Steered;
+            if followed && begun_us.is_none() {
+                begun_us = Some(now_us);
+            }
+            let time_s = begun_us.map(|begun_us| (now_us - begun_us) as f64 * 1e-6);
+            let steering = time_s.map_or(Steering::default(), |time_s| steps::at(steps, time_s));
+            let is_over = time_s.is_some_and(|time_s| time_s >= until_s)
+                || followed && self.pilot.phase() == Phase::Off
+                || !followed && now_us > START_US
+                || interrupt::requested();
+            if is_over && self.operated.operator.leaving() == Leaving::No {
+                if matches!(self.pilot.phase(), Phase::Off | Phase::Beginning | Phase::Steered) {
+                    self.pilot.stop(now_us, After::Leave, &mut self.operated.operator);
+                }
+            } else if !is_over {
+                self.pilot.steer(self.controls.wanted_of(steering));
+            }
+            self.turn(now_us);
+            let messages = self.operated.operator.view(now_us).messages;
+            for message in messages.iter().skip(told) {
+                output::say(format_args!(
+                    "{:7.1} s: {}",
+                    message.at_us as f64 * 1e-6,
+                    message.text
+                ));
+            }
+            told = messages.len();
+            if let Some(time_s) = time_s.filter(|_| now_us >= tell_us && !is_over) {
+                tell_us = now_us + TELL_US;
+                let [forward, left, turn] = self.pilot.tally().velocity;
+                let Steering { forward_m_s, left_m_s, turn_rad_s } = steering;
+                let line = format!(
+                    "{time_s:7.1} s  steered {forward_m_s:.2} {left_m_s:.2} {turn_rad_s:.2}  planned {forward:.3} {left:.3} {turn:.3}  \
+                     ahead {}",
+                    self.operated.operator.streamed_ahead()
+                );
+                if output::line(&line).is_err() {
+                    interrupt::request();
+                }
+            }
+            if self.operated.operator.leaving() == Leaving::Now {
+                return self.ending();
+            }
+            self.operated.hear();
+        }
+    }
+
+    /// Takes plans, asks for plans, sends.
+    fn turn(&mut self, now_us: u64) {
+        let operator = &mut self.operated.operator;
+        self.pilot.look(now_us, operator);
+        loop {
+            match self.planner.planned.try_recv() {
+                Ok(Planned { request, stretch, took }) => {
+                    self.took_ms.push(took.as_secs_f64() * 1e3);
+                    self.pilot.on_stretch(now_us, request, stretch, operator);
+                }
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => {
+                    let text = "the planner has ended: the robot halts";
+                    operator.say(now_us, Weight::Warning, text);
+                    operator.want(now_us, Intent::Quit);
+                    break;
+                }
+            }
+        }
+        if let Some(request) = self.pilot.request(operator) {
+            // If the planner has ended, the next look for plans tells.
+            let _ = self.planner.requests.send(request);
+        }
+        if operator.hello().is_some_and(|hello| hello.library.is_some_and(|id| id != self.library))
+        {
+            self.library = operator.hello().and_then(|hello| hello.library).unwrap_or_default();
+            let text =
+                "the controller has another library than the one named: its SAFE pose may differ";
+            operator.say(now_us, Weight::Warning, text);
+        }
+        self.operated.send();
+    }
+
+    fn read_keys(&mut self) -> io::Result<()> {
+        if self.asked_to_end.swap(false, Ordering::Relaxed) {
+            self.stop(After::Leave);
+        }
+        while event::poll(Duration::ZERO)? {
+            let Event::Key(key) = event::read()? else { continue };
+            match self.controls.press(key) {
+                None | Some(Meaning::Steered) => {}
+                Some(Meaning::Stop(after)) => self.stop(after),
+                Some(Meaning::Want(intent)) => self.want(intent),
+            }
+        }
+        Ok(())
+    }
+
+    fn stop(&mut self, after: After) {
+        self.controls.rest();
+        let now_us = self.operated.now_us();
+        self.pilot.stop(now_us, after, &mut self.operated.operator);
+    }
+
+    fn want(&mut self, intent: Intent) {
+        let now_us = self.operated.now_us();
+        if intent == Intent::Arm {
+            self.pilot.rise();
+        }
+        if matches!(intent, Intent::Estop | Intent::Arm) {
+            self.controls.rest();
+        }
+        self.operated.operator.want(now_us, intent);
+    }
+
+    /// Does what the buttons of the gamepad say, and returns where its sticks are.
+    fn read_gamepad(&mut self, now_us: u64) -> [f64; 3] {
+        let Some(gamepad) = &mut self.gamepad else { return [0.0; 3] };
+        let wishes = gamepad.wishes(now_us);
+        let sticks = sticks(|push| gamepad.pushed(push));
+        for wish in wishes {
+            match wish {
+                // The robot stops first, on all its feet.
+                Wish::Want(Intent::Return | Intent::Pause | Intent::PauseOrResume) => {
+                    self.stop(After::Rest)
+                }
+                Wish::Want(Intent::Disarm) => self.stop(After::Disarm),
+                Wish::Want(Intent::Deadman(deadman)) => {
+                    if deadman != Deadman::Held {
+                        self.controls.rest();
+                    }
+                    self.operated.operator.want(now_us, Intent::Deadman(deadman));
+                }
+                Wish::Want(intent) => self.want(intent),
+                // Motions are for a robot that does not stream.
+                Wish::Play(_) if self.pilot.phase() != Phase::Off => {}
+                wish => wish.give(now_us, &mut self.operated.operator, None),
+            }
+        }
+        sticks
+    }
+
+    fn ending(&mut self) -> Ending {
+        let now_us = self.operated.now_us();
+        let view = self.operated.operator.view(now_us);
+        let Tally { planned, rejected, least_ahead, .. } = self.pilot.tally();
+        self.took_ms.sort_by(f64::total_cmp);
+        let at = |part: f64| {
+            let index = (part * self.took_ms.len() as f64) as usize;
+            self.took_ms.get(index.min(self.took_ms.len().saturating_sub(1))).copied()
+        };
+        let mut words = match (at(0.5), at(0.99)) {
+            (Some(median), Some(most)) => format!(
+                "{planned} horizons in {median:.0} ms (99 %: {most:.0} ms), {rejected} not accepted, {} frames ahead at least; ",
+                least_ahead.unwrap_or(0)
+            ),
+            _ => "nothing was planned; ".to_owned(),
+        };
+        let Some(status) = view.status else {
+            words += "left; the controller never answered";
+            return Ending { words, exit: Exit::NotDone };
+        };
+        words += &format!("left; the robot is {}", state_name(status.state));
+        let is_home = matches!(status.state, State::Disarmed | State::Boot | State::SelfTest);
+        let exit = match is_home && status.faults.is_empty() {
+            true if interrupt::requested() => Exit::Interrupted,
+            true => Exit::Ok,
+            false => Exit::NotDone,
+        };
+        Ending { words, exit }
+    }
+}

@@ -1,0 +1,170 @@
+//! What the operator steers with: keys of a terminal, and the sticks of a gamepad.
+
+use super::pilot::{After, Wanted};
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use rollwalk_gamepads::inputs::{Push, push};
+use rollwalk_host::operator::Intent;
+use rollwalk_planner::receding::Steering;
+
+/// Steps from rest to the fastest.
+const STEPS: f64 = 5.0;
+/// Part of a stick's way in which it is at rest.
+const DEAD_ZONE: f64 = 0.1;
+/// Axes that steer: forward, to the left, and turning to the left.
+const AXES: [&str; 3] = ["ABS_Y-", "ABS_X-", "ABS_RX-"];
+
+/// Fastest steering.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fastest {
+    /// Along the heading and to its sides, m/s.
+    pub speed_m_s: f64,
+    /// Of the heading, rad/s.
+    pub turn_rad_s: f64,
+}
+
+/// Meaning of a key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Meaning {
+    /// The steering has changed.
+    Steered,
+    /// Stop, go to SAFE, and what follows.
+    Stop(After),
+    /// Something for the robot.
+    Want(Intent),
+}
+
+/// The controls.
+#[derive(Clone, Copy, Debug)]
+pub struct Controls {
+    fastest: Fastest,
+    /// Forward, to the left and turning to the left, in steps.
+    steps: [f64; 3],
+    /// There is a gait to walk in.
+    has_gait: bool,
+    /// It rolls although it could walk.
+    rolls: bool,
+}
+
+impl Controls {
+    /// Controls at rest.
+    pub fn new(fastest: Fastest, has_gait: bool) -> Self {
+        Self { fastest, steps: [0.0; 3], has_gait, rolls: false }
+    }
+
+    /// Lets go.
+    pub fn rest(&mut self) {
+        self.steps = [0.0; 3];
+    }
+
+    /// What is steered to. Sticks, −1 to 1 each, add to the keys.
+    pub fn wanted(&self, sticks: [f64; 3]) -> Wanted {
+        let part = |c: usize| (self.steps[c] / STEPS + sticks[c]).clamp(-1.0, 1.0);
+        let Fastest { speed_m_s, turn_rad_s } = self.fastest;
+        let steering = Steering {
+            forward_m_s: part(0) * speed_m_s,
+            left_m_s: part(1) * speed_m_s,
+            turn_rad_s: part(2) * turn_rad_s,
+        };
+        self.wanted_of(steering)
+    }
+
+    /// The same for steering that is given: a robot with a gait walks unless it stands.
+    pub fn wanted_of(&self, steering: Steering) -> Wanted {
+        let walks = self.has_gait && !self.rolls && steering != Steering::default();
+        Wanted { steering, walks }
+    }
+
+    /// What a key means.
+    pub fn press(&mut self, key: KeyEvent) -> Option<Meaning> {
+        if key.kind == KeyEventKind::Release {
+            return None;
+        }
+        let is_command = key.modifiers.intersects(KeyModifiers::CONTROL | KeyModifiers::ALT);
+        Some(match key.code {
+            KeyCode::Esc | KeyCode::Char(' ') => Meaning::Want(Intent::Estop),
+            KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => {
+                Meaning::Stop(After::Leave)
+            }
+            _ if is_command => return None,
+            KeyCode::Up => self.step(0, 1.0),
+            KeyCode::Down => self.step(0, -1.0),
+            KeyCode::Left => self.step(2, 1.0),
+            KeyCode::Right => self.step(2, -1.0),
+            KeyCode::Char(',') => self.step(1, 1.0),
+            KeyCode::Char('.') => self.step(1, -1.0),
+            KeyCode::Char('x') => {
+                self.rest();
+                Meaning::Steered
+            }
+            KeyCode::Char('g') if self.has_gait => {
+                self.rolls = !self.rolls;
+                Meaning::Steered
+            }
+            KeyCode::Char('r') => Meaning::Stop(After::Rest),
+            KeyCode::Char('d') => Meaning::Stop(After::Disarm),
+            KeyCode::Char('q') => Meaning::Stop(After::Leave),
+            KeyCode::Char('a') => Meaning::Want(Intent::Arm),
+            KeyCode::Char('c') => Meaning::Want(Intent::Clear),
+            _ => return None,
+        })
+    }
+
+    fn step(&mut self, c: usize, by: f64) -> Meaning {
+        self.steps[c] = (self.steps[c] + by).clamp(-STEPS, STEPS);
+        Meaning::Steered
+    }
+}
+
+/// Where the sticks of a gamepad are, −1 to 1: forward, to the left and turning to the left. `pushed` says how far an axis is
+/// pushed in a direction, 0 to 1.
+pub fn sticks(pushed: impl Fn(Push) -> f32) -> [f64; 3] {
+    AXES.map(|name| {
+        let to = push(name).expect("an axis of that name");
+        let other = Push { positive: !to.positive, ..to };
+        let value = f64::from(pushed(to)) - f64::from(pushed(other));
+        value.signum() * ((value.abs() - DEAD_ZONE) / (1.0 - DEAD_ZONE)).max(0.0)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FASTEST: Fastest = Fastest { speed_m_s: 0.2, turn_rad_s: 0.5 };
+
+    fn press(controls: &mut Controls, code: KeyCode) -> Option<Meaning> {
+        controls.press(KeyEvent::new(code, KeyModifiers::NONE))
+    }
+
+    #[test]
+    fn keys_steer_in_steps_up_to_the_fastest() {
+        let mut controls = Controls::new(FASTEST, true);
+        (0..8).for_each(|_| assert!(press(&mut controls, KeyCode::Up).is_some()));
+        press(&mut controls, KeyCode::Right);
+        let Wanted { steering, walks } = controls.wanted([0.0; 3]);
+        assert_eq!((steering.forward_m_s, steering.turn_rad_s), (0.2, -0.1));
+        assert!(walks);
+        press(&mut controls, KeyCode::Char('g'));
+        assert!(!controls.wanted([0.0; 3]).walks);
+        press(&mut controls, KeyCode::Char('x'));
+        assert_eq!(controls.wanted([0.0; 3]), Wanted::default());
+        assert_eq!(press(&mut controls, KeyCode::Char('q')), Some(Meaning::Stop(After::Leave)));
+        let stop = Some(Meaning::Want(Intent::Estop));
+        assert_eq!(press(&mut controls, KeyCode::Char(' ')), stop);
+    }
+
+    #[test]
+    fn sticks_have_a_dead_zone_and_signs_that_fit() {
+        // Pushed away and to the right: up is negative on a stick.
+        let at = |axis: u16, value: f32| {
+            move |to: Push| if to.axis == axis { to.how_far(value) } else { 0.0 }
+        };
+        let [forward, left, turn] = sticks(at(1, -1.0));
+        assert_eq!((forward, left, turn), (1.0, 0.0, 0.0));
+        assert_eq!(sticks(at(0, 1.0)), [0.0, -1.0, 0.0]);
+        assert_eq!(sticks(at(3, 0.09)), [0.0; 3]);
+        let wanted = Controls::new(FASTEST, false).wanted([1.0, 0.0, -0.5]);
+        assert_eq!(wanted.steering.turn_rad_s, -0.25);
+        assert!(!wanted.walks);
+    }
+}

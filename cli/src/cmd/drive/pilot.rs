@@ -1,0 +1,306 @@
+//! From the operator's steering to a stream of setpoints: when to arm, to plan and to stop, without clock, bus or planner.
+//!
+//! Horizons are planned elsewhere, one at a time: [`Pilot::request`] asks for one when too few frames are left, and
+//! [`Pilot::on_stretch`] takes it. Meanwhile the robot plays what was planned before. After a horizon that is not accepted the
+//! pilot stops the robot on all its feet, and goes on with the steering after one that is.
+
+use rollwalk_host::operator::{Intent, Leaving, Operator, Weight};
+use rollwalk_host::stream::Target;
+use rollwalk_planner::receding::{CourseError, Steering, Stretch};
+use rollwalk_protocol::wire::State;
+
+/// Frames that are left when the next horizon is asked for: 0.25 s, half of which the controller has.
+const RESERVE: usize = 15;
+/// Time for which a robot that was stopped stands before it goes to SAFE, in stretches.
+const STANDS_STRETCHES: u32 = 6;
+/// Speed up to which a robot stands, m/s and rad/s.
+const STANDS_BELOW: f64 = 0.02;
+/// Time after which a command that had no effect is given again, µs.
+const AGAIN_US: u64 = 1_000_000;
+
+/// What a horizon is to be planned for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wanted {
+    /// Velocity of the body.
+    pub steering: Steering,
+    /// Whether in the gait; all end effectors stand otherwise.
+    pub walks: bool,
+}
+
+/// A horizon that is to be planned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request {
+    /// Number of the course: a new one begins at rest in SAFE.
+    pub course: u32,
+    /// What it is planned for.
+    pub wanted: Wanted,
+}
+
+/// What follows when the robot has stopped and gone to SAFE.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum After {
+    /// It stays there, with torque.
+    Rest,
+    /// Torque goes off.
+    Disarm,
+    /// Torque goes off, and the program ends.
+    Leave,
+}
+
+/// What the robot is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// It follows no stream.
+    Off,
+    /// It is in SAFE, and a stream is being prepared.
+    Beginning,
+    /// It follows the steering.
+    Steered,
+    /// It stops, to go to SAFE.
+    Stopping,
+    /// It goes to SAFE.
+    Homeward,
+}
+
+/// How the horizons went.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Horizons planned.
+    pub planned: u32,
+    /// Of these not accepted.
+    pub rejected: u32,
+    /// Planned velocity of the last stretch: along and to the left of the heading, m/s, and turning, rad/s.
+    pub velocity: [f64; 3],
+    /// Fewest frames that were left when a horizon arrived.
+    pub least_ahead: Option<usize>,
+}
+
+/// A pilot of one robot.
+#[derive(Clone, Debug)]
+pub struct Pilot {
+    wanted: Wanted,
+    phase: Phase,
+    after: After,
+    /// It stays in SAFE until it is steered or armed.
+    rests: bool,
+    /// It arms by itself, once.
+    arms: bool,
+    course: u32,
+    is_planning: bool,
+    /// The last horizon was not accepted.
+    is_unsure: bool,
+    /// The first frames of a stream, before the controller follows it.
+    first: Option<Vec<Vec<Target>>>,
+    /// Stretches in a row in which the robot was to stand and stood.
+    stood: u32,
+    /// When what was done last counts as without effect, µs.
+    again_us: u64,
+    tally: Tally,
+}
+
+impl Pilot {
+    /// A pilot of a robot that is not armed. `arms` says whether it arms by itself.
+    pub fn new(arms: bool) -> Self {
+        Self {
+            wanted: Wanted::default(),
+            phase: Phase::Off,
+            after: After::Rest,
+            rests: false,
+            arms,
+            course: 0,
+            is_planning: false,
+            is_unsure: false,
+            first: None,
+            stood: 0,
+            again_us: 0,
+            tally: Tally::default(),
+        }
+    }
+
+    /// The steering from now on.
+    pub fn steer(&mut self, wanted: Wanted) {
+        self.rests &= wanted.steering == Steering::default();
+        self.wanted = wanted;
+    }
+
+    /// What it is steered to.
+    pub fn steered(&self) -> Wanted {
+        self.wanted
+    }
+
+    /// Stops the robot and sends it to SAFE. A robot that is not streaming has stopped already.
+    pub fn stop(&mut self, now_us: u64, after: After, operator: &mut Operator) {
+        self.wanted = Wanted::default();
+        self.rests = true;
+        match self.phase {
+            Phase::Steered => (self.phase, self.after, self.stood) = (Phase::Stopping, after, 0),
+            Phase::Stopping | Phase::Homeward if after > self.after => self.after = after,
+            Phase::Stopping | Phase::Homeward if after == After::Leave => {
+                self.finish(now_us, operator)
+            }
+            Phase::Stopping | Phase::Homeward => {}
+            Phase::Off | Phase::Beginning => {
+                self.after = after;
+                self.finish(now_us, operator);
+            }
+        }
+    }
+
+    /// Lets a robot that rests in SAFE be steered again.
+    pub fn rise(&mut self) {
+        self.rests = false;
+    }
+
+    /// What the robot is about.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Whether the robot is stopped for want of plans.
+    pub fn is_unsure(&self) -> bool {
+        self.is_unsure
+    }
+
+    /// How the horizons went.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// Looks at the robot's state and gives commands; call often.
+    pub fn look(&mut self, now_us: u64, operator: &mut Operator) {
+        let view = operator.view(now_us);
+        let Some(status) = view.status.filter(|_| view.link.contact) else { return };
+        let state = status.state;
+        let streams = state == State::Streaming;
+        match self.phase {
+            Phase::Off if state == State::Ready && !self.rests => {
+                self.end();
+                self.phase = Phase::Beginning;
+            }
+            Phase::Off if state == State::Disarmed && self.arms && view.hello.is_some() => {
+                self.arms = false;
+                operator.want(now_us, Intent::Arm);
+            }
+            Phase::Beginning if streams => (self.phase, self.first) = (Phase::Steered, None),
+            Phase::Beginning if state != State::Ready => self.end(),
+            Phase::Beginning => self.begin(now_us, operator),
+            Phase::Steered | Phase::Stopping if !streams => self.end(),
+            Phase::Stopping if self.stood >= STANDS_STRETCHES => {
+                (self.phase, self.again_us) = (Phase::Homeward, now_us + AGAIN_US);
+                operator.want(now_us, Intent::Return);
+            }
+            Phase::Homeward if state == State::Ready => {
+                self.end();
+                self.finish(now_us, operator);
+            }
+            Phase::Homeward if streams && now_us >= self.again_us => {
+                self.again_us = now_us + AGAIN_US;
+                operator.want(now_us, Intent::Return);
+            }
+            Phase::Homeward if !streams && state != State::Aligning => self.end(),
+            _ => {}
+        }
+    }
+
+    /// Commands the stream once its first frames are there.
+    fn begin(&mut self, now_us: u64, operator: &mut Operator) {
+        if operator.leaving() != Leaving::No {
+            return;
+        }
+        match self.first.take() {
+            Some(first) => {
+                self.again_us = now_us + AGAIN_US;
+                operator.want(now_us, Intent::Stream);
+                first.into_iter().for_each(|frame| operator.stream(frame));
+            }
+            // The command had no effect.
+            None if self.again_us > 0 && now_us >= self.again_us => self.end(),
+            None => {}
+        }
+    }
+
+    /// Whatever was planned is of no use any more.
+    fn end(&mut self) {
+        self.phase = Phase::Off;
+        self.course += 1;
+        (self.is_planning, self.is_unsure) = (false, false);
+        (self.first, self.stood, self.again_us) = (None, 0, 0);
+    }
+
+    fn finish(&mut self, now_us: u64, operator: &mut Operator) {
+        match self.after {
+            After::Rest => {}
+            After::Disarm => operator.want(now_us, Intent::Disarm),
+            After::Leave => operator.want(now_us, Intent::Quit),
+        }
+    }
+
+    /// The horizon that is to be planned now, if it is time for one.
+    pub fn request(&mut self, operator: &Operator) -> Option<Request> {
+        let is_due = match self.phase {
+            Phase::Off => false,
+            Phase::Beginning if self.again_us == 0 => self.first.is_none(),
+            _ => operator.streamed_ahead() < RESERVE,
+        };
+        if !is_due || self.is_planning {
+            return None;
+        }
+        self.is_planning = true;
+        let follows = matches!(self.phase, Phase::Beginning | Phase::Steered) && !self.is_unsure;
+        let wanted = if follows { self.wanted } else { Wanted::default() };
+        Some(Request { course: self.course, wanted })
+    }
+
+    /// Takes a horizon that was asked for.
+    pub fn on_stretch(
+        &mut self,
+        now_us: u64,
+        request: Request,
+        planned: Result<Stretch, CourseError>,
+        operator: &mut Operator,
+    ) {
+        if request.course != self.course {
+            return;
+        }
+        self.is_planning = false;
+        self.tally.planned += 1;
+        let was_unsure = self.is_unsure;
+        let stretch = match planned {
+            Ok(stretch) => stretch,
+            Err(error) => {
+                (self.is_unsure, self.tally.rejected) = (true, self.tally.rejected + 1);
+                if !was_unsure {
+                    let text = format!("{error}: the robot halts");
+                    operator.say(now_us, Weight::Warning, text);
+                }
+                return;
+            }
+        };
+        self.is_unsure = !stretch.accepted;
+        self.tally.rejected += u32::from(!stretch.accepted);
+        if self.is_unsure && !was_unsure {
+            let text = "a horizon met not all constraints: the robot stops until one does";
+            operator.say(now_us, Weight::Warning, text);
+        }
+        let stands = request.wanted == Wanted::default()
+            && stretch.velocity.iter().all(|speed| speed.abs() < STANDS_BELOW);
+        self.stood = if stands && stretch.accepted { self.stood + 1 } else { 0 };
+        self.tally.velocity = stretch.velocity;
+        let frames = stretch.frames.into_iter().map(|frame| {
+            let of_channels = frame.values.iter().zip(&frame.torques_nm);
+            let target = |(&value, &torque_nm): (&f64, &f64)| Target {
+                value: value as f32,
+                torque_nm: torque_nm as f32,
+            };
+            of_channels.map(target).collect::<Vec<_>>()
+        });
+        if self.phase == Phase::Beginning && self.again_us == 0 {
+            self.first = Some(frames.collect());
+        } else {
+            let ahead = operator.streamed_ahead();
+            self.tally.least_ahead =
+                Some(self.tally.least_ahead.map_or(ahead, |least| least.min(ahead)));
+            frames.for_each(|frame| operator.stream(frame));
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! The planner of a steered robot: takes requests and returns stretches, in a thread of its own.
+
+use super::pilot::{Request, Wanted};
+use rollwalk_planner::receding::{
+    Course, CourseError, Gait, HorizonError, HorizonOptions, Stretch,
+};
+use rollwalk_robot::Robot;
+use std::ops::ControlFlow;
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Length of a horizon beyond a period of the gait's swings, s: the least in which a robot on wheels stops.
+const LEAST_HORIZON_S: f64 = 1.0;
+/// Part of a horizon that is played, s: several frames of the gait, little beside the operator's reaction.
+const STRETCH_S: f64 = 0.15;
+
+/// What a course is made of.
+#[derive(Clone, Debug)]
+pub struct Route {
+    /// The robot.
+    pub robot: Robot,
+    /// Joint angles in SAFE, rad.
+    pub safe_rad: Vec<f64>,
+    /// The gait in which it walks; none drives.
+    pub gait: Option<Gait>,
+}
+
+/// Sample spacing of a robot that only drives, s.
+const DRIVE_INTERVAL_S: f64 = 0.1;
+
+impl Route {
+    fn interval_s(&self) -> f64 {
+        self.gait.as_ref().map_or(DRIVE_INTERVAL_S, Gait::interval_s)
+    }
+
+    fn horizon_s(&self) -> f64 {
+        let period_s = |gait: &Gait| gait.samples() as f64 * gait.interval_s();
+        self.gait.as_ref().map_or(0.0, period_s).max(LEAST_HORIZON_S)
+    }
+
+    /// A course that begins at rest in SAFE.
+    ///
+    /// # Errors
+    /// The gait is not of this robot.
+    pub fn course(&self) -> Result<Course, HorizonError> {
+        let options = HorizonOptions { duration_s: self.horizon_s(), ..HorizonOptions::default() };
+        Course::new(&self.robot, &self.safe_rad, self.interval_s(), STRETCH_S, options)
+    }
+}
+
+/// A course as it is asked for: one after the other.
+#[derive(Debug)]
+pub struct Courses {
+    route: Route,
+    course: Option<(u32, Course)>,
+    walks: bool,
+}
+
+impl Courses {
+    /// Courses on a route.
+    pub fn new(route: Route) -> Self {
+        Self { route, course: None, walks: false }
+    }
+
+    /// Plans what is asked for. `is_over` says whether the time is up: then the best samples so far count.
+    ///
+    /// # Errors
+    /// No plan goes on.
+    pub fn plan(
+        &mut self,
+        request: Request,
+        mut is_over: impl FnMut() -> bool,
+    ) -> Result<Stretch, CourseError> {
+        let Request { course: number, wanted: Wanted { steering, walks } } = request;
+        let known = self.course.take().filter(|(known, _)| *known == number);
+        let mut course = match known {
+            Some((_, course)) => course,
+            None => {
+                self.walks = false;
+                self.route.course()?
+            }
+        };
+        if let Some(gait) = self.route.gait.as_ref().filter(|_| walks != self.walks) {
+            let stand =
+                Gait::standing_in(&self.route.robot, gait.interval_s(), &self.route.safe_rad);
+            let gait = if walks { Ok(gait.clone()) } else { stand };
+            course.change_gait(gait.expect("a gait has a spacing"))?;
+            self.walks = walks;
+        }
+        let mut go_on = |_: &_| {
+            if is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let stretch = course.go_on(steering, &mut go_on);
+        self.course = Some((number, course));
+        stretch
+    }
+}
+
+/// A stretch that was planned, and how long that took.
+#[derive(Debug)]
+pub struct Planned {
+    /// What was asked for.
+    pub request: Request,
+    /// The stretch.
+    pub stretch: Result<Stretch, CourseError>,
+    /// Time that planning took.
+    pub took: Duration,
+}
+
+/// The thread.
+#[derive(Debug)]
+pub struct Planner {
+    /// Where requests go.
+    pub requests: Sender<Request>,
+    /// Where stretches come from.
+    pub planned: Receiver<Planned>,
+}
+
+impl Planner {
+    /// Starts the thread. A plan takes `budget` at most, whole iterations.
+    pub fn start(route: Route, budget: Duration) -> Self {
+        let (requests, asked) = mpsc::channel::<Request>();
+        let (answers, planned) = mpsc::channel();
+        thread::spawn(move || {
+            let mut courses = Courses::new(route);
+            for request in asked {
+                let begun = Instant::now();
+                let stretch = courses.plan(request, || begun.elapsed() >= budget);
+                if answers.send(Planned { request, stretch, took: begun.elapsed() }).is_err() {
+                    return;
+                }
+            }
+        });
+        Self { requests, planned }
+    }
+}

@@ -1,0 +1,93 @@
+//! Steering that is known beforehand: `--steer AT:FORWARD,LEFT,TURN`.
+
+use crate::inputs::number_within;
+use rollwalk_planner::receding::Steering;
+use std::str::FromStr;
+
+/// Longest time of a drive, s: a day.
+const LONGEST_S: f64 = 86_400.0;
+/// Fastest steering, m/s and rad/s: typing errors, not robots.
+const FASTEST: f64 = 20.0;
+
+/// Steering from a time on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Time since the robot follows the steering, s.
+    pub at_s: f64,
+    /// What it is steered to.
+    pub steering: Steering,
+}
+
+impl FromStr for Step {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let form =
+            "is not of the form AT:FORWARD,LEFT,TURN, as 2.5:0.15,0,0.3 (s, m/s, m/s, rad/s)";
+        let (at, velocity) = text.split_once(':').ok_or(form)?;
+        let at_s =
+            number_within(at, 0.0..=LONGEST_S).map_err(|why| format!("time `{at}` {why}"))?;
+        let part = |text: &str| {
+            number_within(text, -FASTEST..=FASTEST).map_err(|why| format!("speed `{text}` {why}"))
+        };
+        let parts = velocity.split(',').map(part).collect::<Result<Vec<_>, _>>()?;
+        let &[forward_m_s, left_m_s, turn_rad_s] = parts.as_slice() else {
+            return Err(form.into());
+        };
+        Ok(Self { at_s, steering: Steering { forward_m_s, left_m_s, turn_rad_s } })
+    }
+}
+
+/// Steering at a time: that of the last step before it, and whether there are steps after it.
+pub fn at(steps: &[Step], time_s: f64) -> Steering {
+    let begun = steps.iter().rev().find(|step| step.at_s <= time_s);
+    begun.map(|step| step.steering).unwrap_or_default()
+}
+
+/// Checks that steps follow one another.
+///
+/// # Errors
+/// The first step that does not, in words.
+pub fn check(steps: &[Step]) -> Result<(), String> {
+    match steps.windows(2).find(|pair| pair[1].at_s <= pair[0].at_s) {
+        Some(pair) => Err(format!(
+            "--steer at {} s comes after the one at {} s: give them in the order of their times",
+            pair[1].at_s, pair[0].at_s
+        )),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_read_and_wrong_ones_say_what_would_be_right() {
+        let step: Step = "2.5:0.15,0,-0.3".parse().unwrap();
+        let steering = Steering { forward_m_s: 0.15, left_m_s: 0.0, turn_rad_s: -0.3 };
+        assert_eq!(step, Step { at_s: 2.5, steering });
+        for (wrong, says) in [
+            ("0.15,0,0", "AT:FORWARD"),
+            ("2:0.15", "AT:FORWARD"),
+            ("x:0,0,0", "time `x` is no number"),
+            ("2:0,0,99", "speed `99` must be from"),
+            ("-1:0,0,0", "time `-1` must be from"),
+            ("2:0,NaN,0", "speed `NaN` must be from"),
+        ] {
+            let why = wrong.parse::<Step>().unwrap_err();
+            assert!(why.contains(says), "{wrong}: {why}");
+        }
+    }
+
+    #[test]
+    fn the_last_step_before_a_time_counts() {
+        let step = |text: &str| text.parse::<Step>().unwrap();
+        let steps = [step("1:0.1,0,0"), step("3:0,0,0.2")];
+        assert_eq!(at(&steps, 0.5), Steering::default());
+        assert_eq!(at(&steps, 2.9), steps[0].steering);
+        assert_eq!(at(&steps, 9.0), steps[1].steering);
+        assert_eq!(check(&steps), Ok(()));
+        assert!(check(&[steps[1], steps[0]]).unwrap_err().contains("order of their times"));
+    }
+}

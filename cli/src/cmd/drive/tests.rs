@@ -1,0 +1,207 @@
+//! A drive over the simulated bus in virtual time: AgileBot on the ground of its world, its firmware, an operator, and plans that
+//! take a given time.
+
+use super::pilot::{After, Phase, Pilot, Request, Wanted};
+use super::plans::{Courses, Route};
+use crate::inputs::Source;
+use crate::packed::Packed;
+use crate::planning;
+use rollwalk_bus::link::LinkBus;
+use rollwalk_host::operator::{Intent, Leaving, Operator};
+use rollwalk_host::session::Session;
+use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_planner::receding::{CourseError, Gait, Steering, Stretch};
+use rollwalk_planner::{Options, optimise};
+use rollwalk_protocol::config::MAX_CHANNELS;
+use rollwalk_protocol::faults::Fault;
+use rollwalk_protocol::wire::{Node, State};
+use rollwalk_sim_host::rig::Rig;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+
+const S: u64 = 1_000_000;
+
+/// A robot with an operator and a pilot.
+struct Drive {
+    rig: Rig,
+    operator: Operator,
+    pilot: Pilot,
+    courses: Courses,
+    /// Time of each plan, µs.
+    planning_us: u64,
+    /// A plan on its way, and when it arrives, µs.
+    planned: Option<(u64, Request, Result<Stretch, CourseError>)>,
+}
+
+impl Drive {
+    /// AgileBot with its library, in the gait of a shipped motion.
+    fn new(gait: &str) -> Self {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let library = root.join("motions/agilebot_library.toml");
+        let library = Source::Disk.library(&library).expect("it ships");
+        let plans =
+            planning::plan_all(&library, false).expect("files").expect("it is not interrupted");
+        let built = plans.pack(&library).expect("it holds");
+        let packed = Packed::new(library.robot.clone(), built.bytes).expect("it was just built");
+        let motion = Source::Disk.motion(&root.join(format!("motions/{gait}.toml")));
+        let (robot, motion) = motion.expect("it ships");
+        let options = Options { refine: false, ..Options::default() };
+        let plan = optimise(&robot, &motion, &options, &mut |_| ControlFlow::Continue(()));
+        let gait = Gait::of(&plan).expect("it repeats");
+        let mut pose = [0.0; MAX_CHANNELS];
+        packed.library().safe_pose_into(&mut pose).expect("a pose");
+        let safe_rad = pose.iter().take(robot.joints.len()).map(|a| f64::from(*a)).collect();
+        let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+        let rig = Rig::new(&robot).unwrap().onto_ground(&robot, &ground, Vec::new());
+        let node = Node::new(1).unwrap();
+        let mut session = Session::connect(rig, node).unwrap();
+        session.flash(&packed.file, |_| {}).unwrap();
+        let config_hash = robot.controller_config().unwrap().hash();
+        let mut drive = Self {
+            rig: session.into_bus(),
+            operator: Operator::new(node, Some(config_hash)),
+            pilot: Pilot::new(false),
+            courses: Courses::new(Route { robot, safe_rad, gait: Some(gait) }),
+            planning_us: 60_000,
+            planned: None,
+        };
+        // Until its heartbeats count in place of those of the session before.
+        drive.run(S);
+        drive.pilot = Pilot::new(true);
+        drive.run_until(10 * S, |drive| drive.pilot.phase() == Phase::Steered);
+        drive
+    }
+
+    fn now_us(&self) -> u64 {
+        self.rig.now_us()
+    }
+
+    fn state(&self) -> State {
+        self.operator.view(self.now_us()).status.expect("it is heard").state
+    }
+
+    fn run(&mut self, us: u64) {
+        let end_us = self.now_us() + us;
+        while self.now_us() < end_us {
+            self.step();
+        }
+    }
+
+    fn run_until(&mut self, most_us: u64, reached: impl Fn(&Self) -> bool) {
+        let end_us = self.now_us() + most_us;
+        while !reached(self) {
+            let messages = self.operator.view(self.now_us()).messages;
+            assert!(self.now_us() < end_us, "{:?}: {messages:#?}", self.state());
+            self.step();
+        }
+    }
+
+    fn step(&mut self) {
+        let now_us = self.now_us();
+        self.pilot.look(now_us, &mut self.operator);
+        if let Some((_, request, stretch)) = self.planned.take_if(|(at_us, ..)| *at_us <= now_us) {
+            self.pilot.on_stretch(now_us, request, stretch, &mut self.operator);
+        }
+        if let Some(request) = self.pilot.request(&self.operator) {
+            let stretch = self.courses.plan(request, || false);
+            self.planned = Some((now_us + self.planning_us, request, stretch));
+        }
+        while let Some(frame) = self.operator.poll(now_us) {
+            if self.rig.send(&frame).is_err() {
+                self.operator.not_sent(frame);
+                break;
+            }
+        }
+        let wake_us = self.operator.next_poll_us(now_us).clamp(now_us + 500, now_us + 5_000);
+        if let Some(frame) = self.rig.receive(wake_us).unwrap() {
+            self.operator.on_frame(self.rig.now_us(), &frame);
+        }
+    }
+
+    fn steer(&mut self, forward_m_s: f64, turn_rad_s: f64) {
+        let steering = Steering { forward_m_s, left_m_s: 0.0, turn_rad_s };
+        let walks = steering != Steering::default();
+        self.pilot.steer(Wanted { steering, walks });
+    }
+
+    /// Where the body is: along and across the heading at the start, m, and its heading, rad.
+    fn place(&self) -> [f64; 3] {
+        let (position, rotation) = self.rig.body().ground().expect("on the ground").world().base();
+        [position.x, position.y, rotation[(1, 0)].atan2(rotation[(0, 0)])]
+    }
+
+    fn falls(&self) -> usize {
+        self.rig.body().ground().expect("on the ground").falls().len()
+    }
+}
+
+#[test]
+fn a_steered_robot_walks_as_it_is_steered_and_goes_home() {
+    let mut drive = Drive::new("walk");
+    drive.steer(0.1, 0.0);
+    drive.run(3 * S);
+    let before = drive.place();
+    drive.run(5 * S);
+    let after = drive.place();
+    let speed = (after[0] - before[0]).hypot(after[1] - before[1]) / 5.0;
+    assert!((speed - 0.1).abs() < 0.03, "{speed} m/s");
+    drive.steer(0.0, 0.3);
+    drive.run(2 * S);
+    let before = drive.place();
+    drive.run(3 * S);
+    let turn = (drive.place()[2] - before[2]) / 3.0;
+    assert!((turn - 0.3).abs() < 0.1, "{turn} rad/s");
+    let now_us = drive.now_us();
+    drive.pilot.stop(now_us, After::Leave, &mut drive.operator);
+    drive.run_until(20 * S, |drive| drive.operator.leaving() == Leaving::Now);
+    assert_eq!(drive.state(), State::Disarmed);
+    assert_eq!(drive.falls(), 0);
+    let tally = drive.pilot.tally();
+    assert_eq!(tally.rejected, 0);
+    assert!(tally.least_ahead.is_some_and(|least| least >= 4), "{tally:?}");
+}
+
+#[test]
+fn a_plan_that_comes_too_late_holds_the_robot_and_one_that_never_comes_lets_it_down() {
+    let mut drive = Drive::new("walk");
+    drive.steer(0.1, 0.0);
+    drive.run(2 * S);
+    // Later than what was ahead, by less than what the controller waits.
+    drive.planning_us = 400_000;
+    drive.run(S);
+    assert_eq!(drive.state(), State::Streaming);
+    drive.planning_us = 60_000;
+    drive.run(2 * S);
+    assert_eq!((drive.state(), drive.falls()), (State::Streaming, 0));
+    drive.planning_us = 60 * S;
+    drive.run_until(2 * S, |drive| drive.state() == State::Returning);
+    drive.run(S / 10);
+    let faults = drive.operator.view(drive.now_us()).status.unwrap().faults;
+    assert!(faults.contains(Fault::SetpointTimeout));
+    assert_eq!(drive.pilot.phase(), Phase::Off);
+    drive.run_until(5 * S, |drive| drive.state() == State::TorqueOff);
+}
+
+#[test]
+fn after_an_emergency_stop_it_is_cleared_armed_and_steered_again() {
+    let mut drive = Drive::new("walk");
+    drive.steer(0.1, 0.0);
+    drive.run(2 * S);
+    drive.operator.want(drive.now_us(), Intent::Estop);
+    drive.run_until(S, |drive| drive.state() == State::EStopped);
+    drive.steer(0.0, 0.0);
+    // The hoist picks the robot up.
+    drive.run(5 * S);
+    assert_eq!(drive.pilot.phase(), Phase::Off);
+    drive.operator.want(drive.now_us(), Intent::Clear);
+    drive.run_until(2 * S, |drive| drive.state() == State::Disarmed);
+    drive.operator.want(drive.now_us(), Intent::Arm);
+    drive.run_until(10 * S, |drive| drive.pilot.phase() == Phase::Steered);
+    drive.steer(0.1, 0.0);
+    let before = drive.place();
+    drive.run(4 * S);
+    let after = drive.place();
+    assert!((after[0] - before[0]).hypot(after[1] - before[1]) > 0.2);
+    assert_eq!(drive.state(), State::Streaming);
+}

@@ -1,0 +1,122 @@
+//! A bus and the operator on it, in one thread: frames in, frames out, a lost bus opened again.
+//!
+//! One thread on purpose: a program that cannot read keys or draw for a quarter of a second sends no heartbeat either, and
+//! the robot returns to SAFE by itself.
+
+use super::LinkArgs;
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_bus::port::Live;
+use rollwalk_host::operator::Operator;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Longest time for which [`Operated::hear`] listens, µs.
+const LISTEN_US: u64 = 10_000;
+/// Interval between attempts to open a lost bus, µs.
+const REOPEN_US: u64 = 1_000_000;
+/// Delay before a full transmit queue is tried again, µs.
+const BUSY_US: u64 = 500;
+
+/// An operator on a bus.
+pub struct Operated<'a> {
+    link: &'a LinkArgs,
+    bus: Option<Live>,
+    /// Commands and the state of the robot.
+    pub operator: Operator,
+    started: Instant,
+    reopen_us: u64,
+}
+
+impl<'a> Operated<'a> {
+    /// An operator on an open bus.
+    pub fn new(link: &'a LinkArgs, bus: Live, operator: Operator) -> Self {
+        Self { link, bus: Some(bus), operator, started: Instant::now(), reopen_us: 0 }
+    }
+
+    /// Time since the start, µs: the operator's clock.
+    pub fn now_us(&self) -> u64 {
+        us_since(self.started)
+    }
+
+    /// Sends what is due.
+    pub fn send(&mut self) {
+        let now_us = self.now_us();
+        let Some(bus) = &mut self.bus else {
+            if now_us >= self.reopen_us {
+                self.reopen_us = now_us + REOPEN_US;
+                if let Ok(live) = self.link.live() {
+                    self.bus = Some(live);
+                    self.operator.on_bus_back(now_us);
+                }
+            }
+            return;
+        };
+        while let Some(frame) = self.operator.poll(now_us) {
+            match bus.send(&frame) {
+                Ok(()) => {}
+                Err(LinkError::Busy) => {
+                    self.operator.not_sent(frame);
+                    let at_us = bus.now_us() + BUSY_US;
+                    return self.hear_until(at_us);
+                }
+                Err(error) => return self.lose(&error),
+            }
+        }
+    }
+
+    /// Listens until there is something to do.
+    pub fn hear(&mut self) {
+        let now_us = self.now_us();
+        let wait_us =
+            self.operator.next_poll_us(now_us).saturating_sub(now_us).clamp(BUSY_US, LISTEN_US);
+        match &self.bus {
+            Some(bus) => {
+                let until_us = bus.now_us() + wait_us;
+                self.hear_until(until_us);
+            }
+            None => thread::sleep(Duration::from_micros(LISTEN_US)),
+        }
+    }
+
+    /// Tells the operator what is wrong with the bus.
+    pub fn diagnose(&mut self) {
+        let now_us = self.now_us();
+        if let Some(bus) = &self.bus {
+            self.operator.on_complaint(now_us, bus.complaint());
+        }
+    }
+
+    fn hear_until(&mut self, until_us: u64) {
+        let Some(bus) = &mut self.bus else { return };
+        let mut until_us = until_us;
+        loop {
+            match bus.receive(until_us) {
+                Ok(Some(frame)) => {
+                    self.operator.on_frame(us_since(self.started), &frame);
+                    // What else is there already; an answer may be due at once.
+                    if bus.now_us() >= until_us {
+                        return;
+                    }
+                    until_us = bus.now_us();
+                }
+                Ok(None) => return,
+                Err(error) => return self.lose(&error),
+            }
+        }
+    }
+
+    fn lose(&mut self, error: &LinkError) {
+        let why = match error {
+            LinkError::Down(why) => why.clone(),
+            LinkError::Busy => error.to_string(),
+        };
+        let now_us = self.now_us();
+        self.bus = None;
+        self.reopen_us = now_us + REOPEN_US;
+        self.operator.on_bus_lost(now_us, &why);
+    }
+}
+
+fn us_since(start: Instant) -> u64 {
+    u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
+}
