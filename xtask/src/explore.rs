@@ -21,8 +21,7 @@ pub fn check() -> Result<(), String> {
     ];
     let path = env::join_paths(paths.iter().flat_map(env::split_paths));
     let path = path.map_err(|error| error.to_string())?;
-    let programs = workspace::optimised_programs()?;
-    let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
+    let rollwalk = workspace::optimised_program("tests", "rollwalk-under-test")?;
     let out = shell::target_folder().join("sweeps");
     let mut split = shell::command("tests/sweeps/split.sh", &[&rollwalk.path]);
     shell::run(split.arg("tests/sweeps/sweep.toml").arg(out).env("PYTHONPATH", path))

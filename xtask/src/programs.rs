@@ -9,7 +9,7 @@ use std::time::Instant;
 /// The end-to-end tests, which run longest and wait most.
 const END_TO_END: &str = "integration";
 /// Those of them whose simulated robots have deadlines in real time, which other programs beside them would make them miss.
-const REAL_TIME: &str = "lines::a_robot_";
+const REAL_TIME: &str = "::in_real_time_";
 /// Tests of [`END_TO_END`] at a time: most wait for robots that play in real time.
 const END_TO_END_THREADS: &str = "--test-threads=4";
 

@@ -71,7 +71,20 @@ pub fn programs() -> Result<Vec<Program>, String> {
 /// # Errors
 /// The command line; the compiler's messages are on the terminal.
 pub fn program(folder: &str, name: &str) -> Result<Program, String> {
+    one(folder, name, &[])
+}
+
+/// The same in the release profile.
+///
+/// # Errors
+/// The command line; the compiler's messages are on the terminal.
+pub fn optimised_program(folder: &str, name: &str) -> Result<Program, String> {
+    one(folder, name, &["--release"])
+}
+
+fn one(folder: &str, name: &str, profile: &[&str]) -> Result<Program, String> {
     let mut build = cargo(&["build", "--bin", name, "--message-format", "json-render-diagnostics"]);
+    build.args(profile);
     let messages = shell::output(build.stderr(Stdio::inherit()))?;
     let programs: Vec<_> = messages.lines().filter_map(of_message).collect();
     find(&programs, folder, name, false).cloned()
