@@ -60,7 +60,7 @@ fn flash_and_play(desk: &Desk, bus: &str) {
 }
 
 #[test]
-fn a_robot_at_a_serial_line_is_flashed_and_played() {
+fn in_real_time_a_robot_at_a_serial_line_is_flashed_and_played() {
     let desk = desk_with_library_file();
     on(&desk, "sim", &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
     let ((robots, far), (hosts, near)) = (device(), device());
@@ -100,7 +100,7 @@ fn adapter(mut line: TTYPort, mut link: Live) {
 }
 
 #[test]
-fn a_robot_behind_an_slcan_adapter_is_flashed_and_played() {
+fn in_real_time_a_robot_behind_an_slcan_adapter_is_flashed_and_played() {
     let desk = desk_with_library_file();
     on(&desk, "sim", &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
     let socket = desk.path("robot.sock");

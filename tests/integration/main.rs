@@ -9,6 +9,7 @@ mod controlled;
 mod demo;
 mod designs;
 mod diagnosis;
+mod driving;
 mod explored;
 mod files;
 mod grounded;

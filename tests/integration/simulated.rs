@@ -26,6 +26,11 @@ impl Robot {
         Self::run(desk, &[robot, "--on", "stand"], bus, bus)
     }
 
+    /// Another robot than LegBot, by its file, on the ground.
+    pub fn on_ground(desk: &Desk, robot: &str, bus: &str) -> Self {
+        Self::run(desk, &[robot], bus, bus)
+    }
+
     /// With more arguments.
     pub fn with(desk: &Desk, bus: &str, args: &[&str]) -> Self {
         Self::run(desk, &[&["robots/legbot.toml"], args].concat(), bus, bus)

@@ -1,0 +1,45 @@
+//! A robot that is steered from the command line, over a simulated bus; and what `rollwalk drive` refuses.
+
+use crate::desk_with_shipped_files;
+use crate::simulated::{Robot, on};
+
+#[test]
+fn what_cannot_be_driven_is_refused_before_anything_is_sent() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["library", "build", "motions/agilebot_library.toml", "-o", "a.rwl"]).succeeds();
+    desk.run(&["plan", "motions/walk.toml", "-o", "walk.json"]).succeeds();
+    desk.run(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]).succeeds();
+    desk.run(&["plan", "motions/legbot_walk.toml", "-o", "legbot.json"]).succeeds();
+    let steer = ["--steer", "1:0.1,0,0", "--until", "2"];
+    let run = |args: &[&str]| on(&desk, "sim:none.sock", &[&["drive"], args].concat());
+    run(&["a.rwl"]).fails(1, &["needs a terminal for keys", "--steer AT:FORWARD,LEFT,TURN"]);
+    let with = |gait: &str| run(&[&["a.rwl", "--gait", gait][..], &steer].concat());
+    with("legbot.json").fails(1, &["is of robot `legbot`", "a.rwl is for `agilebot`"]);
+    with("drive.json").fails(1, &["`drive_1m` has ends", "a gait repeats"]);
+    with("none.json").fails(1, &["none.json"]);
+    with("walk.json").fails(1, &["no simulated robot"]);
+    run(&["motions/walk.toml", "--steer", "1:0,0,0", "--until", "2"])
+        .fails(1, &["walk.toml", "motion file"]);
+    let order = ["a.rwl", "--steer", "2:0,0,0", "--steer", "1:0,0,0", "--until", "3"];
+    run(&order).fails(1, &["1 s comes after the one at 2 s", "in the order of their times"]);
+    run(&["a.rwl", "--steer", "1:0.1,0"]).fails(2, &["AT:FORWARD,LEFT,TURN", "1:0.1,0"]);
+    run(&["a.rwl", "--steer", "1:0,0,0"]).fails(2, &["--until"]);
+}
+
+/// On the ground, and home again.
+#[test]
+fn in_real_time_a_robot_is_steered_by_a_list_and_disarmed() {
+    let desk = desk_with_shipped_files();
+    let socket = format!("sim:{}", desk.path("robot.sock").display());
+    desk.run(&["library", "build", "motions/agilebot_library.toml", "-o", "a.rwl"]).succeeds();
+    let robot = Robot::on_ground(&desk, "robots/agilebot.toml", &socket);
+    on(&desk, &socket, &["flash", "a.rwl"]).succeeds();
+    let steer =
+        ["drive", "a.rwl", "--steer", "0.5:0.2,0,0", "--steer", "2.5:0,0,0", "--until", "3"];
+    let driven = on(&desk, &socket, &steer);
+    assert!(driven.stderr.contains("0 not accepted"), "{}", driven.stderr);
+    assert!(driven.stderr.contains("left; the robot is disarmed"), "{}", driven.stderr);
+    let told = driven.succeeds();
+    assert!(told.lines().any(|line| line.contains("steered 0.20")), "{told}");
+    drop(robot);
+}
