@@ -251,10 +251,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    /// Whether the controller may follow streamed setpoints. They are not authenticated.
+    /// Whether the controller may follow streamed setpoints, which nobody has signed and nothing proves to be the host's.
     fn may_stream(&self) -> Result<(), CommandResult> {
+        let has_owner =
+            self.authentication.insists() || self.storage.store().insists_on_signatures();
         match self.state() {
-            _ if self.authentication.insists() => Err(CommandResult::AuthenticationRequired),
+            _ if has_owner => Err(CommandResult::Unproven),
             State::Ready => Ok(()),
             state if state.torque() == Torque::Driven => Err(CommandResult::WrongState),
             _ => Err(CommandResult::NotArmed),

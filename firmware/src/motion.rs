@@ -209,9 +209,12 @@ impl Motion {
         let library = library.ok_or(Unreadable)?;
         let Stage::Streaming(stream) = &self.stage else { return Err(Unreadable) };
         let config = &setup.config;
+        // From what the actuators were commanded: what was streamed may be out of their limits.
         let ramp = ramp_to_safe(setup, &library, |i| {
-            let target = stream.target(config, i)?;
-            Some((target.value, target.torque_nm))
+            let most_nm = config.channels.get(i)?.max_torque_nm;
+            let torque_nm = stream.target(config, i)?.torque_nm;
+            let torque_nm = if torque_nm.abs() <= most_nm { torque_nm } else { 0.0 };
+            Some((self.limiter.meant(i)?, torque_nm))
         })?;
         self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
         Ok(())

@@ -67,6 +67,11 @@ pub trait LibraryStore {
     /// The active library; empty when there is none.
     fn bytes(&self) -> &[u8];
 
+    /// Whether only libraries that their owner has signed become active.
+    fn insists_on_signatures(&self) -> bool {
+        false
+    }
+
     /// Whether [`Self::bytes`] outlast a transfer, until [`Self::activate`].
     fn keeps_library(&self) -> bool {
         false

@@ -9,8 +9,8 @@
 //! ```
 //!
 //! A frame of which a channel is missing is taken with that channel's last value when a later frame is there, [`MOST_GAPS`] times in a
-//! row: a lost message is a small error. Without a frame to take the curve comes to rest at the last one, within two frames,
-//! and goes on where it stopped: what comes late is played late, and nothing jumps.
+//! row: a lost message is a small error. Without a frame to take joints come to rest at the last one, within two frames, while wheels keep their
+//! speed, and both go on where they were: what comes late is played late, and nothing jumps.
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::wire::Setpoint;
@@ -53,11 +53,15 @@ pub struct Stream {
     /// Ticks since frame k was passed.
     ticks: u16,
     ticks_per_frame: u16,
+    /// A frame was taken.
+    begun: bool,
     /// Frames in a row with a missing channel.
     gaps: u8,
     /// Frames since the last one was taken.
     starved: u16,
     halted: bool,
+    /// Frames since then.
+    halted_frames: u8,
 }
 
 impl Stream {
@@ -75,9 +79,11 @@ impl Stream {
             first: 0,
             ticks: 0,
             ticks_per_frame: ticks_per_frame.max(1),
+            begun: false,
             gaps: 0,
             starved: 0,
             halted: false,
+            halted_frames: 0,
         }
     }
 
@@ -90,7 +96,7 @@ impl Stream {
         if usize::from(ahead) >= DEPTH || !(setpoint.value.is_finite()) {
             return;
         }
-        let begins = self.taken == 0 && ahead == 0 && kind == ChannelKind::JointPosition;
+        let begins = !self.begun && ahead == 0 && kind == ChannelKind::JointPosition;
         let [.., rests] = self.frames();
         let far = |rests: &f32| (setpoint.value - rests).abs() > nearest_rad;
         if begins && rests.values.get(channel).is_none_or(far) {
@@ -111,6 +117,7 @@ impl Stream {
         self.ticks = self.ticks.saturating_add(1);
         if self.ticks >= self.ticks_per_frame {
             self.ticks = 0;
+            self.halted_frames = self.halted_frames.saturating_add(u8::from(self.halted));
             let next = if self.halted { None } else { self.take(config) };
             self.starved = if next.is_some() { 0 } else { self.starved.saturating_add(1) };
             let next = next.unwrap_or_else(|| self.held(config));
@@ -130,7 +137,7 @@ impl Stream {
         };
         let complete = heard(0) == all;
         // The first frame is compared with the pose in which the robot rests, so all of it has to be there.
-        let may_fill = self.taken > 0 && self.gaps < MOST_GAPS;
+        let may_fill = self.begun && self.gaps < MOST_GAPS;
         let goes_on = may_fill && (1..DEPTH).any(|ahead| heard(ahead) != 0);
         if !(complete || goes_on) {
             return None;
@@ -154,6 +161,7 @@ impl Stream {
             }
         }
         waiting.heard = 0;
+        self.begun = true;
         self.taken = self.taken.wrapping_add(1);
         Some(frame)
     }
@@ -177,7 +185,7 @@ impl Stream {
 
     /// Whether the stream was ended, and its curve is at rest.
     pub fn rests(&self) -> bool {
-        self.halted && usize::from(self.starved) >= WINDOW
+        usize::from(self.halted_frames) >= WINDOW
     }
 
     /// Frames taken so far, modulo 65,536.

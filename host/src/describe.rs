@@ -33,7 +33,7 @@ pub fn advice(state: State, faults: FaultBits) -> &'static str {
         State::Ready => "play a motion",
         State::Playing => "play another motion, pause, or return to SAFE",
         State::Paused => "go on, or return to SAFE",
-        State::Returning => "wait: it returns to SAFE, then torque goes off",
+        State::Returning => "wait: it returns to SAFE, or halts, then torque goes off",
         State::Damped => "wait: it is let down, then torque goes off",
         State::TorqueOff | State::EStopped => "clear, then arm",
         State::Streaming => "steer, or return to SAFE",

@@ -46,6 +46,9 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::FaultPresent => "a fault is still present",
         CommandResult::BadSpeed => "playback speeds are 1/64 to 64/64 of the planned one",
         CommandResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
+        CommandResult::Unproven => {
+            "it has a key of its owner, and streamed setpoints prove nothing: play motions of its library"
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! A bus and the operator on it, in one thread: frames in, frames out, a lost bus opened again.
 //!
 //! One thread on purpose: a program that cannot read keys or draw for a quarter of a second sends no heartbeat either, and
-//! the robot returns to SAFE by itself.
+//! the robot returns to SAFE by itself, or halts if it is streamed to.
 
 use super::LinkArgs;
 use rollwalk_bus::link::{LinkBus, LinkError};

@@ -10,7 +10,7 @@ use rollwalk_protocol::wire::authentication::*;
 use rollwalk_protocol::wire::transport::TransferResult;
 use rollwalk_protocol::wire::{
     Action, Command, CommandResult, Discover, FromController, Heartbeat, Parameter,
-    ParameterAction, ParameterResult, Request, Response, State,
+    ParameterAction, ParameterResult, Request, Response, Setpoint, State,
 };
 
 pub const BOOT: u32 = 7;
@@ -146,6 +146,20 @@ fn without_the_key_nothing_is_obeyed_but_the_emergency_stop() {
 }
 
 /// The refused ones have not moved the order of the host's commands, nor taken its nonce.
+/// Setpoints are not proved, so that a controller with a key follows none, of its own host neither.
+#[test]
+fn no_stream_of_setpoints_is_followed() {
+    let mut rig = with_host(insisting());
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    assert_eq!(rig.command(Action::Stream).result, CommandResult::Unproven);
+    let setpoint = Setpoint { frame: 0, channel: 0, value: robot::STAND[0] + 0.1, torque_nm: 0.0 };
+    rig.send(&setpoint.encode(me()));
+    rig.run(30);
+    assert_eq!(rig.brain.state(), State::Ready);
+    assert!(rig.stands());
+}
+
 #[test]
 fn what_is_refused_leaves_the_host_s_commands_alone() {
     let mut rig = with_host(insisting());

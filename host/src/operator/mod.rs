@@ -98,6 +98,8 @@ pub struct Operator {
     flashing: Option<Flashing>,
     /// Setpoints on their way to the controller.
     stream: Stream,
+    /// The stream was ended by RETURN.
+    ends_stream: bool,
     /// Identity of the library that was transferred, until HELLO says which one is in use.
     awaited: Option<u32>,
 }
@@ -131,6 +133,7 @@ impl Operator {
             unsent: None,
             flashing: None,
             stream: Stream::default(),
+            ends_stream: false,
             awaited: None,
         }
     }
@@ -223,6 +226,7 @@ impl Operator {
                 if status.state == State::EStopped {
                     self.stopped();
                 }
+                self.ends_stream &= matches!(status.state, State::Streaming | State::Aligning);
                 if status.state == State::Streaming {
                     self.stream.on_status(status.frame);
                 }
@@ -308,7 +312,9 @@ impl Operator {
     /// The next setpoint, for a controller that follows them.
     fn poll_stream(&mut self, now_us: u64) -> Option<Frame> {
         let follows = self.link.state() == Some(State::Streaming) && self.link.in_contact(now_us);
-        let may = follows && !self.visiting && !self.unattended && self.bus_lost.is_none();
+        let stopped = self.latch != Latch::Open || self.client.is_stopping();
+        let may =
+            follows && !stopped && !self.visiting && !self.unattended && self.bus_lost.is_none();
         if may { self.stream.poll(self.peer.node) } else { None }
     }
 
@@ -380,7 +386,7 @@ impl Operator {
                 // The refused frame may be a heartbeat; one refused later is not, and may be a stop.
                 self.unsent = None;
                 if self.link.state().is_some_and(has_torque) {
-                    let text = "no heartbeats any more: an armed robot returns to SAFE by itself";
+                    let text = "no heartbeats any more: an armed robot returns to SAFE by itself, or halts if it is streamed to";
                     self.log.say(now_us, Weight::Warning, text);
                 }
             }
@@ -514,6 +520,8 @@ impl Operator {
         }
         if let Some(Deadman::Released(let_go)) = self.deadman {
             return match (status.state, let_go) {
+                // From the end of a stream, on all its feet, to SAFE.
+                (State::Aligning, _) if self.ends_stream => None,
                 (State::Aligning, _) | (State::Playing, LetGo::Disarm) => {
                     Some((Order::Disarm, HOME_US))
                 }

@@ -138,6 +138,8 @@ impl Operator {
                 if matches!(order, Order::Play { .. } | Order::Return | Order::Disarm) {
                     self.asked = None;
                 }
+                self.ends_stream =
+                    order == Order::Return && self.link.state() == Some(State::Streaming);
                 if order == Order::Stream && self.link.state() != Some(State::Streaming) {
                     self.stream = Stream::default();
                 }
@@ -199,7 +201,8 @@ impl Operator {
         }
         if let Some(Deadman::Released(let_go)) = self.deadman {
             // With another reaction configured, RETURN would move a paused robot.
-            let home = order == Order::Return && let_go == LetGo::Return;
+            let home = order == Order::Return
+                && (let_go == LetGo::Return || state == Some(State::Streaming));
             if order.moves() || order == Order::Return && !home {
                 return refused("hold the deadman");
             }

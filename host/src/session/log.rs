@@ -20,22 +20,24 @@ impl History {
         self.now_ms.wrapping_sub(entry.at_ms)
     }
 
-    /// Entry that explains the last stop: the last one that led out of Ready, Playing or Paused, or from a robot that
+    /// Entry that explains the last stop: the last one that led out of Ready, Playing, Paused or Streaming, but for the way of a stream to SAFE, or from a robot that
     /// was disarmed or aligned to a stop that has to be cleared.
     pub fn last_stop(&self) -> Option<&LogEntry> {
         let latched = |entry: &LogEntry| {
             matches!(entry.before, State::Disarmed | State::Aligning)
                 && matches!(entry.after, State::EStopped | State::TorqueOff | State::Damped)
         };
-        let stops =
-            |entry: &&LogEntry| follows(entry.before) && !follows(entry.after) || latched(entry);
+        let stops = |entry: &&LogEntry| {
+            let left = follows(entry.before) && !follows(entry.after);
+            left && entry.after != State::Aligning || latched(entry)
+        };
         self.entries.iter().rev().map(|(_, entry)| entry).find(stops)
     }
 }
 
-/// Whether the robot is ready or playing in this state.
+/// Whether the robot is ready, or follows a motion or a stream in this state.
 fn follows(state: State) -> bool {
-    matches!(state, State::Ready | State::Playing | State::Paused)
+    matches!(state, State::Ready | State::Playing | State::Paused | State::Streaming)
 }
 
 impl<B: LinkBus> Session<B> {

@@ -184,6 +184,8 @@ coded! {
         BadSpeed = 13,
         /// Only hosts with the robot's link key are obeyed ([`super::authentication`]).
         AuthenticationRequired = 14,
+        /// A controller with a key of its owner follows no streamed setpoints: nothing proves whose they are.
+        Unproven = 15,
     }
 }
 

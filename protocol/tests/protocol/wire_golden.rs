@@ -226,7 +226,7 @@ fn codes_are_pinned() {
         CommandResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
         "0 Ok, 1 UnknownCode, 2 WrongState, 3 Expired, 4 Unreachable, 5 NotArmed, 6 NoLibrary, \
          7 WrongNonce, 8 ConfigMismatch, 9 PoseUnknown, 10 OutOfOrder, 11 UnknownKind, \
-         12 FaultPresent, 13 BadSpeed, 14 AuthenticationRequired",
+         12 FaultPresent, 13 BadSpeed, 14 AuthenticationRequired, 15 Unproven",
     );
     check(
         Event::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),

@@ -13,12 +13,14 @@ use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
 use rollwalk_bus::port::Live;
 use rollwalk_gamepads::pad::Wish;
+use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::state_name;
-use rollwalk_host::operator::{Deadman, Intent, Leaving, Operator, Weight};
+use rollwalk_host::operator::{Deadman, Intent, Leaving, Message, Operator, Weight};
 use rollwalk_planner::receding::Steering;
 use rollwalk_protocol::wire::State;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
+use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -31,6 +33,10 @@ const DRAW_US: u64 = 50_000;
 const TELL_US: u64 = 1_000_000;
 /// Longest time until the robot follows the steering of a drive without a terminal, µs.
 const START_US: u64 = 20_000_000;
+/// Longest time until it has stopped and is disarmed, µs: then torque goes off where it is, and after as long again the drive ends.
+const END_US: u64 = 15_000_000;
+/// Time without contact after which a drive without a terminal ends, µs.
+const SILENT_US: u64 = 5_000_000;
 
 /// How a drive ended.
 pub struct Ending {
@@ -49,8 +55,10 @@ pub struct App<'a> {
     controls: Controls,
     /// The gamepad, if one steers.
     pub gamepad: Option<Gamepad>,
-    /// Library that the controller has to have.
-    library: u32,
+    /// The library that the controller has to have.
+    catalog: Catalog,
+    /// It was said that it has another one.
+    is_other: bool,
     /// Times of plans, ms.
     took_ms: Vec<f64>,
     asked_to_end: Arc<AtomicBool>,
@@ -65,7 +73,7 @@ impl<'a> App<'a> {
         operator: Operator,
         planner: Planner,
         controls: Controls,
-        library: u32,
+        catalog: Catalog,
     ) -> Self {
         Self {
             operated: Operated::new(link, bus, operator),
@@ -74,7 +82,8 @@ impl<'a> App<'a> {
             pilot: Pilot::new(false),
             controls,
             gamepad: None,
-            library,
+            catalog,
+            is_other: false,
             took_ms: Vec::new(),
             asked_to_end: Arc::default(),
             rounds: Arc::default(),
@@ -103,12 +112,18 @@ impl<'a> App<'a> {
         loop {
             self.rounds.fetch_add(1, Ordering::Relaxed);
             let now_us = self.operated.now_us();
-            self.read_keys()?;
+            if self.pilot.phase() == Phase::Off || self.is_let_go(now_us) {
+                self.controls.rest();
+            }
+            self.read_keys(now_us)?;
             let sticks = self.read_gamepad(now_us);
+            if sticks != [0.0; 3] {
+                self.pilot.rise();
+            }
             self.pilot.steer(self.controls.wanted(sticks));
             self.turn(now_us);
             if self.operated.operator.leaving() == Leaving::Now {
-                return Ok(self.ending());
+                return Ok(self.ending(true));
             }
             if now_us >= draw_us {
                 draw_us = now_us + DRAW_US;
@@ -132,53 +147,61 @@ impl<'a> App<'a> {
     /// Arms, steers by a list, stops, disarms and ends; prints what happens.
     pub fn steer(&mut self, steps: &[Step], until_s: f64) -> Ending {
         self.pilot = Pilot::new(true);
-        let (mut told, mut tell_us, mut begun_us, mut followed) = (0, 0, None, false);
+        let (mut said, mut tell_us, mut heard_us) = (None, 0, 0);
+        let (mut begun_us, mut over_us, mut is_whole) = (None, None, false);
         loop {
             let now_us = self.operated.now_us();
-            followed |= self.pilot.phase() == Phase::Steered;
-            if followed && begun_us.is_none() {
+            if begun_us.is_none() && self.pilot.phase() == Phase::Steered {
                 begun_us = Some(now_us);
             }
             let time_s = begun_us.map(|begun_us| (now_us - begun_us) as f64 * 1e-6);
             let steering = time_s.map_or(Steering::default(), |time_s| steps::at(steps, time_s));
-            let is_over = time_s.is_some_and(|time_s| time_s >= until_s)
-                || followed && self.pilot.phase() == Phase::Off
-                || !followed && now_us > START_US
-                || interrupt::requested();
-            if is_over && self.operated.operator.leaving() == Leaving::No {
-                if matches!(self.pilot.phase(), Phase::Off | Phase::Beginning | Phase::Steered) {
+            let has_ended = match begun_us {
+                Some(_) => self.pilot.phase() == Phase::Off,
+                None => now_us > START_US,
+            };
+            if over_us.is_none() {
+                is_whole = !has_ended && time_s.is_some_and(|time_s| time_s >= until_s);
+                if is_whole || has_ended || interrupt::requested() {
+                    over_us = Some(now_us);
                     self.pilot.stop(now_us, After::Leave, &mut self.operated.operator);
+                } else {
+                    self.pilot.steer(self.controls.wanted_of(steering));
                 }
-            } else if !is_over {
-                self.pilot.steer(self.controls.wanted_of(steering));
             }
             self.turn(now_us);
-            let messages = self.operated.operator.view(now_us).messages;
-            for message in messages.iter().skip(told) {
-                output::say(format_args!(
-                    "{:7.1} s: {}",
-                    message.at_us as f64 * 1e-6,
-                    message.text
-                ));
+            let view = self.operated.operator.view(now_us);
+            if view.link.contact {
+                heard_us = now_us;
             }
-            told = messages.len();
-            if let Some(time_s) = time_s.filter(|_| now_us >= tell_us && !is_over) {
+            say_new(&mut said, &view.messages);
+            if let Some(time_s) = time_s.filter(|_| now_us >= tell_us && over_us.is_none()) {
                 tell_us = now_us + TELL_US;
-                let [forward, left, turn] = self.pilot.tally().velocity;
-                let Steering { forward_m_s, left_m_s, turn_rad_s } = steering;
-                let line = format!(
-                    "{time_s:7.1} s  steered {forward_m_s:.2} {left_m_s:.2} {turn_rad_s:.2}  planned {forward:.3} {left:.3} {turn:.3}  \
-                     ahead {}",
-                    self.operated.operator.streamed_ahead()
-                );
-                if output::line(&line).is_err() {
-                    interrupt::request();
-                }
+                self.tell(time_s, steering);
             }
-            if self.operated.operator.leaving() == Leaving::Now {
-                return self.ending();
+            let overtime_us = over_us.map_or(0, |over_us: u64| now_us - over_us);
+            if overtime_us > END_US && self.operated.operator.leaving() == Leaving::No {
+                self.operated.operator.want(now_us, Intent::Quit);
+            }
+            let is_lost = now_us.saturating_sub(heard_us) > SILENT_US || overtime_us > 2 * END_US;
+            if self.operated.operator.leaving() == Leaving::Now || is_lost {
+                return self.ending(is_whole && !is_lost);
             }
             self.operated.hear();
+        }
+    }
+
+    /// Prints a line of a drive without a terminal.
+    fn tell(&self, time_s: f64, steering: Steering) {
+        let [forward, left, turn] = self.pilot.tally().velocity;
+        let Steering { forward_m_s, left_m_s, turn_rad_s } = steering;
+        let line = format!(
+            "{time_s:7.1} s  steered {forward_m_s:.2} {left_m_s:.2} {turn_rad_s:.2}  planned {forward:.3} {left:.3} {turn:.3}  \
+             ahead {}",
+            self.operated.operator.streamed_ahead()
+        );
+        if output::line(&line).is_err() {
+            interrupt::request();
         }
     }
 
@@ -195,8 +218,10 @@ impl<'a> App<'a> {
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => {
                     let text = "the planner has ended: the robot halts";
-                    operator.say(now_us, Weight::Warning, text);
-                    operator.want(now_us, Intent::Quit);
+                    if operator.leaving() == Leaving::No {
+                        operator.say(now_us, Weight::Warning, text);
+                        operator.want(now_us, Intent::Quit);
+                    }
                     break;
                 }
             }
@@ -205,9 +230,9 @@ impl<'a> App<'a> {
             // If the planner has ended, the next look for plans tells.
             let _ = self.planner.requests.send(request);
         }
-        if operator.hello().is_some_and(|hello| hello.library.is_some_and(|id| id != self.library))
-        {
-            self.library = operator.hello().and_then(|hello| hello.library).unwrap_or_default();
+        let library = operator.hello().and_then(|hello| hello.library);
+        if library.is_some_and(|id| id != self.catalog.library) && !self.is_other {
+            self.is_other = true;
             let text =
                 "the controller has another library than the one named: its SAFE pose may differ";
             operator.say(now_us, Weight::Warning, text);
@@ -215,14 +240,21 @@ impl<'a> App<'a> {
         self.operated.send();
     }
 
-    fn read_keys(&mut self) -> io::Result<()> {
+    /// Whether there is a deadman that is not held.
+    fn is_let_go(&self, now_us: u64) -> bool {
+        self.operated.operator.view(now_us).deadman_held == Some(false)
+    }
+
+    fn read_keys(&mut self, now_us: u64) -> io::Result<()> {
         if self.asked_to_end.swap(false, Ordering::Relaxed) {
             self.stop(After::Leave);
         }
         while event::poll(Duration::ZERO)? {
             let Event::Key(key) = event::read()? else { continue };
-            match self.controls.press(key) {
-                None | Some(Meaning::Steered) => {}
+            match self.controls.press(now_us, key) {
+                None => {}
+                Some(Meaning::Steered) if self.is_let_go(now_us) => self.controls.rest(),
+                Some(Meaning::Steered) => self.pilot.rise(),
                 Some(Meaning::Stop(after)) => self.stop(after),
                 Some(Meaning::Want(intent)) => self.want(intent),
             }
@@ -252,13 +284,14 @@ impl<'a> App<'a> {
         let Some(gamepad) = &mut self.gamepad else { return [0.0; 3] };
         let wishes = gamepad.wishes(now_us);
         let sticks = sticks(|push| gamepad.pushed(push));
+        let follows = self.pilot.phase() != Phase::Off;
         for wish in wishes {
             match wish {
                 // The robot stops first, on all its feet.
-                Wish::Want(Intent::Return | Intent::Pause | Intent::PauseOrResume) => {
-                    self.stop(After::Rest)
+                Wish::Want(Intent::Return | Intent::Pause | Intent::PauseOrResume) if follows => {
+                    self.stop(After::Rest);
                 }
-                Wish::Want(Intent::Disarm) => self.stop(After::Disarm),
+                Wish::Want(Intent::Disarm) if follows => self.stop(After::Disarm),
                 Wish::Want(Intent::Deadman(deadman)) => {
                     if deadman != Deadman::Held {
                         self.controls.rest();
@@ -267,14 +300,15 @@ impl<'a> App<'a> {
                 }
                 Wish::Want(intent) => self.want(intent),
                 // Motions are for a robot that does not stream.
-                Wish::Play(_) if self.pilot.phase() != Phase::Off => {}
-                wish => wish.give(now_us, &mut self.operated.operator, None),
+                Wish::Play(_) if follows => {}
+                wish => wish.give(now_us, &mut self.operated.operator, Some(&self.catalog)),
             }
         }
         sticks
     }
 
-    fn ending(&mut self) -> Ending {
+    /// How it ended; `is_whole` says whether it did all that it was to do.
+    fn ending(&mut self, is_whole: bool) -> Ending {
         let now_us = self.operated.now_us();
         let view = self.operated.operator.view(now_us);
         let Tally { planned, rejected, least_ahead, .. } = self.pilot.tally();
@@ -298,9 +332,19 @@ impl<'a> App<'a> {
         let is_home = matches!(status.state, State::Disarmed | State::Boot | State::SelfTest);
         let exit = match is_home && status.faults.is_empty() {
             true if interrupt::requested() => Exit::Interrupted,
-            true => Exit::Ok,
-            false => Exit::NotDone,
+            true if is_whole => Exit::Ok,
+            _ => Exit::NotDone,
         };
         Ending { words, exit }
     }
+}
+
+/// Prints the messages after the last one that was printed.
+fn say_new(said: &mut Option<Message>, messages: &VecDeque<Message>) {
+    let known = |message: &Message| said.as_ref() == Some(message);
+    let next = messages.iter().rposition(known).map_or(0, |last| last + 1);
+    for message in messages.iter().skip(next) {
+        output::say(format_args!("{:7.1} s: {}", message.at_us as f64 * 1e-6, message.text));
+    }
+    *said = messages.back().cloned();
 }

@@ -8,6 +8,8 @@ use rollwalk_planner::receding::Steering;
 
 /// Steps from rest to the fastest.
 const STEPS: f64 = 5.0;
+/// Time within which the same key that stops or leaves counts once, µs: terminals report a key that is held like presses.
+const HELD_US: u64 = 700_000;
 /// Part of a stick's way in which it is at rest.
 const DEAD_ZONE: f64 = 0.1;
 /// Axes that steer: forward, to the left, and turning to the left.
@@ -43,12 +45,14 @@ pub struct Controls {
     has_gait: bool,
     /// It rolls although it could walk.
     rolls: bool,
+    /// The last key, and when, µs.
+    last: Option<(KeyCode, u64)>,
 }
 
 impl Controls {
     /// Controls at rest.
     pub fn new(fastest: Fastest, has_gait: bool) -> Self {
-        Self { fastest, steps: [0.0; 3], has_gait, rolls: false }
+        Self { fastest, steps: [0.0; 3], has_gait, rolls: false, last: None }
     }
 
     /// Lets go.
@@ -74,11 +78,25 @@ impl Controls {
         Wanted { steering, walks }
     }
 
-    /// What a key means.
-    pub fn press(&mut self, key: KeyEvent) -> Option<Meaning> {
+    /// What a key means that is pressed now. Keys that steer and the emergency stop count as often as they come.
+    pub fn press(&mut self, now_us: u64, key: KeyEvent) -> Option<Meaning> {
         if key.kind == KeyEventKind::Release {
             return None;
         }
+        let last = self.last.replace((key.code, now_us));
+        let is_held = key.kind == KeyEventKind::Repeat
+            || last.is_some_and(|(code, at_us)| {
+                code == key.code && now_us.saturating_sub(at_us) < HELD_US
+            });
+        let meaning = self.meaning(key)?;
+        let counts = match meaning {
+            Meaning::Steered => key.code != KeyCode::Char('g'),
+            meaning => meaning == Meaning::Want(Intent::Estop),
+        };
+        (counts || !is_held).then_some(meaning)
+    }
+
+    fn meaning(&mut self, key: KeyEvent) -> Option<Meaning> {
         let is_command = key.modifiers.intersects(KeyModifiers::CONTROL | KeyModifiers::ALT);
         Some(match key.code {
             KeyCode::Esc | KeyCode::Char(' ') => Meaning::Want(Intent::Estop),
@@ -133,7 +151,7 @@ mod tests {
     const FASTEST: Fastest = Fastest { speed_m_s: 0.2, turn_rad_s: 0.5 };
 
     fn press(controls: &mut Controls, code: KeyCode) -> Option<Meaning> {
-        controls.press(KeyEvent::new(code, KeyModifiers::NONE))
+        controls.press(10_000_000, KeyEvent::new(code, KeyModifiers::NONE))
     }
 
     #[test]
@@ -149,7 +167,10 @@ mod tests {
         press(&mut controls, KeyCode::Char('x'));
         assert_eq!(controls.wanted([0.0; 3]), Wanted::default());
         assert_eq!(press(&mut controls, KeyCode::Char('q')), Some(Meaning::Stop(After::Leave)));
+        // Held, it is pressed once.
+        assert_eq!(press(&mut controls, KeyCode::Char('q')), None);
         let stop = Some(Meaning::Want(Intent::Estop));
+        assert_eq!(press(&mut controls, KeyCode::Char(' ')), stop);
         assert_eq!(press(&mut controls, KeyCode::Char(' ')), stop);
     }
 

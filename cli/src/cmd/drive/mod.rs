@@ -42,7 +42,7 @@ const SPEED_M_S: f64 = 0.2;
 /// the robot walks well from a library.
 ///
 /// Arrow keys steer forward, back and turns, `,` and `.` sideways, each in five steps; `x` stops. SPACE or Esc is the emergency stop; `a` arms, `r` goes
-/// to SAFE, `q` goes to SAFE, disarms and quits. With --steer it needs no terminal: it arms the robot, steers it by the list, and disarms it.
+/// to SAFE, `q` goes to SAFE, disarms and quits; a second `q` disarms at once, also in the middle of a step. With --steer it needs no terminal: it arms the robot, steers it by the list, and disarms it.
 ///
 /// This program is the robot's host: it sends the heartbeat that keeps an armed robot armed. If setpoints do not come for a quarter of a second the
 /// robot holds still where it is, and is then let down.
@@ -79,7 +79,7 @@ pub struct Args {
     #[arg(long, value_name = "RAD/S", default_value_t = 0.4, value_parser = fast)]
     turn: f64,
     /// Longest time to plan, in milliseconds; the best plan so far counts then, if it meets the constraints.
-    #[arg(long, value_name = "MS", default_value_t = 90, value_parser = clap::value_parser!(u64).range(10..=1000))]
+    #[arg(long, value_name = "MS", default_value_t = 90, value_parser = clap::value_parser!(u64).range(10..=200))]
     budget_ms: u64,
     /// Steer without a terminal: velocity from a time on, forward and to the left in m/s, turning to the left in rad/s.
     #[arg(
@@ -127,11 +127,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Ok(ended(&args.link, &SessionError::HasHost { node: node.number() }));
     }
     let mut operator = Operator::new(peer, Some(catalog.config_hash));
-    let library = catalog.library;
-    operator.set_catalog(Some(catalog));
+    operator.set_catalog(Some(catalog.clone()));
     let controls = Controls::new(fastest, route.gait.is_some());
     let planner = Planner::start(route, Duration::from_millis(args.budget_ms));
-    let mut app = App::new(&args.link, bus, operator, planner, controls, library);
+    let mut app = App::new(&args.link, bus, operator, planner, controls, catalog);
     if let Some(until_s) = args.until.filter(|_| !needs_terminal) {
         interrupt::listen();
         return Ok(exit(app.steer(&args.steer, until_s)));

@@ -17,6 +17,9 @@ const STANDS_STRETCHES: u32 = 6;
 const STANDS_BELOW: f64 = 0.02;
 /// Time after which a command that had no effect is given again, µs.
 const AGAIN_US: u64 = 1_000_000;
+/// Tries to arm without an operator, and the time between them, µs.
+const ARMS: u8 = 5;
+const ARM_AGAIN_US: u64 = 300_000;
 
 /// What a horizon is to be planned for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -81,14 +84,18 @@ pub struct Pilot {
     wanted: Wanted,
     phase: Phase,
     after: After,
-    /// It stays in SAFE until it is steered or armed.
+    /// It stays in SAFE until it is told to [`rise`](Pilot::rise).
     rests: bool,
-    /// It arms by itself, once.
-    arms: bool,
+    /// How often it arms by itself: feedback of actuators is missing just after power-on.
+    arms: u8,
+    /// A command to end the stream came before the controller followed it.
+    ends: bool,
     course: u32,
     is_planning: bool,
     /// The last horizon was not accepted.
     is_unsure: bool,
+    /// It was said why none goes on.
+    has_said_why: bool,
     /// The first frames of a stream, before the controller follows it.
     first: Option<Vec<Vec<Target>>>,
     /// Stretches in a row in which the robot was to stand and stood.
@@ -106,10 +113,12 @@ impl Pilot {
             phase: Phase::Off,
             after: After::Rest,
             rests: false,
-            arms,
+            arms: if arms { ARMS } else { 0 },
+            ends: false,
             course: 0,
             is_planning: false,
             is_unsure: false,
+            has_said_why: false,
             first: None,
             stood: 0,
             again_us: 0,
@@ -119,7 +128,6 @@ impl Pilot {
 
     /// The steering from now on.
     pub fn steer(&mut self, wanted: Wanted) {
-        self.rests &= wanted.steering == Steering::default();
         self.wanted = wanted;
     }
 
@@ -128,7 +136,7 @@ impl Pilot {
         self.wanted
     }
 
-    /// Stops the robot and sends it to SAFE. A robot that is not streaming has stopped already.
+    /// Stops the robot and sends it to SAFE. A robot that is not streaming has stopped already. To leave twice is to leave at once.
     pub fn stop(&mut self, now_us: u64, after: After, operator: &mut Operator) {
         self.wanted = Wanted::default();
         self.rests = true;
@@ -136,12 +144,14 @@ impl Pilot {
             Phase::Steered => (self.phase, self.after, self.stood) = (Phase::Stopping, after, 0),
             Phase::Stopping | Phase::Homeward if after > self.after => self.after = after,
             Phase::Stopping | Phase::Homeward if after == After::Leave => {
-                self.finish(now_us, operator)
+                // Asked for twice.
+                operator.want(now_us, Intent::Quit);
             }
             Phase::Stopping | Phase::Homeward => {}
+            Phase::Beginning if self.again_us > 0 => (self.ends, self.after) = (true, after),
             Phase::Off | Phase::Beginning => {
                 self.after = after;
-                self.finish(now_us, operator);
+                self.end(now_us, operator);
             }
         }
     }
@@ -174,30 +184,34 @@ impl Pilot {
         let streams = state == State::Streaming;
         match self.phase {
             Phase::Off if state == State::Ready && !self.rests => {
-                self.end();
-                self.phase = Phase::Beginning;
+                (self.phase, self.after, self.again_us) = (Phase::Beginning, After::Rest, 0);
             }
-            Phase::Off if state == State::Disarmed && self.arms && view.hello.is_some() => {
-                self.arms = false;
-                operator.want(now_us, Intent::Arm);
+            Phase::Off if state == State::Disarmed && self.arms > 0 && view.hello.is_some() => {
+                if now_us >= self.again_us && view.asking.is_none() {
+                    (self.arms, self.again_us) = (self.arms - 1, now_us + ARM_AGAIN_US);
+                    operator.want(now_us, Intent::Arm);
+                }
             }
-            Phase::Beginning if streams => (self.phase, self.first) = (Phase::Steered, None),
-            Phase::Beginning if state != State::Ready => self.end(),
+            Phase::Beginning if streams => {
+                self.phase = if self.ends { Phase::Stopping } else { Phase::Steered };
+                (self.first, self.arms) = (None, 0);
+            }
+            Phase::Beginning if state != State::Ready => self.end(now_us, operator),
             Phase::Beginning => self.begin(now_us, operator),
-            Phase::Steered | Phase::Stopping if !streams => self.end(),
+            Phase::Steered | Phase::Stopping if !streams => {
+                // Whoever ended it: the robot does not set off again by itself.
+                self.rests = true;
+                self.end(now_us, operator);
+            }
             Phase::Stopping if self.stood >= STANDS_STRETCHES => {
                 (self.phase, self.again_us) = (Phase::Homeward, now_us + AGAIN_US);
                 operator.want(now_us, Intent::Return);
-            }
-            Phase::Homeward if state == State::Ready => {
-                self.end();
-                self.finish(now_us, operator);
             }
             Phase::Homeward if streams && now_us >= self.again_us => {
                 self.again_us = now_us + AGAIN_US;
                 operator.want(now_us, Intent::Return);
             }
-            Phase::Homeward if !streams && state != State::Aligning => self.end(),
+            Phase::Homeward if !streams && state != State::Aligning => self.end(now_us, operator),
             _ => {}
         }
     }
@@ -214,21 +228,26 @@ impl Pilot {
                 first.into_iter().for_each(|frame| operator.stream(frame));
             }
             // The command had no effect.
-            None if self.again_us > 0 && now_us >= self.again_us => self.end(),
+            None if self.again_us > 0 && now_us >= self.again_us => {
+                self.rests = true;
+                let text = "the controller does not follow setpoints; steer to try again";
+                operator.say(now_us, Weight::Warning, text);
+                self.end(now_us, operator);
+            }
             None => {}
         }
     }
 
-    /// Whatever was planned is of no use any more.
-    fn end(&mut self) {
+    /// The robot follows no stream: what was planned is of no use any more, and what was to follow follows.
+    fn end(&mut self, now_us: u64, operator: &mut Operator) {
         self.phase = Phase::Off;
         self.course += 1;
-        (self.is_planning, self.is_unsure) = (false, false);
-        (self.first, self.stood, self.again_us) = (None, 0, 0);
-    }
-
-    fn finish(&mut self, now_us: u64, operator: &mut Operator) {
-        match self.after {
+        (self.is_planning, self.is_unsure, self.has_said_why) = (false, false, false);
+        (self.first, self.stood, self.again_us, self.ends) = (None, 0, 0, false);
+        if operator.leaving() != Leaving::No {
+            return;
+        }
+        match std::mem::replace(&mut self.after, After::Rest) {
             After::Rest => {}
             After::Disarm => operator.want(now_us, Intent::Disarm),
             After::Leave => operator.want(now_us, Intent::Quit),
@@ -269,7 +288,7 @@ impl Pilot {
             Ok(stretch) => stretch,
             Err(error) => {
                 (self.is_unsure, self.tally.rejected) = (true, self.tally.rejected + 1);
-                if !was_unsure {
+                if !std::mem::replace(&mut self.has_said_why, true) {
                     let text = format!("{error}: the robot halts");
                     operator.say(now_us, Weight::Warning, text);
                 }
@@ -277,6 +296,7 @@ impl Pilot {
             }
         };
         self.is_unsure = !stretch.accepted;
+        self.has_said_why &= self.is_unsure;
         self.tally.rejected += u32::from(!stretch.accepted);
         if self.is_unsure && !was_unsure {
             let text = "a horizon met not all constraints: the robot stops until one does";

@@ -7,7 +7,7 @@ use crate::inputs::Source;
 use crate::packed::Packed;
 use crate::planning;
 use rollwalk_bus::link::LinkBus;
-use rollwalk_host::operator::{Intent, Leaving, Operator};
+use rollwalk_host::operator::{Deadman, Intent, Leaving, LetGo, Operator};
 use rollwalk_host::session::Session;
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_planner::receding::{CourseError, Gait, Steering, Stretch};
@@ -204,4 +204,34 @@ fn after_an_emergency_stop_it_is_cleared_armed_and_steered_again() {
     let after = drive.place();
     assert!((after[0] - before[0]).hypot(after[1] - before[1]) > 0.2);
     assert_eq!(drive.state(), State::Streaming);
+}
+
+#[test]
+fn a_stream_that_another_program_ends_is_not_begun_again_by_itself() {
+    let mut drive = Drive::new("walk");
+    drive.operator.want(drive.now_us(), Intent::Return);
+    drive.run_until(10 * S, |drive| drive.state() == State::Ready);
+    drive.steer(0.1, 0.0);
+    drive.run(2 * S);
+    assert_eq!((drive.state(), drive.pilot.phase()), (State::Ready, Phase::Off));
+    drive.pilot.rise();
+    drive.run_until(5 * S, |drive| drive.pilot.phase() == Phase::Steered);
+}
+
+#[test]
+fn a_robot_whose_deadman_is_let_go_goes_home_on_its_feet() {
+    for let_go in [LetGo::Pause, LetGo::Return] {
+        let mut drive = Drive::new("walk");
+        drive.operator.want(drive.now_us(), Intent::Deadman(Deadman::Held));
+        drive.steer(0.1, 0.0);
+        drive.run(2 * S);
+        drive.operator.want(drive.now_us(), Intent::Deadman(Deadman::Released(let_go)));
+        drive.steer(0.0, 0.0);
+        drive.run(S);
+        assert_eq!(drive.state(), State::Streaming);
+        let now_us = drive.now_us();
+        drive.pilot.stop(now_us, After::Rest, &mut drive.operator);
+        drive.run_until(10 * S, |drive| drive.state() == State::Ready);
+        assert_eq!(drive.falls(), 0);
+    }
 }
