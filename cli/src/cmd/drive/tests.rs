@@ -197,6 +197,7 @@ fn after_an_emergency_stop_it_is_cleared_armed_and_steered_again() {
     drive.operator.want(drive.now_us(), Intent::Clear);
     drive.run_until(2 * S, |drive| drive.state() == State::Disarmed);
     drive.operator.want(drive.now_us(), Intent::Arm);
+    drive.pilot.rise();
     drive.run_until(10 * S, |drive| drive.pilot.phase() == Phase::Steered);
     drive.steer(0.1, 0.0);
     let before = drive.place();
