@@ -251,7 +251,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    /// Whether the controller may follow streamed setpoints, which nobody has signed and nothing proves to be the host's.
+    /// Whether the controller may follow streamed setpoints, which carry neither signature nor proof.
     fn may_stream(&self) -> Result<(), CommandResult> {
         let has_owner =
             self.authentication.insists() || self.storage.store().insists_on_signatures();

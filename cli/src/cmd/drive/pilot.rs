@@ -4,7 +4,7 @@
 //! [`Pilot::on_stretch`] takes it. Meanwhile the robot plays what was planned before. After a horizon that is not accepted the
 //! pilot stops the robot on all its feet, and goes on with the steering after one that is.
 
-use rollwalk_host::operator::{Intent, Leaving, Operator, Weight};
+use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
 use rollwalk_host::stream::Target;
 use rollwalk_planner::receding::{CourseError, Steering, Stretch};
 use rollwalk_protocol::wire::State;
@@ -84,7 +84,7 @@ pub struct Pilot {
     wanted: Wanted,
     phase: Phase,
     after: After,
-    /// It stays in SAFE until it is told to [`rise`](Pilot::rise).
+    /// It stays in SAFE until [`rise`](Pilot::rise).
     rests: bool,
     /// How often it arms by itself: feedback of actuators is missing just after power-on.
     arms: u8,
@@ -186,11 +186,9 @@ impl Pilot {
             Phase::Off if state == State::Ready && !self.rests => {
                 (self.phase, self.after, self.again_us) = (Phase::Beginning, After::Rest, 0);
             }
-            Phase::Off if state == State::Disarmed && self.arms > 0 && view.hello.is_some() => {
-                if now_us >= self.again_us && view.asking.is_none() {
-                    (self.arms, self.again_us) = (self.arms - 1, now_us + ARM_AGAIN_US);
-                    operator.want(now_us, Intent::Arm);
-                }
+            Phase::Off if state == State::Disarmed && self.may_arm(now_us, &view) => {
+                (self.arms, self.again_us) = (self.arms - 1, now_us + ARM_AGAIN_US);
+                operator.want(now_us, Intent::Arm);
             }
             Phase::Beginning if streams => {
                 self.phase = if self.ends { Phase::Stopping } else { Phase::Steered };
@@ -214,6 +212,11 @@ impl Pilot {
             Phase::Homeward if !streams && state != State::Aligning => self.end(now_us, operator),
             _ => {}
         }
+    }
+
+    /// Whether it is to arm by itself now.
+    fn may_arm(&self, now_us: u64, view: &View) -> bool {
+        self.arms > 0 && now_us >= self.again_us && view.hello.is_some() && view.asking.is_none()
     }
 
     /// Commands the stream once its first frames are there.
