@@ -222,11 +222,22 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let plays_in = after(&mut Unstructured::new(&[&armed[..], &plays[..4]].concat()), false, false);
     assert_eq!(plays_in.map(|rig| rig.brain.state()), Ok(State::Playing));
     let seed = |how: u8, deeds: &[u8]| [&[how], deeds].concat();
-    let mut seeds: Vec<_> =
-        [&day[..], &stopped, &lost, &broken, &hot, &flashed, &talk, &told, &tuned, &streamed, &link]
-            .into_iter()
-            .flat_map(|deeds| [seed(0, deeds), seed(2, deeds), seed(1, deeds)])
-            .collect();
+    let mut seeds: Vec<_> = [
+        &day[..],
+        &stopped,
+        &lost,
+        &broken,
+        &hot,
+        &flashed,
+        &talk,
+        &told,
+        &tuned,
+        &streamed,
+        &link,
+    ]
+    .into_iter()
+    .flat_map(|deeds| [seed(0, deeds), seed(2, deeds), seed(1, deeds)])
+    .collect();
     seeds.push(seed(1, &lying));
     let request = SessionRequest { nonce: 7 }.encode();
     let proof = [LINK, 9, 8, 0x21, 1, 2, 3, 4, 5, 6, 7, LINK, 4, 8, 0, 0, 0, 0, 0, 0, 0, 0];
