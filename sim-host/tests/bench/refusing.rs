@@ -6,7 +6,7 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::crc::crc32c;
-use rollwalk_protocol::wire::{Action, CommandResult, Node, State};
+use rollwalk_protocol::wire::{Action, CommandResult, Node, PROTOCOL_MINOR, State};
 use rollwalk_sim_host::rig::Rig;
 
 /// The sentence that flashing these bytes ends with; afterwards there must be nothing to play.
@@ -97,7 +97,8 @@ impl LinkBus for Newer {
 fn a_controller_that_speaks_another_protocol() {
     let error = Session::connect(Newer(rig()), Node::new(1).unwrap()).err().unwrap();
     assert!(matches!(error, SessionError::ProtocolMismatch { major: 3, .. }), "{error}");
-    assert!(error.to_string().contains("speaks protocol 3.1"), "{error}");
+    let spoken = format!("speaks protocol 3.{PROTOCOL_MINOR}");
+    assert!(error.to_string().contains(&spoken), "{error}");
 }
 
 fn refused(session: &mut Session<Rig>, code: u8) -> (CommandResult, String) {
