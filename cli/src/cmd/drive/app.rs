@@ -265,6 +265,10 @@ impl<'a> App<'a> {
     fn stop(&mut self, after: After) {
         self.controls.rest();
         let now_us = self.operated.now_us();
+        if self.pilot.phase() == Phase::Off && after == After::Rest {
+            // A motion that a button of the gamepad began.
+            self.operated.operator.want(now_us, Intent::Return);
+        }
         self.pilot.stop(now_us, after, &mut self.operated.operator);
     }
 
