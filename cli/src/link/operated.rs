@@ -38,7 +38,7 @@ impl<'a> Operated<'a> {
         us_since(self.started)
     }
 
-    /// Sends what is due.
+    /// Sends all frames that the operator has ready; opens a lost bus again.
     pub fn send(&mut self) {
         let now_us = self.now_us();
         let Some(bus) = &mut self.bus else {
@@ -78,7 +78,7 @@ impl<'a> Operated<'a> {
         }
     }
 
-    /// Tells the operator what is wrong with the bus.
+    /// Passes the diagnosis of the bus to the operator.
     pub fn diagnose(&mut self) {
         let now_us = self.now_us();
         if let Some(bus) = &self.bus {

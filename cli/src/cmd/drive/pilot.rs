@@ -1,8 +1,8 @@
 //! From the operator's steering to a stream of setpoints: when to arm, to plan and to stop, without clock, bus or planner.
 //!
-//! Horizons are planned elsewhere, one at a time: [`Pilot::request`] asks for one when too few frames are left, and
-//! [`Pilot::on_stretch`] takes it. Meanwhile the robot plays what was planned before. After a horizon that is not accepted the
-//! pilot stops the robot on all its feet, and goes on with the steering after one that is.
+//! The planner thread plans one horizon at a time: [`Pilot::request`] asks for the next when few frames are left, and
+//! [`Pilot::on_stretch`] queues its frames; meanwhile the robot plays the horizon before. When a horizon violates a constraint, the
+//! pilot requests a stand on all feet until the planner returns an accepted one.
 
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
 use rollwalk_host::stream::Target;
@@ -100,7 +100,7 @@ pub struct Pilot {
     first: Option<Vec<Vec<Target>>>,
     /// Stretches in a row in which the robot was to stand and stood.
     stood: u32,
-    /// When what was done last counts as without effect, µs.
+    /// Deadline of the last command, µs: the pilot repeats it then, or gives up.
     again_us: u64,
     tally: Tally,
 }
@@ -241,7 +241,7 @@ impl Pilot {
         }
     }
 
-    /// The robot follows no stream: what was planned is of no use any more, and what was to follow follows.
+    /// Discards the plans of a stream that has ended, then disarms or leaves if the operator asked for it.
     fn end(&mut self, now_us: u64, operator: &mut Operator) {
         self.phase = Phase::Off;
         self.course += 1;

@@ -49,7 +49,7 @@ impl Route {
     }
 }
 
-/// A course as it is asked for: one after the other.
+/// The current course; a request with a new course number replaces it.
 #[derive(Debug)]
 pub struct Courses {
     route: Route,
@@ -63,7 +63,7 @@ impl Courses {
         Self { route, course: None, walks: false }
     }
 
-    /// Plans what is asked for. `is_over` says whether the time is up: then the best samples so far count.
+    /// Plans the next stretch of a request. When `is_over` returns true, the solver stops and returns its best samples.
     ///
     /// # Errors
     /// No plan goes on.
