@@ -104,7 +104,8 @@ fn duration(text: &str) -> Result<f64, String> {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    steps::check(&args.steer).map_err(|why| miette!("{why}"))?;
+    steps::check(&args.steer, args.until.unwrap_or(f64::INFINITY))
+        .map_err(|why| miette!("{why}"))?;
     let needs_terminal = args.steer.is_empty();
     if needs_terminal && (!io::stderr().is_terminal() || !io::stdin().is_terminal()) {
         return Err(miette!(

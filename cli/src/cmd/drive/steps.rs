@@ -44,11 +44,17 @@ pub fn at(steps: &[Step], time_s: f64) -> Steering {
     begun.map(|step| step.steering).unwrap_or_default()
 }
 
-/// Checks that steps follow one another.
+/// Checks that steps follow one another, and that each begins before the end of the drive, s.
 ///
 /// # Errors
 /// The first step that does not, in words.
-pub fn check(steps: &[Step]) -> Result<(), String> {
+pub fn check(steps: &[Step], until_s: f64) -> Result<(), String> {
+    if let Some(late) = steps.iter().find(|step| step.at_s >= until_s) {
+        return Err(format!(
+            "--steer at {} s would never begin: --until {until_s} ends the drive before",
+            late.at_s
+        ));
+    }
     match steps.windows(2).find(|pair| pair[1].at_s <= pair[0].at_s) {
         Some(pair) => Err(format!(
             "--steer at {} s comes after the one at {} s: give them in the order of their times",
@@ -87,7 +93,8 @@ mod tests {
         assert_eq!(at(&steps, 0.5), Steering::default());
         assert_eq!(at(&steps, 2.9), steps[0].steering);
         assert_eq!(at(&steps, 9.0), steps[1].steering);
-        assert_eq!(check(&steps), Ok(()));
-        assert!(check(&[steps[1], steps[0]]).unwrap_err().contains("order of their times"));
+        assert_eq!(check(&steps, 4.0), Ok(()));
+        assert!(check(&steps, 3.0).unwrap_err().contains("--steer at 3 s would never begin"));
+        assert!(check(&[steps[1], steps[0]], 4.0).unwrap_err().contains("order of their times"));
     }
 }
