@@ -42,6 +42,7 @@ pub mod stream;
 mod tilt;
 mod transfer;
 mod tuning;
+mod window;
 
 pub use actuators::load;
 pub use controller::Controller;

@@ -18,6 +18,7 @@ use rollwalk_protocol::library::{ClipId, Library, NodeId, RATE_HZ, Unreadable};
 use crate::graph_cursor::{GoalError, GraphCursor};
 use crate::hermite::{self, Sample};
 use crate::limiter::Target;
+use crate::window::Window;
 
 /// Frames by which the cursor is ahead of playback.
 const AHEAD: u16 = 2;
@@ -34,9 +35,6 @@ const HALT_S: f32 = 0.4;
 /// Approximate longest time to a halt, s, even where a wheel has no acceleration to spare: then the limiter bounds
 /// its acceleration.
 const LONGEST_HALT_S: f32 = 2.0;
-
-/// Frames that define a segment of the curve.
-const WINDOW: usize = 4;
 
 /// Position of playback in the library.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,10 +87,8 @@ impl Frame {
 #[derive(Clone, Debug)]
 pub struct Player {
     cursor: GraphCursor,
-    /// Frames k−1, k, k+1, k+2, the cursor stands at the last. A ring buffer that begins at `first`, so that no frame
-    /// is ever copied.
-    window: [Frame; WINDOW],
-    first: usize,
+    /// The cursor stands at its last frame.
+    window: Window<Frame>,
     /// Way from the second frame to the third, in units of playback time at the planned speed.
     parts: u32,
     ticks_per_frame: u16,
@@ -111,8 +107,7 @@ impl Player {
         let frame = Frame::of(&cursor, library)?;
         Ok(Self {
             cursor,
-            window: [frame; WINDOW],
-            first: 0,
+            window: Window::resting(frame),
             parts: 0,
             ticks_per_frame: ticks_per_frame.max(1),
             rate: PARTS,
@@ -162,10 +157,8 @@ impl Player {
         if self.parts >= frame {
             self.parts = self.parts.saturating_sub(frame);
             self.cursor.advance(library)?;
-            if let Some(oldest) = self.window.get_mut(self.first) {
-                oldest.take(&self.cursor, library)?;
-            }
-            self.first = self.first.wrapping_add(1) % WINDOW;
+            self.window.oldest().take(&self.cursor, library)?;
+            self.window.turn();
         }
         self.change_rate(config);
         Ok(())
@@ -208,13 +201,13 @@ impl Player {
 
     /// The present position of playback.
     pub fn playing(&self) -> Playing {
-        let [_, from, _, _] = self.frames();
+        let [_, from, _, _] = self.window.frames();
         Playing { clip: from.clip, frame: from.number, phase: self.phase() }
     }
 
     /// Whether the robot rests in the SAFE pose and no other frame follows.
     pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
-        let [_, rest @ ..] = self.frames();
+        let [_, rest @ ..] = self.window.frames();
         rest.iter().all(|frame| frame.rests_in_safe) && self.cursor.rests_in_safe(library)
     }
 
@@ -231,27 +224,16 @@ impl Player {
     }
 
     fn planned_torque_nm(&self, channel: usize) -> Option<f32> {
-        let [_, from, to, _] = self.frames();
+        let [_, from, to, _] = self.window.frames();
         let (from, to) = (*from.torques.get(channel)?, *to.torques.get(channel)?);
         Some(from + self.phase() * (to - from))
     }
 
     /// Planned value of a channel, and its slope at the planned speed.
     fn planned(&self, channel: usize) -> Option<Sample> {
-        let [a, b, c, d] = self.frames();
+        let [a, b, c, d] = self.window.frames();
         let value = |frame: &Frame| frame.values.get(channel).copied();
         Some(hermite::between([value(a)?, value(b)?, value(c)?, value(d)?], self.phase()))
-    }
-
-    /// Frames k−1, k, k+1, k+2.
-    fn frames(&self) -> [&Frame; WINDOW] {
-        let [a, b, c, d] = &self.window;
-        match self.first {
-            1 => [b, c, d, a],
-            2 => [c, d, a, b],
-            3 => [d, a, b, c],
-            _ => [a, b, c, d],
-        }
     }
 
     fn phase(&self) -> f32 {

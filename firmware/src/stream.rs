@@ -17,14 +17,12 @@ use rollwalk_protocol::wire::Setpoint;
 
 use crate::hermite;
 use crate::limiter::Target;
+use crate::window::{WINDOW, Window};
 
 /// Frames that may wait: a power of two, so that places follow from numbers that wrap.
 pub const DEPTH: usize = 16;
 /// Frames in a row that are taken although a channel of them is missing.
 pub const MOST_GAPS: u8 = 3;
-
-/// Frames that define a segment of the curve.
-const WINDOW: usize = 4;
 
 /// Values of all channels, rad or rad/s, and torques, N·m.
 #[derive(Clone, Copy, Debug)]
@@ -47,9 +45,7 @@ pub struct Stream {
     ring: [Waiting; DEPTH],
     /// Frames taken so far, and the number of the next one, modulo 65,536.
     taken: u16,
-    /// Frames k−1, k, k+1, k+2, the oldest at `first`.
-    window: [Frame; WINDOW],
-    first: usize,
+    window: Window<Frame>,
     /// Ticks since frame k was passed.
     ticks: u16,
     ticks_per_frame: u16,
@@ -75,8 +71,7 @@ impl Stream {
         Self {
             ring: [Waiting { heard: 0, frame }; DEPTH],
             taken: 0,
-            window: [frame; WINDOW],
-            first: 0,
+            window: Window::resting(frame),
             ticks: 0,
             ticks_per_frame: ticks_per_frame.max(1),
             begun: false,
@@ -97,7 +92,7 @@ impl Stream {
             return;
         }
         let begins = !self.begun && ahead == 0 && kind == ChannelKind::JointPosition;
-        let [.., rests] = self.frames();
+        let [.., rests] = self.window.frames();
         let far = |rests: &f32| (setpoint.value - rests).abs() > nearest_rad;
         if begins && rests.values.get(channel).is_none_or(far) {
             return;
@@ -121,10 +116,8 @@ impl Stream {
             let next = if self.halted { None } else { self.take(config) };
             self.starved = if next.is_some() { 0 } else { self.starved.saturating_add(1) };
             let next = next.unwrap_or_else(|| self.held(config));
-            if let Some(oldest) = self.window.get_mut(self.first) {
-                *oldest = next;
-            }
-            self.first = self.first.wrapping_add(1) % WINDOW;
+            *self.window.oldest() = next;
+            self.window.turn();
         }
     }
 
@@ -143,7 +136,7 @@ impl Stream {
             return None;
         }
         self.gaps = if complete { 0 } else { self.gaps.saturating_add(1) };
-        let [.., last] = self.frames();
+        let [.., last] = self.window.frames();
         let last = *last;
         let waiting = self.ring.get_mut(place(self.taken))?;
         let missing = all & !waiting.heard;
@@ -168,7 +161,7 @@ impl Stream {
 
     /// The last frame once more. The wheels of a stream that has ended stand.
     fn held(&self, config: &RobotConfig) -> Frame {
-        let [.., last] = self.frames();
+        let [.., last] = self.window.frames();
         let mut frame = *last;
         for (value, channel) in frame.values.iter_mut().zip(&config.channels) {
             if self.halted && channel.kind == ChannelKind::WheelSpeed {
@@ -205,7 +198,7 @@ impl Stream {
 
     /// The present target of a channel.
     pub fn target(&self, config: &RobotConfig, channel: usize) -> Option<Target> {
-        let [a, b, c, d] = self.frames();
+        let [a, b, c, d] = self.window.frames();
         let value = |frame: &Frame| frame.values.get(channel).copied();
         let phase = f32::from(self.ticks) / f32::from(self.ticks_per_frame);
         let sample = hermite::between([value(a)?, value(b)?, value(c)?, value(d)?], phase);
@@ -215,17 +208,6 @@ impl Stream {
         };
         let (from, to) = (*b.torques.get(channel)?, *c.torques.get(channel)?);
         Some(Target { value: sample.value, slope, torque_nm: from + phase * (to - from) })
-    }
-
-    /// Frames k−1, k, k+1, k+2.
-    fn frames(&self) -> [&Frame; WINDOW] {
-        let [a, b, c, d] = &self.window;
-        match self.first {
-            1 => [b, c, d, a],
-            2 => [c, d, a, b],
-            3 => [d, a, b, c],
-            _ => [a, b, c, d],
-        }
     }
 }
 
