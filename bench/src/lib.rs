@@ -18,6 +18,7 @@ mod measure;
 mod only;
 mod physics;
 mod samples;
+mod sensor_faults;
 pub mod split;
 mod suggestions;
 mod table_2_1;
@@ -60,6 +61,9 @@ pub enum Benchmark {
     Figure36,
     /// Closed loop against servos: as planned, with other masses, friction, delay and slopes, and pushed.
     Tracking(tracking::Args),
+    /// Sensors that break in closed loop: which robots go on, come to rest on their feet, or fall.
+    #[command(name = "sensor-faults")]
+    SensorFaults(sensor_faults::Args),
     /// Table 3.2: SwizzleBots with two to five motors a leg.
     #[command(name = "table-3-2")]
     Table32(table_3_2::Args),
@@ -116,6 +120,7 @@ impl Benchmark {
             Self::Suggestions(args) if args.near => whole(|| suggestions::run_near(args, program)),
             Self::Suggestions(args) => Work::Split(suggestions::split(args, program)),
             Self::Tracking(args) => Work::Split(tracking::split(args, program)?),
+            Self::SensorFaults(args) => Work::Split(sensor_faults::split(args, program)?),
             Self::Physics(args) => whole(|| physics::run(args, program)),
             Self::FaultCampaign(args) => match fault_campaign::single(args) {
                 Some(case) => whole(move || fault_campaign::run_single(args, case, program)),
@@ -238,7 +243,7 @@ pub fn motions() -> impl Iterator<Item = String> {
     let rows = rows.chain(table_3_2::ROWS.map(|row| row.0)).chain(table_3_3::ROWS.map(|row| row.0));
     let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION, figure_3_6::MOTION]);
     let others = others.chain([figure_2_8::CAR, figure_2_8::WALK]);
-    let others = others.chain(tracking::MOTIONS);
+    let others = others.chain(tracking::MOTIONS).chain(sensor_faults::MOTIONS);
     rows.chain(others).map(str::to_owned).chain(gaits).chain(suggestions::motions())
 }
 

@@ -59,8 +59,8 @@ struct World {
 fn worlds() -> [World; 9] {
     let as_planned = Mismatch::default();
     let world = |name, mismatch| World { name, mismatch, slope_rad: 0.0 };
-    let together =
-        Mismatch { mass: 1.1, friction: Some(0.5), delay_s: 0.006, noise: Some(Noise::USUAL) };
+    let noise = Some(Noise::USUAL);
+    let together = Mismatch { mass: 1.1, friction: Some(0.5), delay_s: 0.006, noise, ..as_planned };
     [
         world("as planned", as_planned),
         world("mass + 10 %", Mismatch { mass: 1.1, ..as_planned }),

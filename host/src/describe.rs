@@ -3,6 +3,10 @@
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::wire::State;
 
+/// What a robot does that gets no heartbeats.
+pub const LEFT_ALONE: &str =
+    "an armed robot returns to SAFE by itself, or halts if it is streamed to";
+
 /// Description of a state, to follow "the robot is".
 pub fn state_name(state: State) -> &'static str {
     match state {

@@ -83,14 +83,20 @@ const PLANNED: &str = "/planned_joint_states";
 const PLANNED_GAP_S: f64 = 0.25;
 const SETPOINT_GAP_S: f64 = 0.1;
 
-/// Reads a file of `rollwalk monitor --mcap`, also one that was not ended.
+/// Reads a file of `rollwalk monitor --mcap`, also one that was not ended or that other tools have compressed.
 ///
 /// # Errors
 /// What it lacks.
 pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<Traces, Unusable> {
     let messages = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into())?;
     let mut turns: BTreeMap<&str, Vec<(u64, JointStates)>> = BTreeMap::new();
-    for message in messages.map_while(Result::ok) {
+    for message in messages {
+        let message = match message {
+            Ok(message) => message,
+            Err(error) if turns.is_empty() => return Err(error.into()),
+            // It was cut off here.
+            Err(_) => break,
+        };
         let known = [MEASURED, PLANNED].into_iter().find(|topic| *topic == message.channel.topic);
         let Some(topic) = known else { continue };
         let states = serde_json::from_slice(&message.data);
@@ -264,6 +270,7 @@ mod tests {
     use super::*;
     use crate::catalog::Catalog;
     use crate::telemetry::{Known, Telemetry};
+    use mcap::{Compression, WriteOptions};
     use rollwalk_protocol::actuator::ActuatorStatus;
     use rollwalk_protocol::config::Channel;
     use rollwalk_protocol::wire::{JointTelemetry, Node, State, Status};
@@ -334,7 +341,9 @@ mod tests {
             serde_json::json!({ "timestamp": { "sec": 0, "nsec": 0 }, "joints": joints })
         };
         let mut file = Cursor::new(Vec::new());
-        let mut writer = mcap::Writer::new(&mut file).unwrap();
+        // Compressed, as `mcap filter` and its like leave it.
+        let compressed = WriteOptions::new().compression(Some(Compression::Zstd));
+        let mut writer = compressed.create(&mut file).unwrap();
         for message in MessageStream::new(&bytes).unwrap() {
             writer.write(&message.unwrap()).unwrap();
         }

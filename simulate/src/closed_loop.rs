@@ -3,6 +3,7 @@
 //!
 //! [`crate::control`] asks it about the simulated world, `rollwalk control` for the simulators of others.
 
+use crate::safe_stop::SafeStop;
 use crate::script::{Script, servo};
 use nalgebra::Isometry3;
 use rollwalk_multibody::{State, Tree};
@@ -32,6 +33,9 @@ pub enum Measured<'a> {
     Sensors(&'a Sensors<'a>),
 }
 
+/// Time without setpoints of the tracker after which the motion is ended, s.
+const LOST_S: f64 = 0.1;
+
 /// Why the motors got the plan as in open loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Untracked {
@@ -41,6 +45,11 @@ pub enum Untracked {
     /// The tracker found no setpoints.
     #[error("no setpoints meet the constraints, or the state is not finite")]
     Setpoints(Unsolved),
+    /// There were none for 0.1 s: the robot comes to rest, and stays so.
+    #[error(
+        "it was not tracked for {LOST_S} s: it has been brought to a stop, until it is started again"
+    )]
+    Stopped,
 }
 
 /// When a controller acts.
@@ -61,6 +70,9 @@ pub struct ClosedLoop<'s, 'p> {
     tracker: Tracker,
     estimator: Estimator,
     timing: Timing,
+    /// Time without setpoints of the tracker, s, and the stop that ends it.
+    lost_s: f64,
+    stop: Option<SafeStop>,
 }
 
 /// A plan where it lies in the world, on its plane z = 0, from a time on, s.
@@ -90,7 +102,8 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
             tracker = tracker.with_gains(gains);
         }
         let servos = script.robot().channels().map(|channel| servo(&channel)).collect();
-        Self { script, servos, plan, tracker, estimator: Estimator::new(tree), timing }
+        let estimator = Estimator::new(tree);
+        Self { script, servos, plan, tracker, estimator, timing, lost_s: 0.0, stop: None }
     }
 
     /// The robot with turning wheels and rotors, whose states and velocities those of [`Measured`] are.
@@ -107,13 +120,17 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
     }
 
     /// What the motors do in a tick between two times of the motion, periods counted on, s; `measured` is
-    /// its beginning. If the tracker has no setpoints, they get those of the plan with its torques; the reason comes beside them.
+    /// its beginning. If the tracker has no setpoints, they get those of the plan with its torques; the reason comes beside them. After 0.1 s of
+    /// that in a motion the robot is brought to a stop: the plan goes on to the next moment at which all of its end effectors stand, or most, and ends there.
     pub fn tick(
         &mut self,
         [from_s, to_s]: [f64; 2],
         measured: Measured<'_>,
     ) -> (Vec<Law>, Option<Untracked>) {
         let Timing { tick_s, latency_s } = self.timing;
+        if let Some(stop) = &self.stop {
+            return (stop.laws(self.script, to_s + latency_s), Some(Untracked::Stopped));
+        }
         let reference = self.plan.reference(from_s + latency_s);
         let known = match measured {
             Measured::State(state, touches) => Ok((state, touches)),
@@ -127,10 +144,18 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         });
         match setpoints {
             Ok(setpoints) => {
+                self.lost_s = 0.0;
                 let laws = self.servos.iter().zip(setpoints);
                 (laws.map(|(servo, setpoint)| law(servo, setpoint)).collect(), None)
             }
-            Err(why) => (self.script.laws(to_s + latency_s), Some(why)),
+            Err(why) => {
+                // Before it moves it stands still, and the estimator aligns itself.
+                self.lost_s = if from_s > 0.0 { self.lost_s + tick_s } else { 0.0 };
+                if self.lost_s > LOST_S {
+                    self.stop = Some(SafeStop::after(&mut self.plan, self.script, from_s));
+                }
+                (self.script.laws(to_s + latency_s), Some(why))
+            }
         }
     }
 }

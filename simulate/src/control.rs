@@ -66,7 +66,10 @@ impl<'s, 'p> Controller<'s, 'p> {
                 closed_loop.align(&start).expect("the state of a world is finite");
                 let tree = closed_loop.tree();
                 let noise = options.mismatch.noise;
-                let sensors = noise.map(|noise| SimulatedSensors::new(tree.clone(), noise, SEED));
+                let fault = options.mismatch.sensor_fault;
+                let sensors = noise.map(|noise| {
+                    SimulatedSensors::new(tree.clone(), noise, SEED).with_fault(fault)
+                });
                 Some(Tracking { closed_loop, sensors, step_s })
             }
         };

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`script`] | a plan as the state in which it begins and the control law of each motor at any time |
 //! | [`closed_loop`] | a plan tracked in any world: measurements in, what motors do out |
+//! | `safe_stop` | how a robot comes to rest whose state is no longer known |
 //! | [`control`] | setpoints of the plan for the servos, open loop, or a controller that sees the robot |
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
 //! | [`sensors`] | what an IMU, encoders and contact switches of a simulated robot measure, with noise |
@@ -26,6 +27,7 @@ pub mod mismatch;
 pub mod outcome;
 pub mod retarget;
 pub mod run;
+mod safe_stop;
 pub mod script;
 pub mod sensors;
 pub mod steered;
@@ -37,4 +39,4 @@ pub use mismatch::Mismatch;
 pub use outcome::Outcome;
 pub use run::{Moment, Options, play};
 pub use script::Script;
-pub use sensors::{Noise, SimulatedSensors};
+pub use sensors::{Noise, SensorFault, SensorFaultKind, SimulatedSensors};

@@ -1,6 +1,6 @@
 //! How the robot in the world differs from the one that was planned for.
 
-use crate::sensors::Noise;
+use crate::sensors::{Noise, SensorFault};
 use rollwalk_robot::Robot;
 
 /// Differences between the plan's robot and the simulated one.
@@ -14,12 +14,14 @@ pub struct Mismatch {
     pub delay_s: f64,
     /// Noise of the sensors from which a controller in closed loop estimates the state; `None` if it knows the state.
     pub noise: Option<Noise>,
+    /// What breaks of those sensors.
+    pub sensor_fault: Option<SensorFault>,
 }
 
 impl Default for Mismatch {
     /// No difference.
     fn default() -> Self {
-        Self { mass: 1.0, friction: None, delay_s: 0.0, noise: None }
+        Self { mass: 1.0, friction: None, delay_s: 0.0, noise: None, sensor_fault: None }
     }
 }
 

@@ -24,6 +24,36 @@ pub struct Noise {
     pub speed_rad_s: f64,
 }
 
+/// What breaks during a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorFault {
+    /// When, s of the run.
+    pub from_s: f64,
+    /// What.
+    pub kind: SensorFaultKind,
+}
+
+/// What can break.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SensorFaultKind {
+    /// There is no IMU any more.
+    NoImu,
+    /// A bias of the gyro about every axis, rad/s.
+    GyroBias(f64),
+    /// A bias of the accelerometer along every axis, m/s².
+    AccelerometerBias(f64),
+    /// The gyro measures no numbers.
+    GyroNan,
+    /// The encoder of a joint measures no numbers.
+    EncoderNan(usize),
+    /// The encoder of a joint stays where it is.
+    EncoderStuck(usize),
+    /// The contact switch of an end effector stays as it says.
+    SwitchStuck(usize, bool),
+    /// All contact switches do.
+    AllSwitchesStuck(bool),
+}
+
 /// Whether each end effector touches the ground.
 pub(crate) fn touches(world: &World, tree: &Tree) -> impl Iterator<Item = bool> {
     let least_n = TOUCHES * tree.total_mass_kg() * GRAVITY_M_S2;
@@ -36,6 +66,9 @@ pub struct SimulatedSensors {
     tree: Tree,
     noise: Noise,
     random: Rng,
+    fault: Option<SensorFault>,
+    /// Time since the first sample, s.
+    time_s: f64,
     /// Velocity of the IMU, m/s, and world from body at the last sample.
     last: Option<(Vector3<f64>, Matrix3<f64>)>,
     joint_rad: Vec<f64>,
@@ -60,11 +93,19 @@ impl SimulatedSensors {
             tree,
             noise,
             random: Rng::with_seed(seed),
+            fault: None,
+            time_s: 0.0,
             last: None,
             joint_rad: Vec::new(),
             speed_rad_s: Vec::new(),
             touches: Vec::new(),
         }
+    }
+
+    /// The same sensors, some of which break.
+    pub fn with_fault(mut self, fault: Option<SensorFault>) -> Self {
+        self.fault = fault;
+        self
     }
 
     /// Samples at the end of a step of `step_s`. The specific force is the mean over the step; at the first sample
@@ -84,14 +125,35 @@ impl SimulatedSensors {
         let turning = now.1.tr_mul(&part(ANGULAR)) + gyro_bias_rad_s;
         let gyro_rad_s = turning.map(|rate| rate + noise(gyro_rad_s));
         let force = force.map(|force| force.map(|along| along + noise(accelerometer_m_s2)));
-        self.joint_rad.clone_from(&state.joint_rad);
+        let stuck_rad = std::mem::replace(&mut self.joint_rad, state.joint_rad);
         self.speed_rad_s.clear();
         let speeds = state.velocity[JOINTS..].iter();
         self.speed_rad_s.extend(speeds.map(|speed| speed + noise(speed_rad_s)));
         self.touches.clear();
         self.touches.extend(touches(world, &self.tree));
+        let (mut gyro_rad_s, mut force) = (Some(gyro_rad_s), force);
+        let broken = self.fault.filter(|fault| self.time_s >= fault.from_s).map(|fault| fault.kind);
+        self.time_s += step_s;
+        match broken {
+            None => {}
+            Some(SensorFaultKind::NoImu) => (gyro_rad_s, force) = (None, None),
+            Some(SensorFaultKind::GyroBias(bias)) => {
+                gyro_rad_s = gyro_rad_s.map(|rate| rate.add_scalar(bias));
+            }
+            Some(SensorFaultKind::AccelerometerBias(bias)) => {
+                force = force.map(|force| force.add_scalar(bias));
+            }
+            Some(SensorFaultKind::GyroNan) => gyro_rad_s = Some(Vector3::repeat(f64::NAN)),
+            Some(SensorFaultKind::EncoderNan(joint)) => self.joint_rad[joint] = f64::NAN,
+            Some(SensorFaultKind::EncoderStuck(joint)) => {
+                self.joint_rad[joint] = stuck_rad.get(joint).copied().unwrap_or_default();
+                self.speed_rad_s[joint] = 0.0;
+            }
+            Some(SensorFaultKind::SwitchStuck(switch, value)) => self.touches[switch] = value,
+            Some(SensorFaultKind::AllSwitchesStuck(value)) => self.touches.fill(value),
+        }
         Sensors {
-            gyro_rad_s: Some(gyro_rad_s),
+            gyro_rad_s,
             accelerometer_m_s2: force,
             joint_rad: &self.joint_rad,
             speed_rad_s: &self.speed_rad_s,

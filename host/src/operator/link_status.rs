@@ -3,7 +3,7 @@
 use super::log::{Log, Weight};
 use super::view::{FaultView, JointView, LinkView};
 use crate::client::Client;
-use crate::describe::{fault_names, state_name};
+use crate::describe::{LEFT_ALONE, fault_names, state_name};
 use rollwalk_protocol::faults::{Fault, FaultBits};
 use rollwalk_protocol::wire::{FaultReport, JointTelemetry, State, Status};
 use std::collections::BTreeMap;
@@ -112,8 +112,9 @@ impl LinkStatus {
     pub fn watch(&mut self, now_us: u64, log: &mut Log) -> bool {
         if self.contact == Some(true) && !self.in_contact(now_us) {
             self.contact = Some(false);
-            let text = "no contact: nothing was heard for 0.5 s; quit, or let go of the deadman, and an \
-                        armed robot returns to SAFE by itself";
+            let text = format!(
+                "no contact: nothing was heard for 0.5 s; quit, or let go of the deadman, and {LEFT_ALONE}"
+            );
             log.say(now_us, Weight::Warning, text);
             return true;
         }

@@ -30,7 +30,7 @@ pub use view::{FaultView, JointView, Leaving, LinkView, View};
 use crate::authentication::{NoSession, Peer};
 use crate::catalog::Catalog;
 use crate::client::{Client, Incoming, Outgoing};
-use crate::describe;
+use crate::describe::{self, LEFT_ALONE};
 use crate::refusal::session_refusal;
 use crate::stream::{Stream, Target};
 use flashing::Flashing;
@@ -168,7 +168,7 @@ impl Operator {
             } else {
                 self.asked = None;
                 self.drop_moving();
-                let text = "the controls do not answer: no heartbeats, and an armed robot returns to SAFE by itself";
+                let text = format!("the controls do not answer: no heartbeats, and {LEFT_ALONE}");
                 self.log.say(now_us, Weight::Warning, text);
             }
         }
@@ -386,7 +386,7 @@ impl Operator {
                 // The refused frame may be a heartbeat; one refused later is not, and may be a stop.
                 self.unsent = None;
                 if self.link.state().is_some_and(has_torque) {
-                    let text = "no heartbeats any more: an armed robot returns to SAFE by itself, or halts if it is streamed to";
+                    let text = format!("no heartbeats any more: {LEFT_ALONE}");
                     self.log.say(now_us, Weight::Warning, text);
                 }
             }

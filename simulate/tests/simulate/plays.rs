@@ -3,8 +3,11 @@
 use crate::plan;
 use rollwalk_physics::ground::{Ground, Plane, Profile};
 use rollwalk_physics::push::Shove;
+use rollwalk_physics::world::heading_rad;
 use rollwalk_planner::plan::Plan;
-use rollwalk_simulate::{Control, Feedback, Mismatch, Noise, Options, Outcome, play};
+use rollwalk_simulate::{
+    Control, Feedback, Mismatch, Noise, Options, Outcome, SensorFault, SensorFaultKind, play,
+};
 use std::sync::Arc;
 
 const TRACKING: Control = Control::Tracking(Feedback::Gains);
@@ -128,6 +131,33 @@ fn a_tracked_robot_keeps_its_feet_when_the_world_is_another() {
     assert!((noisy.ratio(2).unwrap() - 1.0).abs() > 1e-3, "{noisy:?}");
     let pushed = played(Mismatch::default(), 250.0);
     assert!(pushed.fell_at_s.is_none(), "{pushed:?}");
+}
+
+/// Without a state the robot comes to rest on its feet, at whatever moment of its turn that is.
+#[test]
+fn a_robot_that_loses_its_sensors_comes_to_rest() {
+    let plan = plan("anymal_wheels", "anymal_turn");
+    for (from_s, kind) in [
+        (0.5, SensorFaultKind::NoImu),
+        (0.9, SensorFaultKind::EncoderNan(1)),
+        (1.3, SensorFaultKind::GyroBias(2.0)),
+    ] {
+        let sensor_fault = Some(SensorFault { from_s, kind });
+        let noise = Some(Noise::USUAL);
+        let mismatch = Mismatch { noise, sensor_fault, ..Mismatch::default() };
+        let options = Options { cycles: 3, mismatch, ..Options::new(TRACKING, 500) };
+        let mut headings_rad = Vec::new();
+        let outcome = play(&plan, &options, |moment| {
+            headings_rad.push(heading_rad(&moment.world.base().1));
+            true
+        });
+        let outcome = outcome.unwrap();
+        assert!(outcome.fell_at_s.is_none() && outcome.untracked > 100, "{kind:?}: {outcome:?}");
+        // Of the last fifth of a second.
+        let last = headings_rad.len() - 1;
+        let turned_rad = headings_rad[last] - headings_rad[last - 100];
+        assert!(turned_rad.abs() < 1e-3, "{kind:?}: {turned_rad}");
+    }
 }
 
 /// With the old angle of a state measured 6 ms ago the drives' own loops mislead small motors: without a prediction Creature3 comes to 0.03.

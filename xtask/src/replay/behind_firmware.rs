@@ -1,7 +1,7 @@
 //! The same commands in two worlds: each motion in a library of its own behind firmware and bus on our ground, and what its drives
 //! were commanded there in MuJoCo (`tests/replay/logged.py`).
 
-use super::{CYCLES, Replay, rollwalk};
+use super::{CYCLES, Replay};
 use crate::{parallel, shell};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -51,10 +51,9 @@ fn one(replay: &Replay, folder: &Path, path: &Path) -> Result<Value, String> {
 
     write(&file("-stand.toml"), &stand(&robot))?;
     let source = shell::workspace_root().join(motion_file(&stem));
-    let rollwalk = rollwalk()?.path;
     let run = |args: &[&dyn AsRef<std::ffi::OsStr>]| {
         let args: Vec<_> = args.iter().map(|arg| (*arg).as_ref()).collect();
-        let output = shell::command(&rollwalk.to_string_lossy(), &args).output();
+        let output = replay.rollwalk(&args).output();
         output.map_err(|error| format!("rollwalk: {error}"))
     };
     let library = file(".rwl");
@@ -89,7 +88,7 @@ pub fn in_both_worlds(
     motion: &str,
 ) -> Result<BTreeMap<&'static str, Value>, String> {
     let (log, json) = (library.with_extension("csv"), library.with_extension("json"));
-    let mut simulate = shell::command(&rollwalk()?.path.to_string_lossy(), &["simulate"]);
+    let mut simulate = replay.rollwalk(&["simulate"]);
     simulate.arg(library).arg("--robot").arg(robot).args(["--cycles", CYCLES, "--world-log"]);
     let played = simulate.arg(&log).output().map_err(|error| format!("rollwalk: {error}"))?;
     // Exit code 3: it falls, or its tour is stopped.

@@ -7,7 +7,7 @@ mod tracked;
 mod urdf;
 
 use crate::steps::Extent;
-use crate::workspace::{self, Program};
+use crate::workspace;
 use crate::{mujoco, parallel, shell};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -73,7 +73,7 @@ pub fn document(options: &Options) -> Result<(), String> {
         let folder = replay.out.join("identified");
         let results = folder.join("identified.json");
         let mut identified = replay.python("identified.py");
-        identified.arg(&rollwalk()?.path).arg("-o").arg(&folder).arg("--json").arg(&results);
+        identified.arg(&replay.rollwalk).arg("-o").arg(&folder).arg("--json").arg(&results);
         shell::run(&mut identified)?;
         return shell::run(replay.python("document.py").arg("--identified").arg(results));
     }
@@ -96,6 +96,8 @@ pub fn document(options: &Options) -> Result<(), String> {
 
 /// The programs and where their results go.
 struct Replay {
+    /// The command line, as the tests build it.
+    rollwalk: PathBuf,
     /// `PYTHONPATH` with MuJoCo.
     path: OsString,
     /// `replay/` of the target folder.
@@ -107,7 +109,14 @@ impl Replay {
         let out = shell::target_folder().join("replay");
         fs::create_dir_all(out.join("plans"))
             .map_err(|error| format!("{}: {error}", out.display()))?;
-        Ok(Self { path: mujoco::path()?, out })
+        let built = workspace::programs()?;
+        let rollwalk = workspace::find(&built, "tests", "rollwalk-under-test", false)?.path.clone();
+        Ok(Self { rollwalk, path: mujoco::path()?, out })
+    }
+
+    /// A command of the command line.
+    fn rollwalk(&self, args: &[impl AsRef<OsStr>]) -> Command {
+        shell::command(&self.rollwalk.to_string_lossy(), args)
     }
 
     /// A program of `tests/replay`; of "" the harness itself.
@@ -127,12 +136,11 @@ impl Replay {
 
     /// Every shipped motion; a motion that does not hold is an error if they must. Returns the plans.
     fn shipped(&self, feed_forward: &str, must_hold: bool) -> Result<Vec<PathBuf>, String> {
-        let rollwalk = rollwalk()?;
         let failed = |error: std::io::Error| format!("motions: {error}");
         let plans: Vec<PathBuf> = motions()
             .map_err(failed)?
             .iter()
-            .map(|motion| self.plan(&rollwalk, motion))
+            .map(|motion| self.plan(motion))
             .collect::<Result<_, _>>()?;
         let level = self.run(&["--feed-forward", feed_forward], &plans, "level.json");
         let disturbed = ["--feed-forward", "torque", "--robustness", "--cycles", DISTURBED_CYCLES];
@@ -152,12 +160,10 @@ impl Replay {
 
     /// The same plans in our own simulator, into `ground.json`.
     fn grounded(&self, plans: &[PathBuf]) -> Result<(), String> {
-        let rollwalk = rollwalk()?;
         let simulate = |plan: &Path, rate_hz: u32| {
             let rate = rate_hz.to_string();
             let args = ["simulate", "--json", "--cycles", CYCLES, "--rate", &rate];
-            let mut command = shell::command(&rollwalk.path.to_string_lossy(), &args);
-            let output = command.arg(plan).output();
+            let output = self.rollwalk(&args).arg(plan).output();
             let output = output.map_err(|error| format!("rollwalk: {error}"))?;
             // Exit code 3: it does not come where the plan does. An error of the simulation has no outcome.
             serde_json::from_slice::<Value>(&output.stdout).map_err(|_| {
@@ -187,20 +193,15 @@ impl Replay {
     }
 
     /// Plans a motion; the name of the plan has that of the folder, because some motions of the two folders share theirs.
-    fn plan(&self, rollwalk: &Program, motion: &Path) -> Result<PathBuf, String> {
+    fn plan(&self, motion: &Path) -> Result<PathBuf, String> {
         let name =
             |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let folder = motion.parent().map(name).unwrap_or_default();
         let plan = self.out.join("plans").join(format!("{folder}-{}.json", name(motion)));
         let args = [OsStr::new("plan"), motion.as_os_str(), OsStr::new("-o"), plan.as_os_str()];
-        shell::output(&mut shell::command(&rollwalk.path.to_string_lossy(), &args))?;
+        shell::output(&mut self.rollwalk(&args))?;
         Ok(plan)
     }
-}
-
-/// The command line, as the tests build it.
-fn rollwalk() -> Result<Program, String> {
-    workspace::find(&workspace::programs()?, "tests", "rollwalk-under-test", false).cloned()
 }
 
 /// Every shipped motion file but those of the test leg, which cannot stand by itself, and the library files.

@@ -1,12 +1,15 @@
 //! Retargeted motions in two worlds: for each case a library of a stand and the motion, for a robot with softer servos and without the
 //! planned torques, with its plans as they are and retargeted (docs/retargeting.md).
 
+use super::Replay;
 use super::behind_firmware::{STAND, in_both_worlds, library_file, reason, stand, steps, write};
-use super::{Replay, rollwalk};
-use crate::shell;
+use crate::{parallel, shell};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::sync::Mutex;
+use std::time::Instant;
 
 /// File with the results, in the output folder.
 pub const RESULTS: &str = "retargeted.json";
@@ -31,11 +34,20 @@ const CASES: [(&str, f64); 9] = [
 pub fn compare(replay: &Replay) -> Result<(), String> {
     let folder = replay.out.join("retargeted");
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    let results: Vec<_> = CASES
-        .iter()
-        .map(|(motion, share)| one(replay, &folder.join(motion), motion, *share))
-        .collect::<Result<_, _>>()?;
-    write(&replay.out.join(RESULTS), &Value::from(results).to_string())
+    let results = Mutex::new(BTreeMap::new());
+    let failures = parallel::each(&CASES, |&(motion, share)| {
+        let start = Instant::now();
+        let result = one(replay, &folder.join(motion), motion, share)?;
+        let mut results = results.lock().expect("no worker panics");
+        results.insert(CASES.iter().position(|case| case.0 == motion), result);
+        // Cases take minutes: one that is cut off later leaves those before it.
+        let so_far: Vec<&Value> = results.values().collect();
+        write(&replay.out.join(RESULTS), &json!(so_far).to_string())?;
+        let (done, all, seconds) = (so_far.len(), CASES.len(), start.elapsed().as_secs_f64());
+        eprintln!("{motion} in {seconds:.0} s, {done} of {all}");
+        Ok(())
+    });
+    failures.into_iter().next().map_or(Ok(()), Err)
 }
 
 /// What becomes of a motion before and after.
@@ -53,9 +65,8 @@ fn one(replay: &Replay, folder: &Path, motion: &str, share: f64) -> Result<Value
     let (rigid, soft) = (root.join(robot), folder.join("soft.toml"));
     write(&soft, &softened(&text(&rigid)?, share))?;
     write(&folder.join("stand.toml"), &stand(&rigid))?;
-    let program = rollwalk()?.path;
     let run = |args: &[&str]| {
-        let mut command = shell::command(&program.to_string_lossy(), args);
+        let mut command = replay.rollwalk(args);
         command.current_dir(folder).output().map_err(|error| format!("rollwalk: {error}"))
     };
     let planned = run(&["plan", &source.to_string_lossy(), "-o", "plan.json"])?;

@@ -1,6 +1,6 @@
 //! Controllers in MuJoCo, open loop and closed: the tables of `docs/tracking.md`.
 
-use super::{Replay, rollwalk};
+use super::Replay;
 use crate::shell;
 use std::path::PathBuf;
 
@@ -28,9 +28,8 @@ const PUSHED: [&str; 2] = ["motions-anymal_turn.json", "motions-trot.json"];
 /// # Errors
 /// A failed test, or a motion without plan.
 pub fn check(replay: &Replay) -> Result<(), String> {
-    let program = rollwalk()?;
-    let plan = replay.plan(&program, &shell::workspace_root().join(TURN))?;
-    shell::run(replay.python("test_tracked.py").arg(&program.path).arg(plan))
+    let plan = replay.plan(&shell::workspace_root().join(TURN))?;
+    shell::run(replay.python("test_tracked.py").arg(&replay.rollwalk).arg(plan))
 }
 
 /// Plays all motions under all controllers, and writes the tables.
@@ -38,15 +37,18 @@ pub fn check(replay: &Replay) -> Result<(), String> {
 /// # Errors
 /// A program that fails.
 pub fn document(replay: &Replay) -> Result<(), String> {
-    let program = rollwalk()?;
     let root = shell::workspace_root();
-    let plans: Vec<PathBuf> = MOTIONS
-        .iter()
-        .map(|motion| replay.plan(&program, &root.join(motion)))
-        .collect::<Result<_, _>>()?;
+    let plans: Vec<PathBuf> =
+        MOTIONS.iter().map(|motion| replay.plan(&root.join(motion))).collect::<Result<_, _>>()?;
     let results = replay.out.join("tracking.json");
     let mut tracking = replay.python("tracking.py");
-    tracking.arg(&program.path).args(plans).arg("--json").arg(&results).arg("--push").args(PUSHED);
+    tracking
+        .arg(&replay.rollwalk)
+        .args(plans)
+        .arg("--json")
+        .arg(&results)
+        .arg("--push")
+        .args(PUSHED);
     shell::run(&mut tracking)?;
     shell::run(replay.python("document.py").arg("--tracking").arg(results))
 }

@@ -1,6 +1,6 @@
 //! A robot from a URDF: imported with what the import proposes, and motions that suit its size.
 
-use super::{Replay, rollwalk};
+use super::Replay;
 use crate::shell;
 use serde_json::Value;
 use std::fs;
@@ -23,9 +23,7 @@ const GRAVITY_M_S2: f64 = 9.80665;
 /// # Errors
 /// The import, or a motion of which no plan is written.
 pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
-    let rollwalk = rollwalk()?;
-    let run =
-        |args: &[&str]| shell::output(&mut shell::command(&rollwalk.path.to_string_lossy(), args));
+    let run = |args: &[&str]| shell::output(&mut replay.rollwalk(args));
     let stem = urdf.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let folder = replay.out.join(&stem);
     let failed = |error: std::io::Error| format!("{}: {error}", folder.display());

@@ -58,6 +58,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             friction: args.friction,
             delay_s: 1e-3 * args.delay_ms,
             noise: args.estimate.then_some(Noise::USUAL),
+            ..Mismatch::default()
         },
     };
     interrupt::listen();

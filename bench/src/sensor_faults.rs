@@ -1,0 +1,191 @@
+//! Robots in closed loop whose sensors break in the middle of a motion: whether they go on, come to rest on their feet, or fall
+//! (docs/tracking.md).
+
+use crate::only::Only;
+use crate::split::{Rows, Split};
+use crate::{Block, Findings, Program, Table, Verdict, unless_interrupted};
+use miette::IntoDiagnostic;
+use rollwalk_planner::motion::Ends;
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::{Options as SolverOptions, optimise};
+use rollwalk_simulate::SensorFaultKind::{
+    AccelerometerBias, AllSwitchesStuck, EncoderNan, EncoderStuck, GyroBias, GyroNan, NoImu,
+    SwitchStuck,
+};
+use rollwalk_simulate::{
+    Control, Feedback, Mismatch, Noise, Options, SensorFault, SensorFaultKind, play,
+};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Motion files: of robots that stay on their feet in closed loop with noisy sensors.
+pub const MOTIONS: [&str; 11] = [
+    "motions/anymal_drive.toml",
+    "motions/anymal_duck.toml",
+    "motions/anymal_turn.toml",
+    "motions/drive_1m.toml",
+    "motions/walk.toml",
+    "motions/trot.toml",
+    "motions/pace.toml",
+    "motions/walk_and_roll.toml",
+    "motions/flying_trot.toml",
+    "motions/legbot_walk.toml",
+    "motions/table_2_1/swizzlebot_forward.toml",
+];
+const KINDS: [(&str, SensorFaultKind); 13] = [
+    ("no IMU", NoImu),
+    ("gyro NaN", GyroNan),
+    ("gyro + 0.05 rad/s", GyroBias(0.05)),
+    ("gyro + 0.3 rad/s", GyroBias(0.3)),
+    ("gyro + 2 rad/s", GyroBias(2.0)),
+    ("accelerometer + 0.3 m/s²", AccelerometerBias(0.3)),
+    ("accelerometer + 1 m/s²", AccelerometerBias(1.0)),
+    ("accelerometer + 4 m/s²", AccelerometerBias(4.0)),
+    ("encoder NaN", EncoderNan(1)),
+    ("encoder stuck", EncoderStuck(1)),
+    ("switch closed", SwitchStuck(0, true)),
+    ("switch open", SwitchStuck(0, false)),
+    ("all switches open", AllSwitchesStuck(false)),
+];
+/// Moments of the motion at which sensors break.
+const PHASES: u32 = 4;
+const RATE_HZ: u32 = 500;
+const CYCLES: usize = 6;
+/// How long before its end the speed of a run is taken, s, and the largest of one that is at rest, m/s.
+const REST_S: f64 = 0.1;
+const REST_M_S: f64 = 0.02;
+
+/// What to run.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    only: Only,
+}
+
+/// A motion, and what became of it for every kind of fault.
+#[derive(Serialize, Deserialize)]
+struct Row {
+    motion: String,
+    outcomes: Vec<Counts>,
+}
+
+/// What became of runs with a fault.
+#[derive(Default, Serialize, Deserialize)]
+struct Counts {
+    /// Tracked to the end.
+    went_on: u32,
+    /// At rest on its feet.
+    stopped: u32,
+    /// On its feet, not tracked and not at rest.
+    rolled_on: u32,
+    fell: u32,
+}
+
+/// The benchmark, a unit for each motion.
+///
+/// # Errors
+/// A row that does not exist.
+pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
+    let mut words = vec!["sensor-faults".to_owned()];
+    words.extend(args.only.words());
+    Ok(Box::new(Rows {
+        words,
+        is_timed: false,
+        rows: args.only.choose(&MOTIONS, |row| row)?,
+        row: Box::new(|file| row(file, program)),
+        findings: Box::new(findings),
+    }))
+}
+
+fn row(file: &str, program: &dyn Program) -> miette::Result<Option<Row>> {
+    let (robot, motion) = program.motion(file)?;
+    let mut watch = |_: &_| unless_interrupted(program);
+    let plan = optimise(&robot, &motion, &SolverOptions::default(), &mut watch);
+    let mut outcomes = Vec::new();
+    for (name, kind) in KINDS {
+        program.say(&format!("{}, {name}", motion.name));
+        let mut counts = Counts::default();
+        for phase in 0..PHASES {
+            if program.interrupted() {
+                return Ok(None);
+            }
+            counts.add(&plan, kind, phase)?;
+        }
+        outcomes.push(counts);
+    }
+    Ok(Some(Row { motion: motion.name.clone(), outcomes }))
+}
+
+impl Counts {
+    /// A run in which something breaks: in the second period, or while a motion that ends moves.
+    fn add(&mut self, plan: &Plan, kind: SensorFaultKind, phase: u32) -> miette::Result<()> {
+        let period_s = plan.motion.duration_s;
+        let begin_s = if plan.motion.ends == Ends::Periodic { period_s } else { 1.0 };
+        let from_s = begin_s + period_s * f64::from(phase) / f64::from(PHASES);
+        let mismatch = Mismatch {
+            noise: Some(Noise::USUAL),
+            sensor_fault: Some(SensorFault { from_s, kind }),
+            ..Mismatch::default()
+        };
+        let control = Control::Tracking(Feedback::Gains);
+        let options = Options { cycles: CYCLES, mismatch, ..Options::new(control, RATE_HZ) };
+        let mut last = VecDeque::new();
+        let outcome = play(plan, &options, |moment| {
+            last.push_back((moment.done_s, moment.world.base().0));
+            while last.front().is_some_and(|(at_s, _)| moment.done_s - at_s > REST_S) {
+                last.pop_front();
+            }
+            true
+        })
+        .into_diagnostic()?;
+        let speed_m_s = match (last.front(), last.back()) {
+            (Some((from_s, from)), Some((to_s, to))) if to_s > from_s => {
+                (to - from).norm() / (to_s - from_s)
+            }
+            _ => 0.0,
+        };
+        // A run of few ticks that were not tracked was.
+        let is_tracked = f64::from(outcome.untracked) / f64::from(RATE_HZ) < 2.0 * REST_S;
+        *match (outcome.fell_at_s, is_tracked) {
+            (Some(_), _) => &mut self.fell,
+            (None, true) => &mut self.went_on,
+            (None, false) if speed_m_s < REST_M_S => &mut self.stopped,
+            (None, false) => &mut self.rolled_on,
+        } += 1;
+        Ok(())
+    }
+
+    fn shown(&self) -> String {
+        let Self { went_on, stopped, rolled_on, fell } = self;
+        let counts =
+            [("goes on", went_on), ("stops", stopped), ("moves", rolled_on), ("falls", fell)];
+        let counts: Vec<_> = counts.iter().filter(|(_, count)| **count > 0).collect();
+        match counts[..] {
+            [(name, _)] => (*name).to_owned(),
+            _ => counts
+                .iter()
+                .map(|(name, count)| format!("{name} {count}"))
+                .collect::<Vec<_>>()
+                .join(", "),
+        }
+    }
+}
+
+fn findings(rows: &[Row]) -> Findings {
+    let mut outcomes: Table = vec![vec!["motion".to_owned()]];
+    outcomes[0].extend(KINDS.iter().map(|(name, _)| (*name).to_owned()));
+    outcomes.extend(rows.iter().map(|row| {
+        let cells = row.outcomes.iter().map(Counts::shown);
+        std::iter::once(row.motion.clone()).chain(cells).collect()
+    }));
+    let fell: u32 = rows.iter().flat_map(|row| &row.outcomes).map(|counts| counts.fell).sum();
+    let runs = rows.len() * KINDS.len() * PHASES as usize;
+    let text = format!(
+        "{PHASES} runs for each fault, which comes at as many moments of the motion and stays. Tracking with gains and estimator, {RATE_HZ} ticks a second.\n\
+         goes on: tracked to the end; stops: at rest on its feet; moves: on its feet and not at rest.\n\
+         {fell} of {runs} runs end in a fall."
+    );
+    let blocks = vec![Block::Table(outcomes), Block::Text(text)];
+    let verdict = if fell == 0 { Verdict::Passed } else { Verdict::OutOfBounds };
+    Findings { verdict, ..Findings::new("sensor_faults", blocks, &rows) }
+}
