@@ -11,7 +11,7 @@
 //! J̇ is taken at the point of contact, which moves along the rim: at the centre, or with a point fixed to the tyre, a wheel
 //! would be asked for forces that it cannot have.
 
-use crate::contacts::{self, Phase, Planned};
+use crate::contacts::{self, Phase, Planned, Switch};
 use crate::correction::{Correction, Place};
 use crate::gains::Gains;
 use crate::quadratic::{Program, Solver, Unsolved};
@@ -57,6 +57,7 @@ struct Channel {
 #[derive(Clone, Debug)]
 struct Foot {
     phase: Phase,
+    switch: Switch,
     /// Whether it glides along itself.
     is_blade: bool,
     friction: f64,
@@ -150,6 +151,7 @@ impl Tracker {
                 let drag = end_effector.contact.drag().map_or(0.0, |drag| drag.rolling_resistance);
                 Foot {
                     phase: Phase::Swing,
+                    switch: Switch::default(),
                     is_blade,
                     friction,
                     friction_along: if is_blade { drag } else { friction },
@@ -386,9 +388,13 @@ impl Tracker {
                 stands: reference.stands[j],
                 rises: planned.point_velocity(of.link, &center).dot(&normal) > 0.0,
             };
+            let recovers = self.recovery.is_active();
+            let is_needed = as_planned.stands || recovers;
+            let above_m = (ground_from_world * Point3::from(foot.measured)).z;
+            let touches =
+                foot.switch.touches(touches[j], is_needed, above_m / height_m, self.tick_s);
             // A wheel that lies flat has no contact to stand on.
-            let touches = touches[j] && contact.is_some();
-            foot.phase = contacts::phase(as_planned, touches, self.recovery.is_active());
+            foot.phase = contacts::phase(as_planned, touches && contact.is_some(), recovers);
             let Some(contact) = contact.filter(|_| foot.stands()) else { continue };
             contact.material_jacobian(tree, &measured.frames, &mut foot.jacobian);
             let motion = contact.motion(measured);
