@@ -128,8 +128,8 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         measured: Measured<'_>,
     ) -> (Vec<Law>, Option<Untracked>) {
         let Timing { tick_s, latency_s } = self.timing;
-        if let Some(stop) = &self.stop {
-            return (stop.laws(self.script, to_s + latency_s), Some(Untracked::Stopped));
+        if let Some(stop) = &mut self.stop {
+            return (stop.tick(self.script, tick_s, latency_s), Some(Untracked::Stopped));
         }
         let reference = self.plan.reference(from_s + latency_s);
         let known = match measured {
@@ -152,7 +152,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
                 // Before it moves it stands still, and the estimator aligns itself.
                 self.lost_s = if from_s > 0.0 { self.lost_s + tick_s } else { 0.0 };
                 if self.lost_s > LOST_S {
-                    self.stop = Some(SafeStop::after(&mut self.plan, self.script, from_s));
+                    self.stop = Some(SafeStop::after(&mut self.plan, self.script, to_s));
                 }
                 (self.script.laws(to_s + latency_s), Some(why))
             }

@@ -18,6 +18,8 @@ const WHEELS_S: f64 = 0.5;
 pub(crate) struct SafeStop {
     /// When the plan ends, s; of one that repeats, periods counted on.
     at_s: f64,
+    /// Time of the plan at the last tick, s: it goes on where that of a motion stays at its end.
+    now_s: f64,
 }
 
 impl SafeStop {
@@ -37,11 +39,13 @@ impl SafeStop {
                 best = (count, time_s);
             }
         }
-        Self { at_s: best.1 }
+        Self { at_s: best.1, now_s }
     }
 
-    /// What the motors do at a time of the motion, s, periods counted on.
-    pub fn laws(&self, script: &Script<'_>, time_s: f64) -> Vec<Law> {
+    /// What the motors do in the next tick, and a latency, s, later.
+    pub fn tick(&mut self, script: &Script<'_>, tick_s: f64, latency_s: f64) -> Vec<Law> {
+        self.now_s += tick_s;
+        let time_s = self.now_s + latency_s;
         let since_s = time_s - self.at_s;
         let mut laws = script.laws(time_s.min(self.at_s));
         if since_s > 0.0 {

@@ -136,27 +136,33 @@ fn a_tracked_robot_keeps_its_feet_when_the_world_is_another() {
 /// Without a state the robot comes to rest on its feet, at whatever moment of its turn that is.
 #[test]
 fn a_robot_that_loses_its_sensors_comes_to_rest() {
-    let plan = plan("anymal_wheels", "anymal_turn");
-    for (from_s, kind) in [
-        (0.5, SensorFaultKind::NoImu),
-        (0.9, SensorFaultKind::EncoderNan(1)),
-        (1.3, SensorFaultKind::GyroBias(2.0)),
+    let turn = plan("anymal_wheels", "anymal_turn");
+    // It rolls when its last sensors fail, half a second before the end of its motion.
+    let duck = plan("anymal_wheels", "anymal_duck");
+    for (plan, from_s, kind) in [
+        (&turn, 0.5, SensorFaultKind::NoImu),
+        (&turn, 0.9, SensorFaultKind::EncoderNan(1)),
+        (&turn, 1.3, SensorFaultKind::GyroBias(2.0)),
+        (&duck, 2.8, SensorFaultKind::NoImu),
     ] {
         let sensor_fault = Some(SensorFault { from_s, kind });
         let noise = Some(Noise::USUAL);
         let mismatch = Mismatch { noise, sensor_fault, ..Mismatch::default() };
         let options = Options { cycles: 3, mismatch, ..Options::new(TRACKING, 500) };
-        let mut headings_rad = Vec::new();
-        let outcome = play(&plan, &options, |moment| {
-            headings_rad.push(heading_rad(&moment.world.base().1));
+        let mut path = Vec::new();
+        let outcome = play(plan, &options, |moment| {
+            let (place_m, rotation) = moment.world.base();
+            path.push((place_m, heading_rad(&rotation)));
             true
         });
         let outcome = outcome.unwrap();
         assert!(outcome.fell_at_s.is_none() && outcome.untracked > 100, "{kind:?}: {outcome:?}");
-        // Of the last fifth of a second.
-        let last = headings_rad.len() - 1;
-        let turned_rad = headings_rad[last] - headings_rad[last - 100];
-        assert!(turned_rad.abs() < 1e-3, "{kind:?}: {turned_rad}");
+        // In the last fifth of a second.
+        let last = path.len() - 1;
+        let (before, after) = (path[last - 100], path[last]);
+        let turned_rad = after.1 - before.1;
+        let moved_m = (after.0 - before.0).norm();
+        assert!(turned_rad.abs() < 1e-3 && moved_m < 1e-3, "{kind:?}: {turned_rad} {moved_m}");
     }
 }
 

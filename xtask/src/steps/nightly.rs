@@ -9,6 +9,8 @@ use clap::ValueEnum;
 
 /// A robot of MIT drives and an ODrive.
 const OTHER_ROBOT: &str = "robots/test_leg.toml";
+/// Programs with ignored tests that only take long, by folder and name.
+const LONG: [(&str, &str); 2] = [("planner", "rollwalk_planner"), ("planner", "planner")];
 /// Random seeds of the fault campaign on a stand, and on the ground: of each scenario and loss, a thousand runs.
 const CAMPAIGN_SEEDS: &str = "1000";
 const GROUND_CAMPAIGN_SEEDS: &str = "9";
@@ -36,6 +38,8 @@ pub enum NightlyStep {
     Replay,
     /// 100,000 attacks on a simulated robot over its link; commands killed, and on a full disk, while they write.
     Hostile,
+    /// Tests of minutes that `cargo xtask test` leaves out.
+    Long,
     /// Robots on a computer whose cores are busy four times over.
     Load,
     /// Every fuzz target for ten minutes.
@@ -62,6 +66,7 @@ impl Step for NightlyStep {
             Self::Explore => "a sweep over designs, split in every way",
             Self::Replay => "every shipped motion replayed in MuJoCo",
             Self::Hostile => "attacks on a simulated robot, and on files being written",
+            Self::Long => "tests of minutes",
             Self::Load => "robots on a busy computer",
             Self::Fuzz => "fuzz targets, ten minutes each",
             Self::Studio => {
@@ -91,6 +96,13 @@ impl Step for NightlyStep {
             Self::Explore => explore::check(),
             Self::Replay => replay::check(Extent::Full),
             Self::Hostile => hostile::check(Extent::Full),
+            Self::Long => {
+                let programs = workspace::programs()?;
+                LONG.iter().try_for_each(|(folder, name)| {
+                    let tests = workspace::find(&programs, folder, name, true)?;
+                    shell::run(&mut tests.tests(&["--ignored"])?)
+                })
+            }
             Self::Load => {
                 let programs = workspace::programs()?;
                 let tests = workspace::find(&programs, "tests", "integration", true)?;
