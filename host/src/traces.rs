@@ -86,22 +86,28 @@ const SETPOINT_GAP_S: f64 = 0.1;
 /// Reads a file of `rollwalk monitor --mcap`, also one that was not ended or that other tools have compressed.
 ///
 /// # Errors
-/// What it lacks.
+/// What it lacks, or why it cannot be read.
 pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<Traces, Unusable> {
     let messages = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into())?;
     let mut turns: BTreeMap<&str, Vec<(u64, JointStates)>> = BTreeMap::new();
+    let mut cut_off = None;
     for message in messages {
         let message = match message {
             Ok(message) => message,
-            Err(error) if turns.is_empty() => return Err(error.into()),
-            // It was cut off here.
-            Err(_) => break,
+            Err(error) => {
+                cut_off = Some(error);
+                break;
+            }
         };
         let known = [MEASURED, PLANNED].into_iter().find(|topic| *topic == message.channel.topic);
         let Some(topic) = known else { continue };
         let states = serde_json::from_slice(&message.data);
         let states = states.map_err(|_| Unusable::Message(topic.to_owned()))?;
         turns.entry(topic).or_default().push((message.log_time, states));
+    }
+    // What was read before it was cut off or damaged is enough, or the damage is why it is not.
+    if let Some(error) = cut_off.filter(|_| turns.len() < 2) {
+        return Err(error.into());
     }
     let mut of = |topic, why| turns.remove(topic).ok_or(Unusable::Topic(topic, why));
     let measured = of(MEASURED, "is it telemetry of a robot?")?;

@@ -2,7 +2,7 @@
 //! which end effectors stand.
 
 use crate::plan::Plan;
-use crate::sample::Setpoints;
+use crate::sample::{PlannedContact, Setpoints};
 use crate::torque::InverseDynamics;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{State, Tree, turn_base};
@@ -47,6 +47,11 @@ impl WholeBody {
         (self.inverse.spline().setpoints(plan_time_s), torques_nm)
     }
 
+    /// Whether each end effector stands at a time, as in [`Instant`].
+    pub fn stands(&self, plan_time_s: f64) -> Vec<bool> {
+        stand(&self.inverse.spline().planned_contacts(plan_time_s))
+    }
+
     /// The robot at a time, where `world_from_plan` says that the plan lies. A periodic motion goes on in later periods, any other
     /// holds its ends.
     pub fn at(&mut self, plan_time_s: f64, world_from_plan: &Isometry3<f64>) -> Instant {
@@ -60,8 +65,12 @@ impl WholeBody {
         Instant {
             state: rates.state.moved(&there),
             acceleration,
-            stands: contacts.iter().map(|contact| contact.share >= STANDS).collect(),
+            stands: stand(&contacts),
             force_n: actuation.force_n.iter().map(|force| there.rotation * force).collect(),
         }
     }
+}
+
+fn stand(contacts: &[PlannedContact]) -> Vec<bool> {
+    contacts.iter().map(|contact| contact.share >= STANDS).collect()
 }

@@ -36,7 +36,7 @@ pub enum Measured<'a> {
 /// Time without setpoints of the tracker after which the motion is ended, s.
 const LOST_S: f64 = 0.1;
 
-/// Why the motors got the plan as in open loop.
+/// Why the motors got the plan as in open loop, or its stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Untracked {
     /// The state is not known well enough.
@@ -45,9 +45,9 @@ pub enum Untracked {
     /// The tracker found no setpoints.
     #[error("no setpoints meet the constraints, or the state is not finite")]
     Setpoints(Unsolved),
-    /// There were none for 0.1 s: the robot comes to rest, and stays so.
+    /// It was not tracked for 0.1 s: it comes to rest, and stays so.
     #[error(
-        "it was not tracked for {LOST_S} s: it has been brought to a stop, until it is started again"
+        "it was not tracked for {LOST_S} s, and is brought to a stop for good: begin the motion anew"
     )]
     Stopped,
 }
@@ -129,7 +129,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
     ) -> (Vec<Law>, Option<Untracked>) {
         let Timing { tick_s, latency_s } = self.timing;
         if let Some(stop) = &mut self.stop {
-            return (stop.tick(self.script, tick_s, latency_s), Some(Untracked::Stopped));
+            return (stop.tick(self.script, tick_s), Some(Untracked::Stopped));
         }
         let reference = self.plan.reference(from_s + latency_s);
         let known = match measured {
@@ -149,12 +149,13 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
                 (laws.map(|(servo, setpoint)| law(servo, setpoint)).collect(), None)
             }
             Err(why) => {
-                // Before it moves it stands still, and the estimator aligns itself.
-                self.lost_s = if from_s > 0.0 { self.lost_s + tick_s } else { 0.0 };
-                if self.lost_s > LOST_S {
-                    self.stop = Some(SafeStop::after(&mut self.plan, self.script, to_s));
+                let acts_s = to_s + latency_s;
+                self.lost_s += tick_s;
+                // Before it moves it stands still, and the estimator may align itself.
+                if from_s > 0.0 && self.lost_s > LOST_S {
+                    self.stop = Some(SafeStop::after(&self.plan.body, self.script, acts_s));
                 }
-                (self.script.laws(to_s + latency_s), Some(why))
+                (self.script.laws(acts_s), Some(why))
             }
         }
     }

@@ -1,6 +1,6 @@
 //! What turns a plan into what motors do: its setpoints to the servos, or a controller that sees the robot.
 
-use crate::closed_loop::{ClosedLoop, Feedback, Measured, Timing};
+use crate::closed_loop::{ClosedLoop, Feedback, Measured, Timing, Untracked};
 use crate::run::Options;
 use crate::script::Script;
 use crate::sensors::{SimulatedSensors, touches};
@@ -27,8 +27,10 @@ pub(crate) struct Controller<'s, 'p> {
     /// Setpoints that do not act yet, and for how many steps.
     on_their_way: VecDeque<Vec<Law>>,
     delay: usize,
-    /// Steps in which the tracker had no setpoints, and the servos got those of the plan.
+    /// Steps in which the robot was not tracked, and the servos got the setpoints of the plan or of its stop.
     pub untracked: u32,
+    /// When the stop began, s.
+    pub stopped_at_s: Option<f64>,
 }
 
 struct Tracking<'s, 'p> {
@@ -73,7 +75,8 @@ impl<'s, 'p> Controller<'s, 'p> {
                 Some(Tracking { closed_loop, sensors, step_s })
             }
         };
-        Self { script, on_their_way: VecDeque::new(), delay, tracking, untracked: 0 }
+        let on_their_way = VecDeque::new();
+        Self { script, on_their_way, delay, tracking, untracked: 0, stopped_at_s: None }
     }
 
     /// What the motors do in a step between two times of the motion, periods counted on; the world is where it begins.
@@ -93,6 +96,9 @@ impl<'s, 'p> Controller<'s, 'p> {
             }
         };
         self.untracked += u32::from(untracked.is_some());
+        if untracked == Some(Untracked::Stopped) {
+            self.stopped_at_s.get_or_insert(world.system().time_s());
+        }
         self.on_their_way.push_back(laws);
         match self.on_their_way.len() > self.delay {
             true => self.on_their_way.pop_front().expect("there is one"),

@@ -1,5 +1,6 @@
 //! What became of a plan in the world, against the plan.
 
+use crate::control::Controller;
 use crate::judgement::PlannedWay;
 use crate::script::Script;
 use nalgebra::Rotation3;
@@ -30,8 +31,10 @@ pub struct Outcome {
     pub iterations_max: u32,
     /// Steps that were taken in parts because they did not converge in one.
     pub subdivided: u32,
-    /// Steps in which the tracker had no solution, and the servos got the setpoints of the plan instead.
+    /// Steps in which the robot was not tracked: the servos got the setpoints of the plan, or of its stop.
     pub untracked: u32,
+    /// When it was brought to a stop because it could not be tracked, s.
+    pub stopped_at_s: Option<f64>,
 }
 
 impl Outcome {
@@ -114,7 +117,7 @@ impl Tracker {
         self.odometer.begin_again();
     }
 
-    pub fn finish(self, world: &World, untracked: u32) -> Outcome {
+    pub fn finish(self, world: &World, controller: &Controller<'_, '_>) -> Outcome {
         Outcome {
             planned: self.planned,
             cycles: self.cycles,
@@ -124,7 +127,8 @@ impl Tracker {
             iterations: self.iterations as f64 / self.steps.max(1) as f64,
             iterations_max: self.iterations_max,
             subdivided: self.subdivided,
-            untracked,
+            untracked: controller.untracked,
+            stopped_at_s: controller.stopped_at_s,
         }
     }
 }

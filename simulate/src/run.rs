@@ -101,7 +101,7 @@ pub fn play(
             None => {}
         }
     }
-    Ok(tracker.finish(&world, controller.untracked))
+    Ok(tracker.finish(&world, &controller))
 }
 
 /// Length of a step, s, at about so many a second: a motion is a whole number of them.

@@ -46,9 +46,9 @@ pub enum SensorFaultKind {
     GyroNan,
     /// The encoder of a joint measures no numbers.
     EncoderNan(usize),
-    /// The encoder of a joint stays where it is.
+    /// The encoder of a joint stays where it is; the simulated drive sees the true angle.
     EncoderStuck(usize),
-    /// The contact switch of an end effector stays as it says.
+    /// The contact switch of an end effector stays closed, `true`, or open.
     SwitchStuck(usize, bool),
     /// All contact switches do.
     AllSwitchesStuck(bool),
@@ -115,7 +115,7 @@ impl SimulatedSensors {
         let part = |of: usize| Vector3::from_column_slice(&state.velocity[of..of + 3]);
         let now = (part(LINEAR), state.world_from_body);
         let Noise { gyro_rad_s, gyro_bias_rad_s, accelerometer_m_s2, speed_rad_s } = self.noise;
-        let force = self.last.replace(now).map(|(velocity, world_from_body)| {
+        let mut force = self.last.replace(now).map(|(velocity, world_from_body)| {
             let turn = world_from_body.tr_mul(&now.1);
             let midway = world_from_body * Rotation3::new(rotation::log(&turn) / 2.0).matrix();
             let acceleration = (now.0 - velocity) / step_s;
@@ -123,15 +123,14 @@ impl SimulatedSensors {
         });
         let mut noise = |deviation: f64| deviation * normal(&mut self.random);
         let turning = now.1.tr_mul(&part(ANGULAR)) + gyro_bias_rad_s;
-        let gyro_rad_s = turning.map(|rate| rate + noise(gyro_rad_s));
-        let force = force.map(|force| force.map(|along| along + noise(accelerometer_m_s2)));
+        let mut gyro_rad_s = Some(turning.map(|rate| rate + noise(gyro_rad_s)));
+        force = force.map(|force| force.map(|along| along + noise(accelerometer_m_s2)));
         let stuck_rad = std::mem::replace(&mut self.joint_rad, state.joint_rad);
         self.speed_rad_s.clear();
         let speeds = state.velocity[JOINTS..].iter();
         self.speed_rad_s.extend(speeds.map(|speed| speed + noise(speed_rad_s)));
         self.touches.clear();
         self.touches.extend(touches(world, &self.tree));
-        let (mut gyro_rad_s, mut force) = (Some(gyro_rad_s), force);
         let broken = self.fault.filter(|fault| self.time_s >= fault.from_s).map(|fault| fault.kind);
         self.time_s += step_s;
         match broken {
@@ -146,7 +145,9 @@ impl SimulatedSensors {
             Some(SensorFaultKind::GyroNan) => gyro_rad_s = Some(Vector3::repeat(f64::NAN)),
             Some(SensorFaultKind::EncoderNan(joint)) => self.joint_rad[joint] = f64::NAN,
             Some(SensorFaultKind::EncoderStuck(joint)) => {
-                self.joint_rad[joint] = stuck_rad.get(joint).copied().unwrap_or_default();
+                if let Some(&rad) = stuck_rad.get(joint) {
+                    self.joint_rad[joint] = rad;
+                }
                 self.speed_rad_s[joint] = 0.0;
             }
             Some(SensorFaultKind::SwitchStuck(switch, value)) => self.touches[switch] = value,

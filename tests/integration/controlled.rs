@@ -101,6 +101,36 @@ fn an_imu_takes_the_place_of_the_base() {
     assert!(said.contains("\"untracked\":\"the robot has not stood still yet\""), "{said}");
 }
 
+/// A short gap is bridged; a long one ends the motion.
+#[test]
+fn without_readings_a_motion_is_brought_to_a_stop() {
+    let desk = stand();
+    let mut known = at_start(&desk);
+    known["imu"] =
+        json!({ "gyro_rad_s": [0.0, 0.0, 0.0], "accelerometer_m_s2": [0.0, 0.0, 9.80665] });
+    let mut blind = known.clone();
+    for field in ["base", "imu"] {
+        blind.as_object_mut().unwrap().remove(field);
+    }
+    let mut no_number = known.clone();
+    no_number["joint_rad"][1] = Value::Null;
+    // As many bad ticks are as good as no IMU.
+    for (broken, first) in [(blind, "null"), (no_number, "\"a sensor is not finite")] {
+        let ticks = (1..100).map(|tick| {
+            let mut record = broken.clone();
+            record["time_s"] = json!(0.002 * f64::from(tick));
+            line(&record)
+        });
+        let lines: Vec<String> = std::iter::once(line(&known)).chain(ticks).collect();
+        let said = answers(&desk, &[], &lines).succeeds();
+        let said: Vec<&str> = said.lines().skip(1).collect();
+        assert!(said[0].contains("\"untracked\":null"), "{}", said[0]);
+        assert!(said[1].contains(&format!("\"untracked\":{first}")), "{}", said[1]);
+        assert!(said[40].contains("the IMU is missing"), "{}", said[40]);
+        assert!(said[99].contains("brought to a stop for good"), "{}", said[99]);
+    }
+}
+
 #[test]
 fn lines_that_are_wrong_are_named() {
     let desk = stand();

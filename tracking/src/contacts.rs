@@ -22,6 +22,9 @@ pub(crate) struct Switch {
 impl Switch {
     /// Whether the end effector touches, from what the switch reports at a tick; whether it is to stand; and its height as a part of that of the centre of mass.
     pub fn touches(&mut self, reports: bool, is_needed: bool, height: f64, tick_s: f64) -> bool {
+        if !height.is_finite() {
+            return reports;
+        }
         let is_suspect = !reports && is_needed && height.abs() < NEAR;
         self.open_s = if is_suspect { self.open_s + tick_s } else { 0.0 };
         reports || self.open_s > OPEN_S
@@ -68,10 +71,12 @@ mod tests {
             (0..5).map(|_| switch.touches(reports, is_needed, height, 0.02)).collect()
         };
         assert_eq!(touches(false, true, 0.01), [false, false, false, true, true]);
+        // A pose that is none says nothing.
+        assert_eq!(touches(false, true, f64::NAN), [false; 5]);
+        assert_eq!(touches(false, true, 0.0), [true; 5]);
         // It may swing, hang over a hole, or be in order.
         assert_eq!(touches(false, false, 0.0), [false; 5]);
         assert_eq!(touches(false, true, -0.05), [false; 5]);
-        assert_eq!(touches(false, true, f64::NAN), [false; 5]);
         assert_eq!(touches(true, false, 0.2), [true; 5]);
     }
 

@@ -137,14 +137,14 @@ fn what_changes_outside_the_motion_is_noticed() {
         assert!(number("worst") > number("level"), "{family}: {table:#}");
     };
     let plans = [test_plans::start_stop(), test_plans::cruise(), test_plans::cruise_middle()];
-    for (number, plan) in plans.into_iter().enumerate() {
+    for (index, plan) in plans.into_iter().enumerate() {
         assert_eq!(check_plan(&plan).0, Some(0), "{}", check_plan(&plan).1);
         let copied = plan.motion.ends != Ends::Prescribed;
         let changes = everywhere.into_iter().chain(copied.then_some(of_copies));
         for (k, (family, change)) in changes.enumerate() {
             // Each change before one plan and after another: a run of the script takes a second.
             let mut changed = plan.clone();
-            let is_after = (k + number) % 2 == 0;
+            let is_after = (k + index) % 2 == 0;
             change(if is_after { &mut changed.after } else { &mut changed.before });
             noticed(&changed, family);
         }

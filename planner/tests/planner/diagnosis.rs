@@ -177,21 +177,21 @@ fn a_second_on_one_foot_names_the_balance() {
 
 #[test]
 fn servos_too_weak_to_stand_names_the_torque() {
-    weak_servos_are_named([0.25]);
+    weak_servos_are_named(&[0.25]);
 }
 
 #[test]
 #[ignore = "minutes: cargo xtask nightly --only long"]
 fn servos_weaker_and_nearly_strong_enough_are_named_as_well() {
-    weak_servos_are_named([0.15, 0.35]);
+    weak_servos_are_named(&[0.15, 0.35]);
 }
 
-fn weak_servos_are_named<const N: usize>(torques_max_nm: [f64; N]) {
+fn weak_servos_are_named(torques_max_nm: &[f64]) {
     let (mut robot, motion) = walk(|_| ());
     for joint in &mut robot.joints {
         joint.actuator.torque_speed = None;
     }
-    for torque_max_nm in torques_max_nm {
+    for &torque_max_nm in torques_max_nm {
         robot.joints.iter_mut().for_each(|joint| joint.actuator.torque_max_nm = torque_max_nm);
         let weak = plan(&robot, &motion);
         assert_eq!(weak.solve.status, Status::Infeasible);

@@ -137,17 +137,18 @@ fn a_tracked_robot_keeps_its_feet_when_the_world_is_another() {
 #[test]
 fn a_robot_that_loses_its_sensors_comes_to_rest() {
     let turn = plan("anymal_wheels", "anymal_turn");
-    // It rolls when its last sensors fail, half a second before the end of its motion.
     let duck = plan("anymal_wheels", "anymal_duck");
-    for (plan, from_s, kind) in [
-        (&turn, 0.5, SensorFaultKind::NoImu),
-        (&turn, 0.9, SensorFaultKind::EncoderNan(1)),
-        (&turn, 1.3, SensorFaultKind::GyroBias(2.0)),
-        (&duck, 2.8, SensorFaultKind::NoImu),
+    // Before it moves, half a second before the end of its motion, and with setpoints on their way.
+    for (plan, from_s, kind, delay_s) in [
+        (&turn, 0.5, SensorFaultKind::NoImu, 0.0),
+        (&turn, 0.9, SensorFaultKind::EncoderNan(1), 0.01),
+        (&turn, 1.3, SensorFaultKind::GyroBias(2.0), 0.0),
+        (&duck, 0.5, SensorFaultKind::NoImu, 0.0),
+        (&duck, 2.8, SensorFaultKind::NoImu, 0.0),
     ] {
         let sensor_fault = Some(SensorFault { from_s, kind });
         let noise = Some(Noise::USUAL);
-        let mismatch = Mismatch { noise, sensor_fault, ..Mismatch::default() };
+        let mismatch = Mismatch { noise, sensor_fault, delay_s, ..Mismatch::default() };
         let options = Options { cycles: 3, mismatch, ..Options::new(TRACKING, 500) };
         let mut path = Vec::new();
         let outcome = play(plan, &options, |moment| {
@@ -156,7 +157,10 @@ fn a_robot_that_loses_its_sensors_comes_to_rest() {
             true
         });
         let outcome = outcome.unwrap();
-        assert!(outcome.fell_at_s.is_none() && outcome.untracked > 100, "{kind:?}: {outcome:?}");
+        assert!(
+            outcome.fell_at_s.is_none() && outcome.stopped_at_s.is_some(),
+            "{kind:?}: {outcome:?}"
+        );
         // In the last fifth of a second.
         let last = path.len() - 1;
         let (before, after) = (path[last - 100], path[last]);

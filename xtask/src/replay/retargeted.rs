@@ -35,11 +35,12 @@ pub fn compare(replay: &Replay) -> Result<(), String> {
     let folder = replay.out.join("retargeted");
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let results = Mutex::new(BTreeMap::new());
-    let failures = parallel::each(&CASES, |&(motion, share)| {
+    let numbered: Vec<_> = CASES.into_iter().enumerate().collect();
+    let failures = parallel::each(&numbered, |&(number, (motion, share))| {
         let start = Instant::now();
         let result = one(replay, &folder.join(motion), motion, share)?;
         let mut results = results.lock().expect("no worker panics");
-        results.insert(CASES.iter().position(|case| case.0 == motion), result);
+        results.insert(number, result);
         // Cases take minutes: one that is cut off later leaves those before it.
         let so_far: Vec<&Value> = results.values().collect();
         write(&replay.out.join(RESULTS), &json!(so_far).to_string())?;

@@ -38,7 +38,7 @@ pub enum NightlyStep {
     Replay,
     /// 100,000 attacks on a simulated robot over its link; commands killed, and on a full disk, while they write.
     Hostile,
-    /// Tests of minutes that `cargo xtask test` leaves out.
+    /// Tests that take minutes, which `cargo xtask test` leaves out.
     Long,
     /// Robots on a computer whose cores are busy four times over.
     Load,
@@ -66,7 +66,7 @@ impl Step for NightlyStep {
             Self::Explore => "a sweep over designs, split in every way",
             Self::Replay => "every shipped motion replayed in MuJoCo",
             Self::Hostile => "attacks on a simulated robot, and on files being written",
-            Self::Long => "tests of minutes",
+            Self::Long => "tests that take minutes",
             Self::Load => "robots on a busy computer",
             Self::Fuzz => "fuzz targets, ten minutes each",
             Self::Studio => {
@@ -98,10 +98,12 @@ impl Step for NightlyStep {
             Self::Hostile => hostile::check(Extent::Full),
             Self::Long => {
                 let programs = workspace::programs()?;
-                LONG.iter().try_for_each(|(folder, name)| {
+                let all = LONG.map(|(folder, name)| {
                     let tests = workspace::find(&programs, folder, name, true)?;
                     shell::run(&mut tests.tests(&["--ignored"])?)
-                })
+                });
+                let failures: Vec<_> = all.into_iter().filter_map(Result::err).collect();
+                if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
             }
             Self::Load => {
                 let programs = workspace::programs()?;

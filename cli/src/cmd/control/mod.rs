@@ -68,7 +68,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     let timing = Timing { tick_s: 1.0 / f64::from(args.rate), latency_s: 1e-3 * args.latency_ms };
     say(&Hello::new(&plan, timing.tick_s))?;
-    let mut controller = Controller { script: &script, feedback, timing, closed_loop: None };
+    let mut controller =
+        Controller { script: &script, feedback, timing, closed_loop: None, has_imu: false };
     let mut input = io::stdin().lock();
     let mut line = String::new();
     for number in 1.. {
@@ -92,6 +93,8 @@ struct Controller<'s, 'p> {
     feedback: Feedback,
     timing: Timing,
     closed_loop: Option<ClosedLoop<'s, 'p>>,
+    /// Whether a line had an IMU: the state is estimated since, and a line without one has no reading of it.
+    has_imu: bool,
 }
 
 impl Controller<'_, '_> {
@@ -111,18 +114,20 @@ impl Controller<'_, '_> {
         });
         let times_s = [request.time_s, request.time_s + self.timing.tick_s];
         let state = request.state(closed_loop.tree())?;
-        let sensed = request.sensors(closed_loop.tree())?;
-        let (laws, untracked) = match (sensed, state) {
-            (Some(sensed), known) => {
+        self.has_imu |= request.has_imu();
+        let (laws, untracked) = match (self.has_imu, state) {
+            (true, known) => {
                 if let Some(known) = known {
-                    closed_loop.align(&known).into_diagnostic()?;
+                    // One that is not finite aligns nothing, and the tick says why.
+                    let _ = closed_loop.align(&known);
                 }
+                let sensed = request.sensors(closed_loop.tree())?;
                 closed_loop.tick(times_s, Measured::Sensors(&sensed.sensors()))
             }
-            (None, Some(state)) => {
+            (false, Some(state)) => {
                 closed_loop.tick(times_s, Measured::State(&state, &request.touches))
             }
-            (None, None) => {
+            (false, None) => {
                 return Err(miette!(
                     help = "give base, the measured pose and velocity, or imu, from which they are estimated",
                     "fields base and imu are both missing"

@@ -74,9 +74,10 @@ pub struct Request {
     pub time_s: f64,
     /// Whether each end effector touches the ground.
     pub touches: Vec<bool>,
-    joint_rad: Vec<f64>,
-    joint_speed_rad_s: Vec<f64>,
-    wheel_speed_rad_s: Vec<f64>,
+    /// `null` is no reading: what is not a number cannot be written otherwise.
+    joint_rad: Vec<Option<f64>>,
+    joint_speed_rad_s: Vec<Option<f64>>,
+    wheel_speed_rad_s: Vec<Option<f64>>,
     base: Option<Base>,
     imu: Option<Imu>,
     world_from_plan: Option<Pose>,
@@ -122,6 +123,7 @@ struct Pose {
 pub struct Measured<'a> {
     request: &'a Request,
     imu: &'a Imu,
+    joint_rad: Vec<f64>,
     speed_rad_s: Vec<f64>,
 }
 
@@ -131,7 +133,7 @@ impl Measured<'_> {
         Sensors {
             gyro_rad_s: self.imu.gyro_rad_s.map(Vector3::from),
             accelerometer_m_s2: self.imu.accelerometer_m_s2.map(Vector3::from),
-            joint_rad: &self.request.joint_rad,
+            joint_rad: &self.joint_rad,
             speed_rad_s: &self.speed_rad_s,
             touches: &self.request.touches,
         }
@@ -177,18 +179,25 @@ impl Request {
         Ok(Some(State {
             base_position_m: base.position_m.into(),
             world_from_body: turn.to_rotation_matrix().into_inner(),
-            joint_rad: self.joint_rad.clone(),
+            joint_rad: readings(&self.joint_rad).collect(),
             velocity,
         }))
     }
 
-    /// What the sensors measured, if the record has an IMU.
+    /// Whether the record has an IMU.
+    pub fn has_imu(&self) -> bool {
+        self.imu.is_some()
+    }
+
+    /// What the sensors measured; of an IMU that the record leaves out nothing.
     ///
     /// # Errors
     /// The record is of another robot.
-    pub fn sensors(&self, tree: &Tree) -> miette::Result<Option<Measured<'_>>> {
+    pub fn sensors(&self, tree: &Tree) -> miette::Result<Measured<'_>> {
+        let imu = self.imu.as_ref().unwrap_or(&Imu { gyro_rad_s: None, accelerometer_m_s2: None });
         let speed_rad_s = self.speeds(tree)?;
-        Ok(self.imu.as_ref().map(|imu| Measured { request: self, imu, speed_rad_s }))
+        let joint_rad = readings(&self.joint_rad).collect();
+        Ok(Measured { request: self, imu, joint_rad, speed_rad_s })
     }
 
     /// Speeds of joints and wheels of this robot.
@@ -208,8 +217,12 @@ impl Request {
                 ));
             }
         }
-        Ok([&self.joint_speed_rad_s[..], &self.wheel_speed_rad_s].concat())
+        Ok(readings(&self.joint_speed_rad_s).chain(readings(&self.wheel_speed_rad_s)).collect())
     }
+}
+
+fn readings(of: &[Option<f64>]) -> impl Iterator<Item = f64> {
+    of.iter().map(|reading| reading.unwrap_or(f64::NAN))
 }
 
 const HELP: &str =
@@ -255,7 +268,7 @@ impl Encoders {
 #[derive(Serialize)]
 pub struct Setpoints {
     time_s: f64,
-    /// Why these are the setpoints of the plan in open loop, if they are.
+    /// Why these are the setpoints of the plan in open loop or of its stop, if they are.
     untracked: Option<String>,
     position_rad: Vec<f64>,
     speed_rad_s: Vec<f64>,

@@ -133,9 +133,12 @@ fn describe(plan: &Plan, outcome: &Outcome) -> String {
     if outcome.untracked > 0 {
         let _ = writeln!(
             text,
-            "in {} steps the tracker found no solution; the servos got the setpoints of the plan instead",
+            "in {} steps it was not tracked; the servos got the setpoints of the plan in open loop",
             outcome.untracked
         );
+    }
+    if let Some(time_s) = outcome.stopped_at_s {
+        let _ = writeln!(text, "it lost track, and was brought to a stop from {time_s:.2} s on");
     }
     match outcome.fell_at_s {
         Some(time_s) => {
