@@ -67,3 +67,67 @@ impl SafeStop {
         laws
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_planner::motion::Motion;
+    use rollwalk_planner::plan::Plan;
+    use rollwalk_planner::{Options, optimise};
+    use rollwalk_robot::Robot;
+    use std::fs;
+    use std::ops::ControlFlow;
+
+    const TICK_S: f64 = 0.002;
+
+    fn plan(motion: &str) -> Plan {
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+        let read = |name: &str| fs::read_to_string(format!("{root}/{name}.toml")).unwrap();
+        let robot = Robot::from_toml("agilebot", &read("robots/agilebot")).unwrap();
+        let text = read(&format!("motions/{motion}"));
+        let motion = Motion::from_toml(motion, &text, &robot).unwrap();
+        optimise(&robot, &motion, &Options::default(), &mut |_: &_| ControlFlow::Continue(()))
+    }
+
+    fn count(body: &WholeBody, time_s: f64) -> usize {
+        body.stands(time_s).into_iter().filter(|&stands| stands).count()
+    }
+
+    /// Two feet of a flying trot are on the ground at most.
+    #[test]
+    fn a_stop_is_where_most_end_effectors_stand() {
+        let plan = plan("flying_trot");
+        let (body, script) = (WholeBody::new(&plan), Script::new(&plan, true));
+        let period_s = script.duration_s();
+        for part in [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 7.35] {
+            let now_s = part * period_s;
+            let SafeStop { at_s, .. } = SafeStop::after(&body, &script, now_s);
+            assert!((now_s..=now_s + period_s).contains(&at_s), "{now_s}: {at_s}");
+            assert_eq!(count(&body, at_s), 2, "{now_s}: {at_s}");
+        }
+    }
+
+    /// Also behind the end of a motion, where a robot that drives stands.
+    #[test]
+    fn motors_go_on_until_the_stop_and_wheels_roll_out() {
+        let plan = plan("drive_1m");
+        let (body, script) = (WholeBody::new(&plan), Script::new(&plan, true));
+        for now_s in [2.0, 9.0] {
+            let mut stop = SafeStop::after(&body, &script, now_s);
+            assert_eq!(stop.at_s, now_s);
+            let planned = script.laws(now_s);
+            let mut last: Vec<f64> = planned.iter().map(|law| law.speed_rad_s.abs()).collect();
+            for _ in 0..300 {
+                let laws = stop.tick(&script, TICK_S);
+                for ((law, planned), last) in laws.iter().zip(&planned).zip(&mut last) {
+                    assert_eq!(law.position_rad, planned.position_rad);
+                    assert!(law.speed_rad_s.abs() <= *last);
+                    *last = law.speed_rad_s.abs();
+                }
+            }
+            assert!(last.iter().all(|speed| *speed == 0.0), "{now_s}: {last:?}");
+        }
+        // The wheels rolled.
+        assert!(script.laws(2.0).iter().any(|law| law.speed_rad_s.abs() > 1.0));
+    }
+}

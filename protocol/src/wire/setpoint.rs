@@ -28,8 +28,8 @@ impl Setpoint {
     /// `[crc8][frame u8][channel u8][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. Numbers beyond their scale
     /// saturate; NaN becomes 0.
     pub fn encode(self, to: Node) -> Frame {
-        let most = MAX_STEPS as f32;
-        let exact = (self.value * VALUE_STEPS).clamp(-most, most);
+        // An f32 has all steps, but a product of two in f32 can be the next one.
+        let exact = f64::from(self.value) * f64::from(VALUE_STEPS);
         let steps = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i32;
         let [v0, v1, v2, _] = steps.clamp(-MAX_STEPS, MAX_STEPS).to_le_bytes();
         let [t0, t1] = measured(self.torque_nm, TORQUE_STEPS).to_le_bytes();
@@ -52,5 +52,28 @@ impl Setpoint {
             torque_nm: signed(t0, t1, TORQUE_STEPS).ok_or(bad)?,
         };
         Ok((node, setpoint))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_step_is_itself_again() {
+        let node = Node::new(1).unwrap();
+        let ends = [-MAX_STEPS, MAX_STEPS, 7_566_196];
+        for steps in (-MAX_STEPS..MAX_STEPS).step_by(101).chain(ends) {
+            let value = steps as f32 / VALUE_STEPS;
+            let frame = Setpoint { frame: 0, channel: 0, value, torque_nm: 0.0 }.encode(node);
+            let (_, decoded) = Setpoint::decode(&frame).unwrap();
+            assert_eq!((f64::from(decoded.value) * 1e4).round() as i32, steps);
+            assert_eq!(decoded.encode(node), frame, "{steps}");
+        }
+        let beyond = [f32::INFINITY, -f32::INFINITY, f32::NAN].map(|value| {
+            let frame = Setpoint { frame: 0, channel: 0, value, torque_nm: 0.0 }.encode(node);
+            Setpoint::decode(&frame).unwrap().1.value
+        });
+        assert_eq!(beyond, [838.8607, -838.8607, 0.0]);
     }
 }
