@@ -63,7 +63,8 @@ mod tests {
     fn every_step_is_itself_again() {
         let node = Node::new(1).unwrap();
         let ends = [-MAX_STEPS, MAX_STEPS, 7_566_196];
-        for steps in (-MAX_STEPS..MAX_STEPS).step_by(101).chain(ends) {
+        let stride = if cfg!(miri) { 100_003 } else { 101 };
+        for steps in (-MAX_STEPS..MAX_STEPS).step_by(stride).chain(ends) {
             let value = steps as f32 / VALUE_STEPS;
             let frame = Setpoint { frame: 0, channel: 0, value, torque_nm: 0.0 }.encode(node);
             let (_, decoded) = Setpoint::decode(&frame).unwrap();
