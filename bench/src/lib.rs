@@ -243,7 +243,7 @@ pub fn motions() -> impl Iterator<Item = String> {
     let rows = rows.chain(table_3_2::ROWS.map(|row| row.0)).chain(table_3_3::ROWS.map(|row| row.0));
     let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION, figure_3_6::MOTION]);
     let others = others.chain([figure_2_8::CAR, figure_2_8::WALK]);
-    let others = others.chain(tracking::MOTIONS).chain(sensor_faults::MOTIONS);
+    let others = others.chain(tracking::MOTIONS);
     rows.chain(others).map(str::to_owned).chain(gaits).chain(suggestions::motions())
 }
 

@@ -3,6 +3,7 @@
 
 use crate::only::Only;
 use crate::split::{Rows, Split};
+use crate::tracking::{MOTIONS, RATE_HZ};
 use crate::{Block, Findings, Program, Table, Verdict, unless_interrupted};
 use miette::IntoDiagnostic;
 use rollwalk_planner::motion::Ends;
@@ -18,20 +19,8 @@ use rollwalk_simulate::{
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Motion files: of robots that stay on their feet in closed loop with noisy sensors.
-pub const MOTIONS: [&str; 11] = [
-    "motions/anymal_drive.toml",
-    "motions/anymal_duck.toml",
-    "motions/anymal_turn.toml",
-    "motions/drive_1m.toml",
-    "motions/walk.toml",
-    "motions/trot.toml",
-    "motions/pace.toml",
-    "motions/walk_and_roll.toml",
-    "motions/flying_trot.toml",
-    "motions/legbot_walk.toml",
-    "motions/table_2_1/swizzlebot_forward.toml",
-];
+/// Number of motions, the first ones of the benchmark of tracking: their robots stay on their feet in closed loop with noisy sensors.
+const COUNT: usize = 11;
 const KINDS: [(&str, SensorFaultKind); 13] = [
     ("no IMU", NoImu),
     ("gyro NaN", GyroNan),
@@ -49,7 +38,6 @@ const KINDS: [(&str, SensorFaultKind); 13] = [
 ];
 /// Moments of the motion at which sensors break.
 const PHASES: u32 = 4;
-const RATE_HZ: u32 = 500;
 const CYCLES: usize = 6;
 /// Falls that are known: of gaits on two feet with a bias that nothing contradicts for long (docs/tracking.md).
 const FALLS: u32 = 6;
@@ -93,7 +81,7 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
     Ok(Box::new(Rows {
         words,
         is_timed: false,
-        rows: args.only.choose(&MOTIONS, |row| row)?,
+        rows: args.only.choose(&MOTIONS[..COUNT], |row| row)?,
         row: Box::new(|file| row(file, program)),
         findings: Box::new(findings),
     }))

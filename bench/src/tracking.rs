@@ -40,7 +40,7 @@ const CONTROLS: [(&str, Control); 4] = [
     ("tracking, gains", Control::Tracking(Feedback::Gains)),
 ];
 /// Steps of the world and ticks of the controller per second, the same for all.
-const RATE_HZ: u32 = 500;
+pub const RATE_HZ: u32 = 500;
 /// How long a push is, s; the largest, as a part of the robot's weight; and how exactly the largest that is survived is found.
 const PUSH_S: f64 = 0.1;
 const PUSH_MOST: f64 = 1.6;

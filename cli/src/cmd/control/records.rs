@@ -74,7 +74,7 @@ pub struct Request {
     pub time_s: f64,
     /// Whether each end effector touches the ground.
     pub touches: Vec<bool>,
-    /// `null` is no reading: what is not a number cannot be written otherwise.
+    /// An encoder without a valid reading sends `null`, as JSON has no NaN.
     joint_rad: Vec<Option<f64>>,
     joint_speed_rad_s: Vec<Option<f64>>,
     wheel_speed_rad_s: Vec<Option<f64>>,
