@@ -1,15 +1,18 @@
-//! SVG pictures of a plan: one figure of all quantities over time, and strips of the robot.
+//! SVG pictures of a plan: one figure of all quantities over time, strips of the robot, and the robot in motion.
 //!
 //! The figure has four columns over one time axis: motion of the body with the feet in stance, joint angles of every
 //! limb with their limits, torques of its motors, ground force of every foot with its friction cone. Lines are the motion as played, dots
 //! the planned samples.
 
+mod animation;
 mod axes;
 mod camera;
 mod panels;
+mod robot;
 mod strip;
 mod wanted;
 
+pub use animation::{Extras, animation};
 pub use strip::strip;
 
 use crate::motion::Ends;

@@ -169,6 +169,11 @@ fn a_plot_is_an_svg_document() {
     assert!(desk.read_text("strip.svg").trim_end().ends_with("</svg>"));
     desk.run(&["plot", "plan.json", "plan.json", "-o", "two.svg"])
         .fails(1, &["2 plans do not fit", "--strip"]);
+    let args = ["plot", "--animate", "--forces", "--footfalls", "plan.json", "-o", "moving.svg"];
+    desk.run(&args).succeeds();
+    let moving = desk.read_text("moving.svg");
+    assert!(moving.trim_end().ends_with("</svg>") && moving.contains("animation-delay"));
+    desk.run(&["plot", "--forces", "plan.json", "-o", "no.svg"]).fails(2, &["--animate"]);
 }
 
 #[test]

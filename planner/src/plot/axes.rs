@@ -111,6 +111,11 @@ impl Panel {
         }));
     }
 
+    /// Where the time axis of a panel at `x` of this width begins and ends on the page, px.
+    pub fn time_axis_px(x: f64, width: f64) -> [f64; 2] {
+        [x + LEFT, x + width - RIGHT]
+    }
+
     /// Draws the panel into a rectangle, px; `time_axis` adds the numbers of the time axis below it.
     pub fn draw(&self, [x, y]: [f64; 2], [width, height]: [f64; 2], time_axis: bool) -> Group {
         let range = match &self.content {

@@ -41,7 +41,7 @@ pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
     let actuations = states.iter().map(|(t, ..)| inverse.at(*t)).collect();
     let played = Played { plan, spline, states, actuations };
     let body = vec![
-        played.footfalls(),
+        footfalls(plan),
         played.horizontal(),
         played.heights(),
         played.orientation(),
@@ -52,6 +52,37 @@ pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
         .into_iter()
         .filter(|c: &Vec<Panel>| !c.is_empty())
         .collect()
+}
+
+/// The footfall chart; none of a robot without end effectors.
+pub fn footfalls(plan: &Plan) -> Option<Panel> {
+    let feet = plan.robot.end_effectors.iter().enumerate();
+    let rows: Vec<_> = feet.map(|(j, e)| (e.name.clone(), stances(plan, j))).collect();
+    (!rows.is_empty()).then(|| Panel {
+        title: "footfalls".to_owned(),
+        duration_s: plan.motion.duration_s,
+        shaded: Vec::new(),
+        content: Content::Bars(rows),
+    })
+}
+
+/// Spans of time, s, in which end effector `j` is in stance: half an interval around every stance sample.
+fn stances(plan: &Plan, j: usize) -> Vec<[f64; 2]> {
+    let (h, end) = (plan.sample_interval_s, plan.motion.duration_s);
+    let mut spans: Vec<[f64; 2]> = Vec::new();
+    let mut centers: Vec<(f64, bool)> =
+        plan.samples.iter().map(|s| (s.time_s, s.end_effectors[j].contact)).collect();
+    if plan.motion.ends == Ends::Periodic {
+        centers.push((end, centers[0].1));
+    }
+    for (t, _) in centers.into_iter().filter(|(_, stands)| *stands) {
+        let (from, to) = ((t - 0.5 * h).max(0.0), (t + 0.5 * h).min(end));
+        match spans.last_mut() {
+            Some(last) if from - last[1] < 0.25 * h => last[1] = to,
+            _ => spans.push([from, to]),
+        }
+    }
+    spans
 }
 
 impl Played<'_> {
@@ -90,33 +121,6 @@ impl Played<'_> {
         of: impl Fn(&EndEffectorSample) -> f64,
     ) -> Series {
         self.series(name, color, |s| of(&s.end_effectors[j]))
-    }
-
-    /// Spans of time, s, in which end effector `j` is in stance: half an interval around every stance sample.
-    fn stances(&self, j: usize) -> Vec<[f64; 2]> {
-        let (h, end) = (self.plan.sample_interval_s, self.plan.motion.duration_s);
-        let mut spans: Vec<[f64; 2]> = Vec::new();
-        let mut centers: Vec<(f64, bool)> =
-            self.plan.samples.iter().map(|s| (s.time_s, s.end_effectors[j].contact)).collect();
-        if self.plan.motion.ends == Ends::Periodic {
-            centers.push((end, centers[0].1));
-        }
-        for (t, _) in centers.into_iter().filter(|(_, stands)| *stands) {
-            let (from, to) = ((t - 0.5 * h).max(0.0), (t + 0.5 * h).min(end));
-            match spans.last_mut() {
-                Some(last) if from - last[1] < 0.25 * h => last[1] = to,
-                _ => spans.push([from, to]),
-            }
-        }
-        spans
-    }
-
-    fn footfalls(&self) -> Option<Panel> {
-        let feet = self.plan.robot.end_effectors.iter().enumerate();
-        let rows: Vec<_> = feet.map(|(j, e)| (e.name.clone(), self.stances(j))).collect();
-        let mut panel = self.panel("footfalls", Vec::new());
-        panel.content = Content::Bars(rows);
-        (!self.plan.robot.end_effectors.is_empty()).then_some(panel)
     }
 
     fn horizontal(&self) -> Option<Panel> {
@@ -305,7 +309,7 @@ impl Played<'_> {
             ];
             let title = format!("{} force (N)", e.name);
             let mut panel = self.limited(title, series, Vec::new(), include.clone());
-            panel.shaded = self.stances(j);
+            panel.shaded = stances(self.plan, j);
             panel
         })
         .collect()

@@ -5,7 +5,7 @@ mod world;
 use crate::files::{self, Output};
 use crate::{Exit, inputs};
 use rollwalk_planner::plan::Plan;
-use rollwalk_planner::plot;
+use rollwalk_planner::plot::{self, Extras};
 use std::path::{Path, PathBuf};
 
 /// Pictures of a motion in a strip.
@@ -18,6 +18,8 @@ pub const STRIP_MOMENTS: usize = 6;
 Examples:
   rollwalk plot walk.plan.json -o walk.svg
   rollwalk plot --strip drive.plan.json walk.plan.json -o robot.svg
+  rollwalk plot --animate walk.plan.json -o moving.svg   # plays in browsers and in READMEs
+  rollwalk plot --animate --forces --footfalls walk.plan.json -o moving.svg
   rollwalk plot run.csv -o run.svg       # of `rollwalk simulate walk.plan.json --world-log run.csv`")]
 pub struct Args {
     /// Plan (JSON), or log of the simulated world (CSV); several plans with --strip.
@@ -26,6 +28,15 @@ pub struct Args {
     /// Draw the robot itself instead, at six moments of each plan.
     #[arg(long)]
     strip: bool,
+    /// Draw the robot as it moves, in real time: one SVG file that any browser plays, also as an image of a README.
+    #[arg(long, conflicts_with = "strip")]
+    animate: bool,
+    /// With --animate: the forces of the ground as arrows.
+    #[arg(long, requires = "animate")]
+    forces: bool,
+    /// With --animate: the footfall chart, with a line at the time that is shown.
+    #[arg(long, requires = "animate")]
+    footfalls: bool,
     /// Where to write the figure.
     #[arg(short, long, value_name = "FILE.svg")]
     output: PathBuf,
@@ -38,9 +49,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
     };
     if let Some(log) = args.plans.iter().find(is_log) {
-        if args.strip || args.plans.len() > 1 {
+        if args.strip || args.animate || args.plans.len() > 1 {
             return Err(miette::miette!(
-                help = "draw it by itself, without --strip",
+                help = "draw it by itself, without --strip or --animate",
                 "{} is a log of a world, and does not fit into one figure with others",
                 log.display()
             ));
@@ -51,6 +62,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         args.plans.iter().map(|path| inputs::plan(path)).collect::<miette::Result<_>>()?;
     let svg = match &plans[..] {
         plans if args.strip => plot::strip(&plans.iter().collect::<Vec<_>>(), STRIP_MOMENTS),
+        [plan] if args.animate => {
+            plot::animation(plan, Extras { forces: args.forces, footfalls: args.footfalls })
+        }
         [plan] => plot::figure(plan),
         _ => {
             return Err(miette::miette!(

@@ -1,0 +1,368 @@
+//! A motion as a picture that moves: one SVG file that any browser plays, as a page or as the image of a README.
+//!
+//! Every frame is a group of its own, and CSS shows one at a time: what hides what can change from frame to frame, and no script
+//! runs, which images of other pages must not have. Where CSS does not run, and for people who asked for less motion, the first
+//! frame stays.
+
+use super::camera::Camera;
+use super::robot::{Figure, STYLE, closed_path};
+use super::{FAINT, HEADER_HEIGHT, INK, MARGIN, panels, px};
+use crate::motion::Ends;
+use crate::plan::{Plan, Sample};
+use crate::sample::PlanSpline;
+use nalgebra::Vector3;
+use svg::node::element::{Group, Line, Style, Text, Title};
+
+/// Frames per second, and the most frames of a file.
+const FRAMES_HZ: f64 = 30.0;
+const FRAMES_MAX: f64 = 240.0;
+/// How long the last frame of a motion that does not repeat stays, s.
+const HOLD_S: f64 = 0.8;
+/// A motion that repeats is shown until the robot has gone so many of its diameters, or turned once, in so many seconds at most.
+const TRAVEL: f64 = 2.5;
+const SHOWN_S: f64 = 8.0;
+/// Size of the page, px: its width, and the largest height of the picture.
+const WIDTH: f64 = 800.0;
+const PICTURE_HEIGHT: f64 = 400.0;
+/// Height of a line of the caption, and of the footfall chart: of each row and of its title and axis.
+const CAPTION_HEIGHT: f64 = 24.0;
+const ROW_HEIGHT: f64 = 20.0;
+const CHART_HEIGHT: f64 = 72.0;
+/// Ground around the robot, and what its lines are thicker than those that join its points, as parts of its diameter.
+const GROUND: f64 = 0.35;
+const AROUND: f64 = 0.1;
+/// Least distance of marks on the ground, px.
+const MARKS_PX: f64 = 55.0;
+
+/// What an animation shows beside the robot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extras {
+    /// Forces of the ground, as arrows.
+    pub forces: bool,
+    /// The footfall chart, with a line at the time that is shown.
+    pub footfalls: bool,
+}
+
+/// SVG text of the motion of a validated plan, in real time, again and again.
+pub fn animation(plan: &Plan, extras: Extras) -> String {
+    let run = Run::new(plan);
+    let view = View::of(&run, extras);
+    let feet = plan.robot.end_effectors.len();
+    let chart = extras.footfalls.then(|| panels::footfalls(plan)).flatten();
+    let chart_height = chart.as_ref().map_or(0.0, |_| CHART_HEIGHT + ROW_HEIGHT * feet as f64);
+    let picture_end = HEADER_HEIGHT + view.height;
+    let height = picture_end + CAPTION_HEIGHT + chart_height + MARGIN;
+    let name = format!("{} – {}", plan.robot.name, plan.motion.name);
+    let facts = match plan.motion.ends {
+        Ends::Periodic => format!("period {:.2} s", plan.motion.duration_s),
+        _ => format!("{:.2} s", plan.motion.duration_s),
+    };
+    let mut document = super::document(WIDTH, height)
+        .set("role", "img")
+        .set("aria-label", name.clone())
+        .add(Title::new(name.clone()))
+        .add(Style::new(style(&run)))
+        .add(super::heading([name, format!("{facts} · in real time")]))
+        .add(view.ground());
+    for (k, moment) in run.moments.iter().enumerate() {
+        let mut frame =
+            Group::new().add(run.figure.draw(&view.camera, &moment.sample, &moment.spin_rad));
+        if extras.forces {
+            frame = frame.add(run.figure.forces(&view.camera, &moment.sample));
+        }
+        let caption = Text::new(run.caption(&moment.sample)).set("x", 0.5 * WIDTH);
+        let caption = caption.set("y", px(picture_end + 14.0)).set("text-anchor", "middle");
+        document =
+            document.add(frame.add(caption.set("fill", FAINT)).set("class", run.class(k)).set(
+                "style",
+                // It has begun already when the page opens.
+                format!("animation-delay:{:.4}s", k as f64 * run.frame_s() - run.loop_s()),
+            ));
+    }
+    if let Some(chart) = chart {
+        let (corner, size) =
+            ([MARGIN, picture_end + CAPTION_HEIGHT], [WIDTH - 2.0 * MARGIN, chart_height]);
+        let [from, to] = panels::Panel::time_axis_px(corner[0], size[0]);
+        let now =
+            Line::new().set("x1", px(from)).set("x2", px(from)).set("y1", px(corner[1] + 20.0));
+        let now = now.set("y2", px(corner[1] + chart_height - 32.0)).set("class", "now");
+        let part = 100.0 * plan.motion.duration_s / run.pass_s();
+        let moves = format!(
+            ".now{{stroke:{INK};stroke-width:1.5;animation:now {:.4}s linear infinite}}\
+             @keyframes now{{{part:.3}%,to{{transform:translateX({}px)}}}}\
+             @media (prefers-reduced-motion:reduce){{.now{{animation:none}}}}",
+            run.pass_s(),
+            px(to - from),
+        );
+        document = document.add(chart.draw(corner, size, true)).add(Style::new(moves)).add(now);
+    }
+    format!("{document}\n")
+}
+
+/// CSS that shows one frame at a time.
+fn style(run: &Run) -> String {
+    /// Frames overlap by so many percent of the loop, so that rounding leaves no moment without one.
+    const OVERLAP: f64 = 0.01;
+    let percent = |seconds: f64| (100.0 * seconds / run.loop_s() + OVERLAP).min(100.0);
+    let (frame, last) = (percent(run.frame_s()), percent(run.frame_s() + run.hold_s));
+    format!(
+        "{STYLE}.f{{visibility:hidden;animation:f {loop_s:.4}s step-end infinite}}\
+         .first{{visibility:visible}}.last{{animation-name:l}}\
+         @keyframes f{{from{{visibility:visible}}{frame:.4}%,to{{visibility:hidden}}}}\
+         @keyframes l{{from{{visibility:visible}}{last:.4}%,to{{visibility:hidden}}}}\
+         @media (prefers-reduced-motion:reduce){{.f{{animation:none}}}}",
+        loop_s = run.loop_s(),
+    )
+}
+
+/// The robot at one moment.
+struct Moment {
+    sample: Sample,
+    spin_rad: Vec<f64>,
+}
+
+/// The moments that are shown.
+struct Run {
+    figure: Figure,
+    moments: Vec<Moment>,
+    /// Duration of what is shown without the hold, and of one period of it, s.
+    shown_s: f64,
+    period_s: f64,
+    hold_s: f64,
+}
+
+impl Run {
+    fn new(plan: &Plan) -> Self {
+        let spline = PlanSpline::new(plan);
+        let figure = Figure::new(&plan.robot);
+        let period_s = plan.motion.duration_s;
+        let periodic = plan.motion.ends == Ends::Periodic;
+        let periods = if periodic { periods(plan, figure.extent_m()) } else { 1.0 };
+        let shown_s = periods * period_s;
+        let frames_hz = FRAMES_HZ.min(FRAMES_MAX / shown_s);
+        let count = (shown_s * frames_hz).round().max(1.0) as usize;
+        let at = |time_s: f64| Moment {
+            sample: spline.sample(time_s),
+            spin_rad: spline.motor_angles_rad(time_s),
+        };
+        // The last frame of a motion that does not repeat is its end.
+        let intervals = if periodic { count } else { (count - 1).max(1) };
+        let moments = (0..count).map(|k| at(shown_s * k as f64 / intervals as f64)).collect();
+        let hold_s = if periodic { 0.0 } else { HOLD_S };
+        Self { figure, moments, shown_s, period_s, hold_s }
+    }
+
+    fn frame_s(&self) -> f64 {
+        self.shown_s / self.moments.len() as f64
+    }
+
+    /// Time after which everything is as in the beginning, s.
+    fn loop_s(&self) -> f64 {
+        self.shown_s + self.hold_s
+    }
+
+    /// Time of one pass over the footfall chart, s.
+    fn pass_s(&self) -> f64 {
+        self.period_s + self.hold_s
+    }
+
+    fn class(&self, frame: usize) -> &'static str {
+        match frame {
+            0 => "f first",
+            _ if frame + 1 == self.moments.len() => "f last",
+            _ => "f",
+        }
+    }
+
+    /// Time of a frame and distance travelled.
+    fn caption(&self, sample: &Sample) -> String {
+        let [from, to] = [&self.moments[0].sample, sample].map(|sample| sample.base_position_m);
+        let [x, y] = [0, 1].map(|axis| ((to[axis] - from[axis]) * 100.0).round() / 100.0 + 0.0);
+        format!("{:.2} s · x {x:.2} m, y {y:.2} m", sample.time_s)
+    }
+}
+
+/// How often a periodic motion is shown.
+fn periods(plan: &Plan, extent_m: f64) -> f64 {
+    let placement = &plan.end_placement;
+    let [x, y] = placement.offset_m;
+    let travel_m = x.hypot(y);
+    let wanted = if travel_m > 0.05 * extent_m {
+        TRAVEL * extent_m / travel_m
+    } else if placement.yaw_rad.abs() > 1e-3 {
+        std::f64::consts::TAU / placement.yaw_rad.abs()
+    } else {
+        1.0
+    };
+    wanted.min(SHOWN_S / plan.motion.duration_s).round().max(1.0)
+}
+
+/// The camera, which stands still, and the ground that it sees.
+struct View {
+    camera: Camera,
+    height: f64,
+    /// Least and largest world x and y of the ground, m.
+    ground_m: [[f64; 2]; 2],
+}
+
+impl View {
+    /// So that all of a run fits.
+    fn of(run: &Run, extras: Extras) -> Self {
+        let extent_m = run.figure.extent_m();
+        let mut points: Vec<Vector3<f64>> = Vec::new();
+        for moment in &run.moments {
+            points.extend(run.figure.outline(&moment.sample));
+            if extras.forces {
+                points.extend(run.figure.arrows(&moment.sample).map(|[_, tip]| tip));
+            }
+        }
+        let ground_m = [0, 1].map(|axis| {
+            let [low, high] = bounds(points.iter().map(|p| p[axis]));
+            [low - GROUND * extent_m, high + GROUND * extent_m]
+        });
+        let unit = Camera { target_m: Vector3::zeros(), origin: [0.0; 2], px_per_m: 1.0 };
+        let around = AROUND * extent_m;
+        let page: Vec<[f64; 2]> = corners(ground_m).iter().map(|p| unit.project(p)).collect();
+        let robot = points.iter().map(|p| unit.project(p));
+        let [x, y] = [0, 1].map(|axis| {
+            let [low, high] = bounds(robot.clone().map(|p| p[axis]));
+            let [ground_low, ground_high] = bounds(page.iter().map(|p| p[axis]));
+            [(low - around).min(ground_low), (high + around).max(ground_high)]
+        });
+        let [width, height] = [x, y].map(|[low, high]| high - low);
+        let px_per_m = ((WIDTH - 2.0 * MARGIN) / width).min(PICTURE_HEIGHT / height);
+        // The ground's marks are written below its lower edge.
+        let height = px_per_m * height + 18.0;
+        let origin =
+            [0.5 * WIDTH - px_per_m * 0.5 * (x[0] + x[1]), HEADER_HEIGHT - px_per_m * y[0]];
+        Self { camera: Camera { target_m: Vector3::zeros(), origin, px_per_m }, height, ground_m }
+    }
+
+    /// The ground with lines at round distances, numbered at the edges that are nearest the camera.
+    fn ground(&self) -> Group {
+        let [[x_min, x_max], [y_min, y_max]] = self.ground_m;
+        let patch = closed_path(&corners(self.ground_m).map(|p| self.camera.project(&p)));
+        let mut group = Group::new().add(patch.set("fill", "#f5f7fa").set("stroke", "#e4e7eb"));
+        let mut mark = |from: [f64; 2], to: [f64; 2], value_m: f64, step_m: f64, anchor: &str| {
+            let [from, to] = [from, to].map(|[x, y]| self.camera.project(&Vector3::new(x, y, 0.0)));
+            let line = Line::new().set("x1", px(from[0])).set("y1", px(from[1]));
+            let line = line.set("x2", px(to[0])).set("y2", px(to[1])).set("stroke", "#d9e2ec");
+            let decimals = if step_m < 1.0 { 1 } else { 0 };
+            let text = format!("{:.decimals$} m", value_m + 0.0).replace('-', "−");
+            let text = Text::new(text);
+            let text = text.set("x", px(from[0])).set("y", px(from[1] + 13.0)).set("fill", FAINT);
+            let group_now = std::mem::replace(&mut group, Group::new());
+            group = group_now.add(line).add(text.set("text-anchor", anchor));
+        };
+        let step_m = |along: Vector3<f64>| {
+            let unit = self.camera.project(&along);
+            let px_per_m = (unit[0] - self.camera.origin[0]).hypot(unit[1] - self.camera.origin[1]);
+            round_step(MARKS_PX / px_per_m)
+        };
+        let step = step_m(Vector3::x());
+        for x in multiples(step, x_min, x_max) {
+            mark([x, y_min], [x, y_max], x, step, "middle");
+        }
+        let step = step_m(Vector3::y());
+        for y in multiples(step, y_min, y_max) {
+            mark([x_max, y], [x_min, y], y, step, "start");
+        }
+        group
+    }
+}
+
+fn corners([[x_min, x_max], [y_min, y_max]]: [[f64; 2]; 2]) -> [Vector3<f64>; 4] {
+    let corner = |x: f64, y: f64| Vector3::new(x, y, 0.0);
+    [corner(x_min, y_min), corner(x_max, y_min), corner(x_max, y_max), corner(x_min, y_max)]
+}
+
+fn bounds(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+}
+
+/// The least of 0.1, 0.2, 0.5, 1, 2, 5, … that is not below a distance.
+fn round_step(least_m: f64) -> f64 {
+    let decade = 10f64.powf(least_m.log10().floor().max(-1.0));
+    let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * decade);
+    steps.into_iter().find(|step| *step >= least_m).unwrap_or(10.0 * decade)
+}
+
+fn multiples(step: f64, low: f64, high: f64) -> impl Iterator<Item = f64> {
+    let [first, last] = [(low / step).ceil() as i64, (high / step).floor() as i64];
+    (first..=last).map(move |k| k as f64 * step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_plans;
+
+    #[test]
+    fn every_frame_is_shown_once_a_loop() {
+        for plan in [test_plans::cruise(), test_plans::start_stop()] {
+            let run = Run::new(&plan);
+            let svg = animation(&plan, Extras::default());
+            assert_eq!(svg.matches("animation-delay:").count(), run.moments.len());
+            assert!(!svg.contains("NaN") && !svg.contains("inf "), "finite");
+            assert!(svg.contains("prefers-reduced-motion"));
+            assert!(!svg.contains("<script"));
+            assert!(run.moments.len() as f64 <= FRAMES_MAX);
+        }
+    }
+
+    #[test]
+    fn a_motion_from_rest_to_rest_ends_at_its_end() {
+        let plan = test_plans::start_stop();
+        let run = Run::new(&plan);
+        let last = run.moments.last().expect("there are frames");
+        assert_eq!(last.sample.time_s, plan.motion.duration_s);
+        assert_eq!(run.hold_s, HOLD_S);
+    }
+
+    #[test]
+    fn a_periodic_motion_travels_over_the_ground() {
+        let plan = test_plans::cruise();
+        let run = Run::new(&plan);
+        let periods = run.shown_s / run.period_s;
+        assert_eq!(periods, periods.round());
+        let [first, last] =
+            [0, run.moments.len() - 1].map(|k| run.moments[k].sample.base_position_m[0]);
+        let [per_period, _] = plan.end_placement.offset_m;
+        let expected = per_period * periods;
+        assert!((last - first) / expected > 0.9 && (last - first) / expected < 1.0);
+    }
+
+    #[test]
+    fn extras_are_drawn_only_if_asked_for() {
+        let plan = test_plans::cruise();
+        let arrows = |svg: &str| svg.matches("class=\"force\"").count();
+        let plain = animation(&plan, Extras::default());
+        assert!(arrows(&plain) == 0 && !plain.contains("footfalls"));
+        let full = animation(&plan, Extras { forces: true, footfalls: true });
+        assert!(arrows(&full) > 0 && full.contains("footfalls") && full.contains("class=\"now\""));
+    }
+
+    #[test]
+    fn all_that_moves_is_on_the_page() {
+        let plan = test_plans::cruise();
+        let run = Run::new(&plan);
+        let view = View::of(&run, Extras { forces: true, ..Extras::default() });
+        for moment in &run.moments {
+            for point in run.figure.outline(&moment.sample) {
+                let [x, y] = view.camera.project(&point);
+                assert!((MARGIN..=WIDTH - MARGIN).contains(&x), "{x}");
+                assert!((HEADER_HEIGHT..=HEADER_HEIGHT + view.height).contains(&y), "{y}");
+            }
+        }
+    }
+
+    #[test]
+    fn marks_are_at_round_distances() {
+        assert_eq!(
+            [0.03, 0.1, 0.11, 0.3, 0.7, 3.0, 60.0].map(round_step),
+            [0.1, 0.1, 0.2, 0.5, 1.0, 5.0, 100.0]
+        );
+        let marks: Vec<f64> = multiples(0.5, -0.6, 1.1).collect();
+        assert_eq!(marks, [-0.5, 0.0, 0.5, 1.0]);
+    }
+}
