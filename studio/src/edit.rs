@@ -6,6 +6,7 @@
 mod choreography;
 mod everywhere;
 mod footfalls;
+mod graph;
 mod number;
 
 use crate::messages::{Answer, Edit};
@@ -65,6 +66,11 @@ pub fn edited<'k>(
         }
         Edit::Height { index, height } => {
             choreography::replace(&mut document, "height", *index, height.as_ref())?;
+        }
+        Edit::AddMotion { name, file } => graph::add(&mut document, name, file)?,
+        Edit::RemoveMotion { name } => graph::remove(&mut document, name)?,
+        Edit::Transition { from, to, duration_s } => {
+            graph::transition(&mut document, [from, to], *duration_s)?;
         }
         Edit::Parameter { .. } => {}
     }

@@ -11,6 +11,8 @@ mod door;
 mod edit;
 mod examples;
 mod frames;
+mod graph;
+mod import;
 mod library;
 pub mod messages;
 mod motion_view;

@@ -1,7 +1,7 @@
 //! Motion libraries: the documents of a library, planned one after the other, and the `.rwl` that comes of them.
 
 use crate::documents::{Documents, Found, faults, missing};
-use crate::messages::{Answer, Done, Edge, Node};
+use crate::messages::{Answer, Done, Edge, Fault, Node};
 use rollwalk_planner::building::{Joined, Missing, Solver, Wanted};
 use rollwalk_planner::library_file::{LibraryFile, MotionSource};
 use rollwalk_planner::motion::{Ends, Motion};
@@ -81,6 +81,15 @@ pub fn name_of(
         documents.beside(path, named).is_some_and(|found| found.path == meant)
     };
     file.motions.into_iter().find(|item| is_meant(&item.source)).map(|item| item.name)
+}
+
+/// What is wrong with a library file, or with what it names.
+pub fn faults_of(documents: &Documents<'_>, path: &str) -> Result<Vec<Fault>, Answer> {
+    match read(documents, path) {
+        Ok(_) => Ok(Vec::new()),
+        Err(Answer::Faults { faults }) => Ok(faults),
+        Err(other) => Err(other),
+    }
 }
 
 /// A library file with everything that it names.

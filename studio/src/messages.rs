@@ -9,7 +9,7 @@ mod plan;
 mod scene;
 
 pub use edit::Edit;
-pub use library::{Compared, Edge, Node};
+pub use library::{Compared, Edge, Graph, GraphMotion, GraphOther, GraphTransition, Node};
 pub use motion::{Goal, Height, MotionView, Target};
 pub use plan::{Columns, Culprit, Fix, FramesHeader, Period, Solve};
 pub use scene::{Body, EndEffector, Form, Joint, Parameter, Role, Scene, Shape};
@@ -39,6 +39,13 @@ pub enum Wanted {
     Example {
         /// Its path, as in [`Listed::path`].
         path: String,
+    },
+    /// Makes documents of a URDF.
+    Import {
+        /// The URDF (XML, xacro expanded).
+        urdf: File,
+        /// The side file with what a URDF lacks; without, the one that the import proposes.
+        side: Option<File>,
     },
     /// Reads and validates documents.
     Open {
@@ -82,10 +89,26 @@ pub enum Wanted {
         /// Rows per second, Hz.
         rate_hz: f64,
     },
+    /// The robot as it moves, with forces and footfalls: a picture that any browser plays.
+    Animation,
     /// The last good plan with its multipliers, as bytes.
     Solution,
     /// Goes on from the bytes of `solution`, which come with the request.
     Resume,
+    /// The motions and transitions that a library file names.
+    Graph {
+        /// The documents.
+        files: Vec<File>,
+        /// Path of the library file among them.
+        library: String,
+    },
+    /// A first library file of the motions of a project.
+    NewLibrary {
+        /// The documents.
+        files: Vec<File>,
+        /// Path of the motion file among them whose robot it is for.
+        motion: String,
+    },
     /// Builds a motion library.
     Library {
         /// The documents.
@@ -130,6 +153,8 @@ pub enum From {
     Scratch,
     /// From the last good plan.
     Good,
+    /// From the plan file whose bytes come with the request.
+    Plan,
 }
 
 /// A document.
@@ -193,10 +218,19 @@ pub enum Done {
         /// The shipped files.
         examples: Vec<Listed>,
     },
-    /// Of `example`, `plan_json` and `export`.
+    /// Of `example`, `plan_json`, `export` and `animation`.
     Text {
         /// The text.
         text: String,
+    },
+    /// Of `import`.
+    Imported {
+        /// A first motion, the robot file and the side file.
+        files: Vec<File>,
+        /// Path of the motion file among them.
+        motion: String,
+        /// What was assumed or changed, each with its place in the URDF.
+        warnings: Vec<String>,
     },
     /// Of `open`.
     Opened(Box<Opened>),
@@ -235,6 +269,13 @@ pub enum Done {
         /// The report, as `rollwalk report --json` has it.
         #[serde(flatten)]
         report: Report,
+    },
+    /// Of `graph`.
+    Graph(Graph),
+    /// Of `new_library`: the library file, and a motion that stands if there was none.
+    NewLibrary {
+        /// Documents to be added.
+        files: Vec<File>,
     },
     /// Of `library`; its bytes are the library, unless a plan does not hold.
     Library {

@@ -8,12 +8,17 @@ use crate::documents::{self, Documents, Found, Project};
 use crate::edit::{self, Known};
 use crate::messages::{Answer, Done, Edit, File, From, Opened, Request, TableForm, Told, Wanted};
 use crate::robot::{self, Connection};
-use crate::{compare, examples, frames, library, motion_view, outcome, scene, sliders};
+use crate::{
+    compare, examples, frames, graph, import, library, motion_view, outcome, scene, sliders,
+};
 use rollwalk_planner::export::Table;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::plot::{Extras, animation};
 use rollwalk_planner::report::Report;
-use rollwalk_planner::{Editing, Options, Progress, Settings, Solution, optimise_solution};
+use rollwalk_planner::{
+    Editing, Options, Progress, Settings, Solution, optimise_solution, replan_solution,
+};
 use rollwalk_robot::Robot;
 use serde::Deserialize;
 use std::cell::LazyCell;
@@ -86,6 +91,7 @@ impl Session {
                 })?;
                 Done::Text { text: text.to_owned() }
             }
+            Wanted::Import { urdf, side } => import::import(&urdf, side.as_ref())?,
             Wanted::Open { files, motion } => {
                 let documents = Documents::new(&files);
                 Done::Opened(opened(&documents, &documents.project(&motion)?))
@@ -94,6 +100,9 @@ impl Session {
                 amend(&Documents::new(&files), &motion, &path, &edit)?
             }
             Wanted::Plan { files, motion, from, iterations, frames_hz } => {
+                if from == From::Plan {
+                    return self.from_plan(&files, &motion, binary, frames_hz, progress);
+                }
                 return self.plan(&files, &motion, from, iterations, frames_hz, progress);
             }
             Wanted::Report => {
@@ -113,6 +122,10 @@ impl Session {
                 };
                 Done::Text { text }
             }
+            Wanted::Animation => {
+                let extras = Extras { forces: true, footfalls: true };
+                Done::Text { text: animation(self.shown()?, extras) }
+            }
             Wanted::Solution => {
                 let good = self.good.as_ref();
                 let good = good.ok_or_else(|| error("there is no good plan yet", "plan first"))?;
@@ -125,6 +138,12 @@ impl Session {
                     solution.map_err(|why| error(why.to_string(), "plan from scratch"))?;
                 (self.good, self.drag) = (Some(solution), None);
                 Done::Kept {}
+            }
+            Wanted::Graph { files, library } => {
+                Done::Graph(graph::graph(&Documents::new(&files), &library)?)
+            }
+            Wanted::NewLibrary { files, motion } => {
+                Done::NewLibrary { files: graph::begun(&Documents::new(&files), &motion)? }
             }
             Wanted::Library { files, library } => {
                 return library::build(&Documents::new(&files), &library, progress);
@@ -155,11 +174,7 @@ impl Session {
         frames_hz: f64,
         progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
     ) -> Result<(Done, Vec<u8>), Answer> {
-        if !frames::RATES_HZ.contains(&frames_hz) {
-            let (least, most) = (frames::RATES_HZ.start(), frames::RATES_HZ.end());
-            let help = format!("`frames_hz` is {least} to {most}");
-            return Err(error(format!("frames at {frames_hz} Hz"), help));
-        }
+        check_rate(frames_hz)?;
         let documents = Documents::new(files);
         let project = documents.project(motion)?;
         if from == From::Scratch {
@@ -168,7 +183,41 @@ impl Session {
         let mut watch = |state: &Progress| progress(&Answer::progress(state, &project.motion.name));
         let Project { robot, motion, .. } = &project;
         let solution = self.solve(robot, motion, iterations, &mut watch);
-        let (status, in_full) = (solution.plan.solve.status, iterations.is_none());
+        Ok(self.planned(&documents, &project, solution, iterations.is_none(), frames_hz))
+    }
+
+    /// Plans the motion of the documents from a plan file.
+    fn from_plan(
+        &mut self,
+        files: &[File],
+        motion: &str,
+        plan: &[u8],
+        frames_hz: f64,
+        progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
+    ) -> Result<(Done, Vec<u8>), Answer> {
+        check_rate(frames_hz)?;
+        let documents = Documents::new(files);
+        let project = documents.project(motion)?;
+        let plan = Plan::from_json("the plan", &String::from_utf8_lossy(plan));
+        let plan = plan.map_err(|why| error(why.to_string(), "plan the motion once more"))?;
+        let mut watch = |state: &Progress| progress(&Answer::progress(state, &project.motion.name));
+        let Project { robot, motion, .. } = &project;
+        let solution = replan_solution(&plan, robot, motion, &Options::default(), &mut watch);
+        let help = "open the robot and the motion of the plan first";
+        let solution = solution.map_err(|why| error(why.to_string(), help))?;
+        Ok(self.planned(&documents, &project, solution, true, frames_hz))
+    }
+
+    /// Shows a solution, and keeps it if it is good.
+    fn planned(
+        &mut self,
+        documents: &Documents<'_>,
+        project: &Project<'_>,
+        solution: Solution,
+        in_full: bool,
+        frames_hz: f64,
+    ) -> (Done, Vec<u8>) {
+        let status = solution.plan.solve.status;
         let good = in_full && status.is_solved();
         let plan = solution.plan.clone();
         if good {
@@ -176,14 +225,14 @@ impl Session {
         }
         let (frames, bytes) = frames::frames(&plan, frames_hz);
         let planned = Done::Planned {
-            opened: opened(&documents, &project),
-            solve: outcome::solve(&plan, &project, in_full),
+            opened: opened(documents, project),
+            solve: outcome::solve(&plan, project, in_full),
             frames,
             converged: in_full && status == Status::Converged,
             good,
         };
         self.shown = Some(plan);
-        Ok((planned, bytes))
+        (planned, bytes)
     }
 
     /// Plans from the plan at hand, or from scratch if that is none or one of another robot. Steps of a drag are not refined.
@@ -247,6 +296,15 @@ fn amend(documents: &Documents<'_>, motion: &str, path: &str, edit: &Edit) -> Re
         return Err(Answer::Faults { faults });
     }
     Ok(Done::Amended { text, faults })
+}
+
+fn check_rate(frames_hz: f64) -> Result<(), Answer> {
+    if frames::RATES_HZ.contains(&frames_hz) {
+        return Ok(());
+    }
+    let (least, most) = (frames::RATES_HZ.start(), frames::RATES_HZ.end());
+    let help = format!("`frames_hz` is {least} to {most}");
+    Err(error(format!("frames at {frames_hz} Hz"), help))
 }
 
 fn error(message: impl Into<String>, help: impl Into<String>) -> Answer {

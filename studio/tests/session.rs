@@ -479,3 +479,158 @@ fn a_plan_is_the_motion_of_a_library_by_name_and_by_its_frames() {
     plan(&mut page, roll, "good");
     assert_eq!(compare(&mut page, ROLL, &library), (json!(1), String::new()));
 }
+
+/// A file of the tests of the import.
+fn urdf_test(name: &str) -> String {
+    let path = format!("{}/../robot/tests/urdf/{name}", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+#[test]
+fn a_urdf_becomes_a_project_whose_motion_can_be_planned() {
+    let mut page = Page::default();
+    let urdf = json!({ "path": "rover.urdf", "text": urdf_test("rover.urdf") });
+    let side = json!({ "path": "rover.side.toml", "text": urdf_test("rover.side.toml") });
+    for side in [Value::Null, side] {
+        let imported = page.done(json!({ "kind": "import", "urdf": urdf, "side": side }));
+        // Without a side file, it says at least that what it proposes is to be checked.
+        assert_eq!(imported["warnings"].as_array().unwrap().is_empty(), !side.is_null());
+        let paths: Vec<_> =
+            imported["files"].as_array().unwrap().iter().map(|f| &f["path"]).collect();
+        assert!(paths.iter().any(|path| *path == "rover.toml"), "{paths:?}");
+        let planned = page.done(json!({
+            "kind": "plan", "files": imported["files"], "motion": imported["motion"], "from": "scratch",
+            "iterations": null, "frames_hz": 60.0,
+        }));
+        assert_eq!(planned["converged"], true, "{}", planned["solve"]);
+        assert_eq!(planned["read"][1], "rover.toml");
+    }
+}
+
+#[test]
+fn faults_of_an_import_are_in_the_file_that_has_them() {
+    let mut page = Page::default();
+    let bad = json!({ "path": "bad.urdf", "text": "<robot name=\"r\">\n<link/>\n</robot>" });
+    let answer = page.ask(json!({ "kind": "import", "urdf": bad, "side": null })).json;
+    assert_eq!(answer["kind"], "faults");
+    assert_eq!(
+        (&answer["faults"][0]["path"], &answer["faults"][0]["line"]),
+        (&json!("bad.urdf"), &json!(2))
+    );
+    let urdf = json!({ "path": "rover.urdf", "text": urdf_test("rover.urdf") });
+    let side = json!({ "path": "rover.side.toml", "text": "forward = \"up\"\n" });
+    let answer = page.ask(json!({ "kind": "import", "urdf": urdf, "side": side })).json;
+    assert_eq!(answer["faults"][0]["path"], "rover.side.toml", "{answer}");
+}
+
+#[test]
+fn a_plan_is_saved_as_a_picture_that_moves() {
+    let mut page = Page::default();
+    let text = page.walk();
+    assert_eq!(page.ask(json!({ "kind": "animation" })).json["kind"], "error");
+    page.plan(&text, "scratch", None);
+    let picture = page.done(json!({ "kind": "animation" }));
+    let svg = picture["text"].as_str().unwrap();
+    assert!(
+        svg.starts_with("<svg") && svg.contains("animation-delay") && svg.contains("footfalls")
+    );
+}
+
+#[test]
+fn a_library_begins_with_the_motions_of_the_project_and_is_edited_as_a_graph() {
+    let mut page = Page::default();
+    let (walk, drive) = (page.walk(), page.text("motions/drive_1m.toml"));
+    let mut files = vec![
+        json!({ "path": "walk.toml", "text": walk }),
+        json!({ "path": "drive.toml", "text": drive }),
+    ];
+    let begun = page.done(json!({ "kind": "new_library", "files": files, "motion": "walk.toml" }));
+    // Nothing of the project stands still, so that a motion that does is added.
+    let added = begun["files"].as_array().unwrap();
+    let paths: Vec<_> = added.iter().map(|file| file["path"].as_str().unwrap()).collect();
+    assert_eq!(paths, ["agilebot_library.toml", "stand.toml"]);
+    files.extend(added.iter().cloned());
+    let library = "agilebot_library.toml";
+    let graph = |page: &mut Page, files: &[Value]| {
+        page.done(json!({ "kind": "graph", "files": files, "library": library }))
+    };
+    let amend = |page: &mut Page, files: &mut Vec<Value>, edit: Value| {
+        let amended = page.done(json!({
+            "kind": "amend", "files": files, "motion": "walk.toml", "path": library, "edit": edit,
+        }));
+        let file = files.iter_mut().find(|file| file["path"] == library).unwrap();
+        file["text"] = amended["text"].clone();
+    };
+    let first = graph(&mut page, &files);
+    assert_eq!(first["faults"], json!([]), "{}", files[2]["text"]);
+    assert_eq!((&first["safe"], &first["via_safe_s"]), (&json!("stand"), &json!(1.2)));
+    let names = |graph: &Value| -> Vec<String> {
+        let motions = graph["motions"].as_array().unwrap();
+        motions.iter().map(|motion| motion["name"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(names(&first), ["stand", "walk", "drive_1m"]);
+    assert_eq!(first["motions"][1]["periodic"], true);
+
+    amend(
+        &mut page,
+        &mut files,
+        json!({ "edit": "transition", "from": "walk", "to": "drive_1m", "duration_s": 0.9 }),
+    );
+    let joined = graph(&mut page, &files);
+    let expected = json!([{ "from": "walk", "to": "drive_1m", "duration_s": 0.9 }]);
+    assert_eq!((&joined["transitions"], &joined["faults"]), (&expected, &json!([])));
+
+    amend(&mut page, &mut files, json!({ "edit": "remove_motion", "name": "drive_1m" }));
+    let fewer = graph(&mut page, &files);
+    assert_eq!(
+        (names(&fewer), &fewer["transitions"]),
+        (vec!["stand".into(), "walk".into()], &json!([]))
+    );
+    assert_eq!(fewer["others"], json!([{ "name": "drive_1m", "file": "drive.toml" }]));
+
+    amend(
+        &mut page,
+        &mut files,
+        json!({ "edit": "add_motion", "name": "drive_1m", "file": "drive.toml" }),
+    );
+    let again = graph(&mut page, &files);
+    assert_eq!((&again["motions"][2]["code"], &again["faults"]), (&json!(3), &json!([])));
+
+    // A graph with a fault is still a graph.
+    amend(
+        &mut page,
+        &mut files,
+        json!({ "edit": "text", "table": [], "key": "safe", "value": "walk" }),
+    );
+    let wrong = graph(&mut page, &files);
+    assert!(
+        wrong["faults"][0]["message"].as_str().unwrap().contains("does not stand still"),
+        "{wrong}"
+    );
+    assert_eq!(names(&wrong).len(), 3);
+}
+
+#[test]
+fn a_plan_file_is_a_start_for_its_motion_and_no_other_robots() {
+    let mut page = Page::default();
+    let text = page.walk();
+    page.plan(&text, "scratch", None);
+    let plan = page.done(json!({ "kind": "plan_json" }))["text"].as_str().unwrap().to_owned();
+    let mut other = Page::default();
+    let request = |motion: &str, text: &str| {
+        json!({
+            "kind": "plan", "files": [{ "path": motion, "text": text }], "motion": motion, "from": "plan",
+            "iterations": null, "frames_hz": 60.0,
+        })
+    };
+    let again = other.ask_with(request(WALK, &text), plan.as_bytes());
+    assert_eq!((&again.json["converged"], &again.json["good"]), (&json!(true), &json!(true)));
+    let first = page.plan(&text, "scratch", None).json["solve"]["iterations"].as_u64().unwrap();
+    assert!(again.json["solve"]["iterations"].as_u64().unwrap() < first, "{}", again.json["solve"]);
+    let anymal = "motions/anymal_drive.toml";
+    let drive = other.text(anymal);
+    let refused = other.ask_with(request(anymal, &drive), plan.as_bytes()).json;
+    assert!(refused["message"].as_str().unwrap().contains("agilebot"), "{refused}");
+    let broken = other.ask_with(request(WALK, &text), b"{}").json;
+    assert_eq!(broken["kind"], "error", "{broken}");
+}

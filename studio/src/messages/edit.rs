@@ -78,4 +78,25 @@ pub enum Edit {
         /// Its value, in its unit.
         value: f64,
     },
+    /// A motion file becomes part of the library, with the next free code.
+    AddMotion {
+        /// Its name in the library.
+        name: String,
+        /// Its path, as the library file is to name it.
+        file: String,
+    },
+    /// A motion leaves the library, with its transitions.
+    RemoveMotion {
+        /// Its name in the library.
+        name: String,
+    },
+    /// A transition of the library.
+    Transition {
+        /// Name of the motion that it leaves.
+        from: String,
+        /// Name of the motion that it enters.
+        to: String,
+        /// How long it takes, s; none removes it.
+        duration_s: Option<f64>,
+    },
 }

@@ -1,7 +1,58 @@
 //! The graph of a motion library.
 
+use super::Fault;
 use rollwalk_planner::plan::Status;
 use serde::Serialize;
+
+/// A library file as it is written, whether it is valid or not.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Graph {
+    /// Its motions.
+    pub motions: Vec<GraphMotion>,
+    /// Name of the motion that is SAFE.
+    pub safe: String,
+    /// How long transitions between SAFE and all others take, if they are joined so, s.
+    pub via_safe_s: Option<f64>,
+    /// Transitions that are written one by one.
+    pub transitions: Vec<GraphTransition>,
+    /// Motion files of the project that the library does not have, as it would name them.
+    pub others: Vec<GraphOther>,
+    /// What is wrong with the file.
+    pub faults: Vec<Fault>,
+}
+
+/// A motion of a [`Graph`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GraphMotion {
+    /// Its name.
+    pub name: String,
+    /// The file that it is made of.
+    pub file: String,
+    /// Command code that selects it.
+    pub code: Option<i64>,
+    /// Whether it repeats, as far as its file can be read.
+    pub periodic: bool,
+}
+
+/// A transition of a [`Graph`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GraphTransition {
+    /// Name of the motion that it leaves.
+    pub from: String,
+    /// Name of the motion that it enters.
+    pub to: String,
+    /// How long it takes, s.
+    pub duration_s: Option<f64>,
+}
+
+/// A motion file that is not in a library.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct GraphOther {
+    /// Its name.
+    pub name: String,
+    /// Its path, as the library would name it.
+    pub file: String,
+}
 
 /// A motion of a library.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -60,6 +60,12 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
     shareItems: (): Item[] => [
       { text: "Copy link", hint: "the project is in the link itself; nothing is sent", act: () => void share() },
       "line",
+      {
+        text: "Animation",
+        hint: "SVG that plays in any browser and in READMEs",
+        disabled: planned(),
+        act: () => void exported(`${name()}.svg`, { kind: "animation" }),
+      },
       { text: "Picture", hint: "PNG of the view", disabled: planned() || !view, act: () => view && savePicture(view.stage, `${name()}.png`) },
       {
         text: "Video",

@@ -4,16 +4,23 @@
 export type Vec3 = [number, number, number];
 export type File = { path: string; text: string };
 
+/** Where a solve starts; a plan file comes with the request, as bytes. */
+export type Start = "scratch" | "good" | "plan";
+
 export type RequestBody =
   | { kind: "examples" }
   | { kind: "example"; path: string }
+  | { kind: "import"; urdf: File; side: File | null }
   | { kind: "open"; files: File[]; motion: string }
   | { kind: "amend"; files: File[]; motion: string; path: string; edit: Edit }
-  | { kind: "plan"; files: File[]; motion: string; from: "scratch" | "good"; iterations: number | null; frames_hz: number }
+  | { kind: "plan"; files: File[]; motion: string; from: Start; iterations: number | null; frames_hz: number }
   | { kind: "report" }
   | { kind: "plan_json" }
+  | { kind: "animation" }
   | { kind: "solution" }
   | { kind: "resume" }
+  | { kind: "graph"; files: File[]; library: string }
+  | { kind: "new_library"; files: File[]; motion: string }
   | { kind: "library"; files: File[]; library: string }
   | { kind: "compare"; files: File[]; motion: string; library: string }
   | { kind: "export"; what: "csv" | "json"; rate_hz: number }
@@ -77,6 +84,9 @@ export type Edit =
   | { edit: "target"; index: number | null; target: Target | null }
   | { edit: "height"; index: number | null; height: Height | null }
   | { edit: "parameter"; name: string; value: number }
+  | { edit: "add_motion"; name: string; file: string }
+  | { edit: "remove_motion"; name: string }
+  | { edit: "transition"; from: string; to: string; duration_s: number | null }
   /** A limit of the robot file, wherever the file has it. */
   | { edit: "everywhere"; key: string; from: number; value: number };
 
@@ -203,6 +213,20 @@ export type Solve = {
   worst_level: number;
   worst_constraint: string;
   culprits: Culprit[];
+};
+
+/** A library file as it is written, whether it is valid or not. */
+export type Graph = {
+  motions: { name: string; file: string; code: number | null; periodic: boolean }[];
+  /** Name of the motion that is SAFE. */
+  safe: string;
+  /** How long transitions between SAFE and all others take, if they are joined so. */
+  via_safe_s: number | null;
+  /** Those that are written one by one. */
+  transitions: { from: string; to: string; duration_s: number | null }[];
+  /** Motion files of the project that the library does not have. */
+  others: { name: string; file: string }[];
+  faults: Fault[];
 };
 
 export type FramesHeader = {

@@ -8,7 +8,7 @@ export type Edge = { from: number; to: number; duration_s: number };
 
 const [WIDTH, HEIGHT, RADIUS] = [320, 260, 15];
 
-export function drawGraph(nodes: Node[], edges: Edge[]): HTMLElement {
+export function drawGraph(nodes: Pick<Node, "name" | "code" | "periodic">[], edges: Edge[]): HTMLElement {
   const places = nodes.map((_, index): [number, number] => {
     const angle = (index / nodes.length) * 2 * Math.PI - Math.PI / 2;
     return [WIDTH / 2 + Math.cos(angle) * 95, HEIGHT / 2 + Math.sin(angle) * 88];

@@ -6,15 +6,24 @@ import type { LibraryBuild } from "../project/library.ts";
 import type { Studio } from "../project/studio.ts";
 import { format, h, prose, replace } from "../ui/dom.ts";
 import { textButton } from "../ui/header.ts";
-import { drawGraph } from "./graph.ts";
+import { graphEditor } from "./graphedit.ts";
 
 export function libraryPanel(studio: Studio, library: LibraryBuild, examples: () => void): HTMLElement {
   const body = h("div", {});
+  const begin = async () => {
+    try {
+      const { motionPath } = studio.documents;
+      const { value } = await studio.engine.request("documents", { kind: "new_library", files: studio.documents.files(), motion: motionPath });
+      studio.add(value.files);
+    } catch (error) {
+      studio.complain(error);
+    }
+  };
   const draw = () => {
     const path = studio.documents.libraryPath;
     const { building, built } = library;
     if (!path) {
-      replace(body, h("p", { class: "muted", text: "A library holds the motions of a robot and the transitions between them, for the controller. This project has no library file." }), textButton("Open an example", null, examples));
+      replace(body, h("p", { class: "muted", text: "A library holds the motions of a robot and the transitions between them, for the controller. This project has no library file." }), h("div", { class: "row" }, textButton("New library", "plus", () => void begin()), textButton("Open an example", null, examples)));
     } else if (building) {
       const { progress, parts } = building;
       replace(
@@ -33,7 +42,6 @@ export function libraryPanel(studio: Studio, library: LibraryBuild, examples: ()
         h("div", { class: "row" }, saved, textButton("Build again", null, () => void library.build())),
         failures.length > 0 ? h("ul", { class: "culprits" }, ...failures.map((failure) => h("li", {}, prose(failure)))) : null,
         h("p", { class: "muted", "data-built": bytes?.length ?? 0, text: `${nodes.length} motions, ${edges.length} transitions${size}` }),
-        drawGraph(nodes, edges),
         h(
           "table",
           { class: "names" },
@@ -53,5 +61,5 @@ export function libraryPanel(studio: Studio, library: LibraryBuild, examples: ()
   });
   library.onChange(draw);
   draw();
-  return body;
+  return h("div", {}, body, graphEditor(studio));
 }

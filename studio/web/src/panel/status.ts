@@ -34,10 +34,10 @@ export function buildStatus(host: HTMLElement, studio: Studio, actions: StatusAc
     } else since = 0;
     host.dataset.state = state.kind;
     replace(head, h("span", { class: "status-mark", "aria-hidden": "true", text: MARKS[state.kind] }), h("strong", {}, prose(state.title)), ...(state.kind === "planning" ? [stopButton(studio)] : []));
-    const key = JSON.stringify([state.kind, state.words, studio.shown?.version, studio.faults, studio.shown?.planned.solve.culprits, studio.selection.culprit]);
+    const key = JSON.stringify([state.kind, state.words, studio.shown?.version, studio.faults, studio.shown?.planned.solve.culprits, studio.selection.culprit, studio.remarks]);
     if (key !== drawn) {
       drawn = key;
-      replace(body, state.words ? h("p", {}, prose(state.words)) : null, ...detailsOf(studio, state.kind, actions));
+      replace(body, state.words ? h("p", {}, prose(state.words)) : null, ...detailsOf(studio, state.kind, actions), remarksOf(studio));
     }
     const said = state.kind === "planning" ? "Planning" : `${state.title}. ${state.words}`;
     if (live.textContent !== said) live.textContent = said;
@@ -91,7 +91,7 @@ function stopButton(studio: Studio): HTMLElement {
 }
 
 function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLElement | null)[] {
-  if (kind === "faults") return [h("ul", { class: "faults" }, ...studio.faults.map((fault) => faultOf(fault, actions)))];
+  if (kind === "faults") return [h("ul", { class: "faults" }, ...studio.faults.map((fault) => faultOf(studio, fault, actions)))];
   if (kind === "good") return [h("p", { class: "facts", text: factsOf(studio.shown!) })];
   if (kind !== "bad") return [];
   const { culprits } = studio.shown!.planned.solve;
@@ -100,11 +100,19 @@ function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLEle
   return [...(blamed.length > 0 ? [h("h3", { text: "To blame" }), h("ul", { class: "culprits" }, ...blamed)] : []), again];
 }
 
-function faultOf(fault: Fault, actions: StatusActions): HTMLElement {
+function remarksOf({ remarks }: Studio): HTMLElement | null {
+  if (!remarks) return null;
+  const { of, each } = remarks;
+  return h("details", { class: "remarks" }, h("summary", { text: `${each.length} ${of}` }), h("ul", {}, ...each.map((one) => h("li", {}, prose(one)))));
+}
+
+function faultOf(studio: Studio, fault: Fault, actions: StatusActions): HTMLElement {
+  const place = `${baseName(fault.path)}, line ${fault.line}`;
+  const open = studio.documents.text(fault.path) !== undefined;
   return h(
     "li",
     {},
-    h("button", { type: "button", class: "link", onclick: () => actions.jump(fault), text: `${baseName(fault.path)}, line ${fault.line}` }),
+    open ? h("button", { type: "button", class: "link", onclick: () => actions.jump(fault), text: place }) : h("span", { text: place }),
     h("span", {}, prose(fault.label ? `${fault.message}: ${fault.label}` : fault.message)),
     fault.help ? h("span", { class: "advice" }, prose(fault.help)) : null,
   );

@@ -91,7 +91,9 @@ export function textPane(studio: Studio): TextPane {
   };
   const jump = (fault: Fault) => {
     flush();
-    if (studio.documents.text(fault.path) !== undefined) show(fault.path);
+    // A file that was dropped and not opened, because of its faults, has no text here.
+    if (studio.documents.text(fault.path) === undefined) return;
+    show(fault.path);
     const from = index(area.value, fault.span[0]);
     const to = Math.max(from, index(area.value, fault.span[1]));
     area.focus();

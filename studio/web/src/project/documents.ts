@@ -58,6 +58,14 @@ export class Documents {
     for (const file of snapshot.files) this.#saved.set(file.path, file.text);
   }
 
+  /** More documents of the project. One step of undo. */
+  add(files: readonly File[]) {
+    this.#remember();
+    this.#gesture = null;
+    const added = files.map((file) => file.path);
+    this.#now = { ...this.#now, files: [...this.#now.files.filter(({ path }) => !added.includes(path)), ...files] };
+  }
+
   /** New text of a document. Changes of one gesture are one step of undo. */
   write(path: string, text: string, gesture: string | null) {
     if (this.text(path) === text) return;
@@ -133,11 +141,12 @@ export class Documents {
   }
 }
 
-export type Kind = "robot" | "motion" | "library" | "design" | "plan" | "other";
+export type Kind = "robot" | "motion" | "library" | "design" | "plan" | "urdf" | "other";
 
 /** What a file seems to be, from the tables that only such files have. The engine has the last word. */
 export function kindOf(file: File): Kind {
   if (/^\s*\{/.test(file.text)) return file.text.includes('"rollwalk-plan"') ? "plan" : "other";
+  if (/^\s*</.test(file.text)) return file.text.includes("<robot") ? "urdf" : "other";
   if (/^\s*\[\[link\]\]/m.test(file.text)) return "robot";
   if (/^\s*\[\[motion\]\]/m.test(file.text)) return "library";
   if (/^\s*duration_s\s*=/m.test(file.text) && /^\s*robot\s*=/m.test(file.text)) return "motion";

@@ -1,11 +1,13 @@
 // Files of this computer: opened by picker or drop, saved in place where the browser can (File System Access),
 // else as a download.
 
+import type { File as Text } from "../contract.ts";
 import { baseName, kindOf } from "./documents.ts";
 import type { Studio } from "./studio.ts";
 
 type Handle = FileSystemFileHandle;
-const TYPES = [{ description: "Rollwalk files", accept: { "text/plain": [".toml"], "application/json": [".json"] } }];
+const OPENED = [{ description: "Rollwalk files, URDF", accept: { "text/plain": [".toml"], "application/json": [".json"], "application/xml": [".urdf", ".xml"] } }];
+const SAVED = [{ description: "Rollwalk files", accept: { "text/plain": [".toml"], "application/json": [".json"] } }];
 const MOST_BYTES = 5_000_000;
 
 /** Where files were opened from, by path, so that they can be saved in place. */
@@ -24,7 +26,7 @@ export async function pickFiles(studio: Studio) {
   if (picker.showOpenFilePicker) {
     let picked: Handle[];
     try {
-      picked = await picker.showOpenFilePicker({ multiple: true, types: TYPES });
+      picked = await picker.showOpenFilePicker({ multiple: true, types: OPENED });
     } catch {
       return; // the person closed the picker
     }
@@ -36,7 +38,7 @@ export async function pickFiles(studio: Studio) {
   const input = document.createElement("input");
   input.type = "file";
   input.multiple = true;
-  input.accept = ".toml,.json";
+  input.accept = ".toml,.json,.urdf,.xml";
   input.onchange = () => void openFiles(studio, [...(input.files ?? [])]);
   input.click();
 }
@@ -50,6 +52,9 @@ export async function openFiles(studio: Studio, picked: File[]) {
         return { path: file.name, text: await file.text() };
       }),
     );
+    const urdf = files.find((file) => kindOf(file) === "urdf");
+    if (urdf) return await importRobot(studio, urdf, files.find((file) => file !== urdf) ?? null);
+    const plan = files.find((file) => kindOf(file) === "plan");
     const motion = files.find((file) => kindOf(file) === "motion");
     const others = studio.documents.files().filter((old) => !files.some((file) => baseName(file.path) === baseName(old.path)));
     const replaces = (kind: string) => files.some((file) => kindOf(file) === kind);
@@ -62,12 +67,21 @@ export async function openFiles(studio: Studio, picked: File[]) {
       const kept = others.filter((file) => !(replaces("robot") && file.path === robot));
       const renamed = files.map((file) => (kindOf(file) === "robot" && robot ? { ...file, path: robot } : file));
       await studio.openProject({ files: [...renamed, ...kept], motion: studio.documents.motionPath });
-    } else {
-      throw new Error(`${picked.map((file) => file.name).join(", ")}: not a robot, motion or library file of Rollwalk`);
+    } else if (!plan) {
+      throw new Error(`${picked.map((file) => file.name).join(", ")}: not a robot, motion or library file of Rollwalk, nor a URDF`);
     }
+    // A plan is a start for the motion at hand, or for that which was opened with it; in a library it is a motion.
+    if (plan && !replaces("library")) studio.planFrom(plan.text);
   } catch (error) {
     studio.complain(error);
   }
+}
+
+/** Makes a project of a URDF, with the side file beside it or the one that the import proposes. */
+async function importRobot(studio: Studio, urdf: Text, side: Text | null) {
+  const { value } = await studio.engine.request("documents", { kind: "import", urdf, side });
+  await studio.openProject({ files: value.files, motion: value.motion });
+  studio.remark(`assumptions of the import of ${urdf.path}`, value.warnings);
 }
 
 /** Saves a document: where it came from, if the browser can, else as a download. */
@@ -81,7 +95,7 @@ export async function saveDocument(studio: Studio, path: string, elsewhere = fal
     }
     let handle = elsewhere ? undefined : handles.get(path);
     if (!handle && picker.showSaveFilePicker) {
-      handle = await picker.showSaveFilePicker({ suggestedName: name, types: TYPES });
+      handle = await picker.showSaveFilePicker({ suggestedName: name, types: SAVED });
       handles.set(path, handle);
     }
     if (handle) {

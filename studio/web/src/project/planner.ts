@@ -1,7 +1,7 @@
 // Keeps the plan up with the documents: one request at a time, of newer ones only the last (latest wins).
 // While something is dragged a few iterations are enough; on release follows a plan in full.
 
-import type { Planned, Progress } from "../contract.ts";
+import type { Planned, Progress, Start } from "../contract.ts";
 import { Broken, Cancelled, type Engine, Faults, Refused } from "../engine/engine.ts";
 import type { Snapshot } from "./documents.ts";
 
@@ -10,7 +10,8 @@ const DRAG_ITERATIONS = 2;
 /** A solve in full that takes longer gives way to a newer edit. */
 const PATIENCE_MS = 500;
 
-export type Wish = { snapshot: Snapshot; version: number; drag: boolean; from: "scratch" | "good" };
+/** `plan` is the text of a plan file to start from. */
+export type Wish = { snapshot: Snapshot; version: number; drag: boolean; from: Start; plan?: Uint8Array };
 
 export type Outcome = {
   planned(wish: Wish, planned: Planned, frames: Float32Array): void;
@@ -93,7 +94,7 @@ export class Planner {
         iterations: wish.drag ? DRAG_ITERATIONS : null,
         frames_hz: FRAMES_HZ,
       },
-      { progress: (progress) => this.outcome.progress(progress) },
+      { progress: (progress) => this.outcome.progress(progress), binary: wish.plan },
     );
     if (!binary) throw new Refused("The engine answered without frames.", "");
     const frames = new Float32Array(binary.buffer, binary.byteOffset, binary.byteLength / 4);

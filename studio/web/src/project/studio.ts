@@ -1,6 +1,6 @@
 // The state of the page and what can be done to it. Views listen to `events` and read; they change nothing themselves.
 
-import type { Edit, Fault, MotionView, Planned, Progress, Scene } from "../contract.ts";
+import type { Edit, Fault, File, MotionView, Planned, Progress, Scene } from "../contract.ts";
 import { Broken, Cancelled, type Engine, Faults, Refused } from "../engine/engine.ts";
 import { Documents, type Snapshot } from "./documents.ts";
 import { Events } from "./events.ts";
@@ -29,6 +29,8 @@ export class Studio {
   problem: Problem | null = null;
   /** Something that went well, said once: "saved walk.toml". */
   notice = "";
+  /** What is to be checked about the project: of how it was imported. */
+  remarks: { of: string; each: string[] } | null = null;
   progress: Progress | null = null;
   /** Something is being dragged: plans are steps that follow it. */
   dragging = false;
@@ -70,6 +72,7 @@ export class Studio {
   /** After the documents became those of another project. */
   async newProject() {
     this.selection.clear();
+    this.remarks = null;
     this.#planner.forget();
     await this.#documentsChanged("scratch");
   }
@@ -108,6 +111,12 @@ export class Studio {
     void this.#documentsChanged("good");
   }
 
+  /** More documents, which are not saved yet. */
+  add(files: readonly File[]) {
+    this.documents.add(files);
+    void this.#documentsChanged("good");
+  }
+
   undo() {
     if (this.documents.undo()) void this.#documentsChanged("good");
   }
@@ -120,12 +129,24 @@ export class Studio {
     void this.#documentsChanged("scratch");
   }
 
+  /** Plans the motion at hand from a plan file. */
+  planFrom(plan: string) {
+    const { version } = this;
+    this.problem = null;
+    this.#planner.ask({ snapshot: this.documents.now, version, drag: false, from: "plan", plan: new TextEncoder().encode(plan) });
+  }
+
   cancel() {
     this.#planner.cancel();
   }
 
   say(notice: string) {
     this.notice = notice;
+    this.events.emit("activity");
+  }
+
+  remark(of: string, each: string[]) {
+    this.remarks = each.length > 0 ? { of, each } : null;
     this.events.emit("activity");
   }
 

@@ -1,0 +1,111 @@
+//! A robot from a URDF, with a first motion: what `rollwalk robot import` does, as documents of a project.
+
+use crate::documents;
+use crate::messages::{Answer, Done, File};
+use rollwalk_multibody::{Standing, Tree};
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::Status;
+use rollwalk_planner::{Options, Settings, candidates, optimise};
+use rollwalk_robot::document::DocumentError;
+use rollwalk_robot::urdf::{self, Imported, Text};
+use rollwalk_robot::{GRAVITY_M_S2, Robot};
+use std::ops::ControlFlow;
+
+/// First motions: period in units of √(height / g), way forward and height of swings in units of the height.
+const WALK: [f64; 3] = [8.0, 0.35, 0.1];
+const DRIVE: [f64; 2] = [12.0, 1.0];
+/// Iterations in which a first motion must be found.
+const TRIED: usize = 100;
+
+/// Documents of a robot that a URDF describes. Without a side file, the one that the import proposes is used.
+///
+/// # Errors
+/// Faults of the URDF or of the side file.
+pub fn import(urdf: &File, side: Option<&File>) -> Result<Done, Answer> {
+    let stem = urdf.path.rsplit('/').next().unwrap_or_default();
+    let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
+    let mut remarks = Vec::new();
+    let side = match side {
+        Some(side) => side.clone(),
+        None => {
+            let survey = urdf::survey(text_of(urdf));
+            let survey = survey.map_err(|why| documents::faults(&urdf.text, &why))?;
+            let path = format!("{stem}.side.toml");
+            remarks.push(format!(
+                "feet, motors and the standing pose are those that `{path}` proposes"
+            ));
+            remarks.extend(survey.warnings);
+            File { path, text: survey.template }
+        }
+    };
+    let of_either = |why: DocumentError| {
+        let text = if why.file_name() == side.path { &side.text } else { &urdf.text };
+        documents::faults(text, &why)
+    };
+    let Imported { toml, robot, warnings } =
+        urdf::import(text_of(urdf), text_of(&side)).map_err(of_either)?;
+    let robot_file = File { path: format!("{stem}.toml"), text: toml };
+    let motion_file = first_motion(&robot, stem, &robot_file.path);
+    let motion = motion_file.path.clone();
+    let fresh: Vec<_> = warnings.into_iter().filter(|one| !remarks.contains(one)).collect();
+    remarks.extend(fresh);
+    Ok(Done::Imported { files: vec![motion_file, robot_file, side], motion, warnings: remarks })
+}
+
+fn text_of(file: &File) -> Text<'_> {
+    Text { name: &file.path, text: &file.text }
+}
+
+/// A motion that suits the size of a robot: it drives if all that touches the ground has a motor, walks if it has four legs in
+/// pairs, and stands if it can neither.
+fn first_motion(robot: &Robot, stem: &str, robot_path: &str) -> File {
+    let height_m = Standing::new(&Tree::new(robot)).map_or(0.3, |standing| {
+        standing
+            .com
+            .z
+            .max(robot.end_effectors.iter().map(|foot| foot.radius_m).fold(0.01, f64::max))
+    });
+    // Whole frames of a library, and no more digits than a person would type.
+    let seconds = |units: f64| (60.0 * units * (height_m / GRAVITY_M_S2).sqrt()).round() / 60.0;
+    let file = |name: &str, ends: &str, duration_s: f64, rest: String| File {
+        path: format!("{stem}_{name}.toml"),
+        text: format!(
+            "# A first motion for this robot, by its size.\n# Format: docs/motion-files.md.\n\n\
+             name = \"{stem}_{name}\"\nrobot = \"{robot_path}\"\nends = \"{ends}\"\n\
+             duration_s = {duration_s:.6}\n{rest}"
+        ),
+    };
+    let goal = |forward_m: f64| {
+        format!("\n[goal]\nforward_m = {forward_m:.3}\nleft_m = 0.0\nturn_rad = 0.0\n")
+    };
+    let driven = robot.end_effectors.iter().all(|foot| foot.contact.actuator().is_some());
+    let drive = || {
+        let rest = format!("{}\n[footfalls]\nall = \"stance\"\n", goal(DRIVE[1] * height_m));
+        file("drive", "at_rest", seconds(DRIVE[0]), rest)
+    };
+    let walk = || {
+        let [period, forward, swing] = WALK;
+        let swing_m = swing * height_m;
+        let goal = goal(forward * height_m);
+        let rest = format!(
+            "swing_height_m = {swing_m:.4}\n{goal}\n[footfalls]\ngait = \"walk\"\nduty = 0.8\n"
+        );
+        file("walk", "periodic", seconds(period), rest)
+    };
+    let stand = || {
+        let rest = "\n[footfalls]\nall = \"stance\"\n".to_owned();
+        file("stand", "at_rest", 1.0, rest)
+    };
+    let drives = driven.then(drive).filter(|file| can(robot, file));
+    drives.or_else(|| Some(walk()).filter(|file| can(robot, file))).unwrap_or_else(stand)
+}
+
+/// Whether a motion is found without much ado, so that what is seen first is a robot that moves.
+fn can(robot: &Robot, file: &File) -> bool {
+    let Ok(motion) = Motion::from_toml(&file.path, &file.text, robot) else { return false };
+    let settings = Settings { iterations: TRIED, ..Settings::default() };
+    let options = Options { settings, refine: false, ..Options::default() };
+    let first = candidates(robot, &motion, &options).swap_remove(0);
+    let plan = optimise(robot, &motion, &first, &mut |_| ControlFlow::Continue(()));
+    plan.solve.status == Status::Converged
+}
