@@ -1,6 +1,6 @@
 // The page in Chromium, with everything that a person does there.
 import assert from "node:assert/strict";
-import { mkdtemp, readFile, writeFile } from "node:fs/promises";
+import { mkdtemp, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, afterEach, before, beforeEach, describe, test } from "node:test";
@@ -226,27 +226,6 @@ describe("the page", () => {
     assert.equal(await studio.converged(), true);
   });
 
-  test("a URDF becomes a robot with a motion, and says what was assumed", async () => {
-    const drop = (name, text) =>
-      studio.page.evaluate(
-        (name, text) => {
-          const dataTransfer = new DataTransfer();
-          dataTransfer.items.add(new File([text], name));
-          document.body.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
-        },
-        name,
-        text,
-      );
-    const rover = await readFile(new URL("../../../robot/tests/urdf/rover.urdf", import.meta.url), "utf8");
-    await studio.edit(() => drop("rover.urdf", rover));
-    assert.equal(await studio.state("state.documents.robotPath"), "rover.toml");
-    assert.equal(await studio.converged(), true);
-    assert.match(await studio.page.$eval(".remarks", (element) => element.textContent), /assumptions of the import of rover.urdf/);
-    await drop("bad.urdf", "<robot name='r'>\n<link/>\n</robot>");
-    await studio.page.waitForFunction(() => /bad\.urdf, line 2/.test(document.querySelector(".status-body").textContent), { timeout: WAIT_MS });
-    assert.equal(await studio.state("state.documents.robotPath"), "rover.toml", "what was open stays");
-  });
-
   test("an example is opened from the gallery", async () => {
     await studio.example("motions/drive_1m.toml");
     assert.equal(await studio.state("state.motion.name"), "drive_1m");
@@ -298,22 +277,6 @@ describe("the page", () => {
     const names = await studio.page.$$eval(".graph-name", (list) => list.map((one) => one.textContent));
     assert.deepEqual(names.sort(), ["drive_1m", "stand", "turn_in_place", "walk"]);
     assert.equal(await studio.page.$$eval(".graph-edge", (list) => list.length), 8);
-  });
-
-  test("a library of one's own begins with the motion at hand, and its graph is edited", async () => {
-    await studio.click("#tab-library");
-    await studio.edit(() => studio.button("New library"));
-    const rows = () => studio.page.$$eval(".graph-list strong", (names) => names.map((name) => name.textContent));
-    await studio.page.waitForFunction(() => document.querySelectorAll(".graph-list strong").length === 2, { timeout: WAIT_MS });
-    assert.deepEqual(await rows(), ["stand", "walk"]);
-    await studio.edit(() => studio.button("Add transition"));
-    await studio.page.waitForSelector('[aria-label="Remove the transition from stand to walk"]', { timeout: WAIT_MS });
-    assert.match(await studio.text("libraryPath"), /\[\[transition\]\]\nfrom = "stand"\nto = "walk"\nduration_s = 1.2/);
-    await studio.edit(() => studio.click('[aria-label="Remove the transition from stand to walk"]'));
-    assert.doesNotMatch(await studio.text("libraryPath"), /\[\[transition/);
-    await studio.button("Build library");
-    await studio.page.waitForFunction(() => Number(document.querySelector("[data-built]")?.dataset.built) > 100, { timeout: 4 * WAIT_MS });
-    await studio.edit(() => studio.press("Control", "z"));
   });
 
   test("a simulated robot is flashed, armed by holding, plays, and is stopped with Escape", async (t) => {
