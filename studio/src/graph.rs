@@ -172,7 +172,7 @@ fn relative(from: &str, to: &str) -> String {
     let mut from: Vec<&str> = from.split('/').collect();
     let mut to: Vec<&str> = to.split('/').collect();
     from.pop();
-    while from.first().is_some() && to.len() > 1 && from.first() == to.first() {
+    while !from.is_empty() && to.len() > 1 && from.first() == to.first() {
         from.remove(0);
         to.remove(0);
     }

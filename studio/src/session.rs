@@ -101,7 +101,7 @@ impl Session {
             }
             Wanted::Plan { files, motion, from, iterations, frames_hz } => {
                 if from == From::Plan {
-                    return self.from_plan(&files, &motion, binary, frames_hz, progress);
+                    return self.plan_near(&files, &motion, binary, frames_hz, progress);
                 }
                 return self.plan(&files, &motion, from, iterations, frames_hz, progress);
             }
@@ -187,7 +187,7 @@ impl Session {
     }
 
     /// Plans the motion of the documents from a plan file.
-    fn from_plan(
+    fn plan_near(
         &mut self,
         files: &[File],
         motion: &str,
