@@ -1,6 +1,6 @@
 //! What a robot looks like: its links with their parts, wheels that turn as bodies of their own, feet and blades.
 //!
-//! A link whose file gives no parts, as those of imported robots, is drawn by its bones as well, where no shape is: from its frame to
+//! A link whose file gives neither parts nor shapes, as those of many imported robots, is drawn by its bones: from its frame to
 //! the joints and end effectors that it carries.
 
 use crate::messages::{Body, EndEffector, Form, Joint, Parameter, Role, Scene, Shape};
@@ -35,11 +35,8 @@ pub fn scene(robot: &Robot, parts: &[Vec<Solid>], parameters: Vec<Parameter>) ->
         body.shapes.extend(link.shapes.iter().map(clearance));
     }
     for (link, body) in bodies.iter_mut().enumerate() {
-        if parts.get(link).is_none_or(Vec::is_empty) {
-            let bare = |end: &Vector3<f64>| {
-                !robot.links[link].shapes.iter().any(|room| holds(room, &(end * 0.5)))
-            };
-            body.shapes.extend(bones(robot, link, bare));
+        if body.shapes.is_empty() {
+            body.shapes.extend(bones(robot, link));
         }
     }
     let turning: Vec<usize> = turning_wheels(robot).collect();
@@ -152,35 +149,13 @@ fn capsule(from: Vector3<f64>, to: Vector3<f64>, radius_m: f64, role: Role) -> S
     Shape::at(Form::Capsule { radius_m, length_m }, role, (from + to) * 0.5, turned)
 }
 
-/// Whether a point of a link's frame is in a shape of the link.
-fn holds(room: &shape::Shape, point: &Vector3<f64>) -> bool {
-    match *room {
-        shape::Shape::Capsule { from_in_link_m: from, to_in_link_m: to, radius_m } => {
-            let along = to - from;
-            let share = if along == Vector3::zeros() {
-                0.0
-            } else {
-                ((point - from).dot(&along) / along.norm_squared()).clamp(0.0, 1.0)
-            };
-            (point - from - along * share).norm() <= radius_m
-        }
-        shape::Shape::Box { center_in_link_m, size_m } => {
-            (point - center_in_link_m).abs() <= size_m * 0.5
-        }
-    }
-}
-
-/// Capsules from a link's frame to what it carries, those that are wanted.
-fn bones<'r>(
-    robot: &'r Robot,
-    link: usize,
-    wanted: impl Fn(&Vector3<f64>) -> bool + 'r,
-) -> impl Iterator<Item = Shape> + 'r {
+/// Capsules from a link's frame to what it carries.
+fn bones(robot: &Robot, link: usize) -> impl Iterator<Item = Shape> + '_ {
     let joints = robot.joints.iter().filter(move |joint| joint.parent == link);
     let joints = joints.map(|joint| joint.parent_from_joint.translation.vector);
     let feet = robot.end_effectors.iter().filter(move |foot| foot.link == link);
     let ends = joints.chain(feet.map(|foot| foot.center_in_link_m));
-    ends.filter(move |end| end.norm() > SAME && wanted(end))
+    ends.filter(|end| end.norm() > SAME)
         .map(|end| capsule(Vector3::zeros(), end, BONE * end.norm(), Role::Part))
 }
 

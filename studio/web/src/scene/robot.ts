@@ -39,9 +39,9 @@ export class Robot {
     for (const body of scene.bodies) {
       const group = new Group();
       group.name = body.name;
-      const hasParts = body.shapes.some((shape) => shape.role !== "clearance");
+      const hasParts = body.shapes.some((shape) => shape.role === "part");
       for (const shape of body.shapes) {
-        // Links that have no parts are drawn by the room they take.
+        // Links that have no parts, or only feet and wheels, are drawn by the room they take.
         const clearance = shape.role === "clearance" && hasParts;
         if (clearance && look !== "solid") continue;
         const object = this.#object(shape, clearance, palette, look, shadows);
