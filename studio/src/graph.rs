@@ -1,4 +1,5 @@
-//! The motion graph of a library file as it is edited: read leniently, so that a graph with faults can be mended.
+//! The motion graph in the text of a library file. Motions and transitions are read without validation, and faults are listed
+//! beside them, so that a user can edit a graph that is not valid.
 
 use crate::documents::{Documents, Found, missing};
 use crate::library;
@@ -110,7 +111,12 @@ pub fn begun(documents: &Documents<'_>, motion: &str) -> Result<Vec<File>, Answe
     let safe = match stands {
         Some((_, motion)) => motion.name.clone(),
         None => {
-            let name = free("stand", |name| named.iter().any(|(known, _)| known == name));
+            // No file of the project may be replaced, such as what another robot calls so.
+            let is_there = |path: String| documents.files().iter().any(|file| file.path == path);
+            let name = free("stand", |name| {
+                named.iter().any(|(known, _)| known == name)
+                    || is_there(format!("{folder}{name}.toml"))
+            });
             let file = standing(&name, &folder, &relative(&path, robot_file.path));
             named.insert(0, (name.clone(), relative(&path, &file.path)));
             added.push(file);

@@ -100,7 +100,7 @@ fn first_motion(robot: &Robot, stem: &str, robot_path: &str) -> File {
     drives.or_else(|| Some(walk()).filter(|file| can(robot, file))).unwrap_or_else(stand)
 }
 
-/// Whether a motion is found without much ado, so that what is seen first is a robot that moves.
+/// Whether the planner finds a motion in [`TRIED`] iterations: a user should see the robot move first, and no failed plan.
 fn can(robot: &Robot, file: &File) -> bool {
     let Ok(motion) = Motion::from_toml(&file.path, &file.text, robot) else { return false };
     let settings = Settings { iterations: TRIED, ..Settings::default() };

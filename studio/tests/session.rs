@@ -547,8 +547,16 @@ fn a_library_begins_with_the_motions_of_the_project_and_is_edited_as_a_graph() {
     let begun = page.done(json!({ "kind": "new_library", "files": files, "motion": "walk.toml" }));
     // Nothing of the project stands still, so that a motion that does is added.
     let added = begun["files"].as_array().unwrap();
-    let paths: Vec<_> = added.iter().map(|file| file["path"].as_str().unwrap()).collect();
-    assert_eq!(paths, ["agilebot_library.toml", "stand.toml"]);
+    let paths = |begun: &Value| -> Vec<String> {
+        let files = begun["files"].as_array().unwrap();
+        files.iter().map(|file| file["path"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(paths(&begun), ["agilebot_library.toml", "stand.toml"]);
+    // What another robot has at that path stays.
+    let others = json!({ "path": "stand.toml", "text": page.text("motions/pup_stand.toml") });
+    let files_of_two = [&files[..], &[others]].concat();
+    let beside = json!({ "kind": "new_library", "files": files_of_two, "motion": "walk.toml" });
+    assert_eq!(paths(&page.done(beside)), ["agilebot_library.toml", "stand_2.toml"]);
     files.extend(added.iter().cloned());
     let library = "agilebot_library.toml";
     let graph = |page: &mut Page, files: &[Value]| {

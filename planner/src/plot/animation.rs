@@ -125,9 +125,11 @@ struct Moment {
 struct Run {
     figure: Figure,
     moments: Vec<Moment>,
-    /// Duration of what is shown without the hold, and of one period of it, s.
+    /// Duration of the motion as it is shown, with all its periods, s.
     shown_s: f64,
+    /// Duration of one period, s; of a motion that does not repeat, its duration.
     period_s: f64,
+    /// How long the last frame stays after that, s.
     hold_s: f64,
 }
 

@@ -4,7 +4,7 @@ use super::Fault;
 use rollwalk_planner::plan::Status;
 use serde::Serialize;
 
-/// A library file as it is written, whether it is valid or not.
+/// Motions and transitions in the text of a library file, read without validation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Graph {
     /// Its motions.

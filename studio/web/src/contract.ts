@@ -215,7 +215,7 @@ export type Solve = {
   culprits: Culprit[];
 };
 
-/** A library file as it is written, whether it is valid or not. */
+/** Motions and transitions in the text of a library file, read without validation. */
 export type Graph = {
   motions: { name: string; file: string; code: number | null; periodic: boolean }[];
   /** Name of the motion that is SAFE. */
