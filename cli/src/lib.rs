@@ -18,6 +18,7 @@ mod kind;
 mod link;
 mod output;
 mod packed;
+mod picture;
 mod planning;
 mod played;
 mod problem;

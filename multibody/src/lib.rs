@@ -31,6 +31,7 @@ pub mod rotation;
 mod standing;
 mod state;
 mod tree;
+mod wheel_body;
 
 pub use centroidal::{about_com, centroidal_momentum_matrix};
 pub use composite::{CompositeInertia, forward_dynamics};
@@ -40,6 +41,7 @@ pub use kinematics::Kinematics;
 pub use standing::{Standing, StandingContact};
 pub use state::{State, turn_base};
 pub use tree::{Tree, Wheel};
+pub use wheel_body::{RigidPart, WHEEL_MASS_SHARE, rest_of_link, spinning_wheels};
 
 /// Index in ν of the first component of the base's linear velocity.
 pub const LINEAR: usize = 0;

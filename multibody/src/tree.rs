@@ -83,8 +83,7 @@ impl Tree {
         self.wheels = end_effectors
             .filter_map(|(index, end_effector)| {
                 let contact = &end_effector.contact;
-                let spins = contact.actuator().is_some() || contact.freewheels();
-                let axis = contact.axis_in_link().filter(|_| spins)?;
+                let axis = contact.axis_in_link().filter(|_| contact.spins())?;
                 let spin_inertia_kg_m2 = spin_inertia_kg_m2(end_effector);
                 let link = &self.robot.links[end_effector.link];
                 // With room for rounding where the link is nothing but the wheel.

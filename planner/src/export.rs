@@ -23,6 +23,27 @@ pub struct RateError {
     pub rate_hz: f64,
 }
 
+/// A rate at which motions are exported, Hz.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rate(f64);
+
+impl Rate {
+    /// A rate in Hz.
+    ///
+    /// # Errors
+    /// A rate that is not positive, or beyond 10 kHz.
+    pub fn new(rate_hz: f64) -> Result<Self, RateError> {
+        let is_rate = rate_hz > 0.0 && rate_hz <= RATE_MAX_HZ;
+        if is_rate { Ok(Self(rate_hz)) } else { Err(RateError { rate_hz }) }
+    }
+
+    /// Times from the beginning of a motion to its end, both included, spaced as evenly as they can be at about this rate, s.
+    pub fn times_s(self, duration_s: f64) -> impl Iterator<Item = f64> {
+        let count = (duration_s * self.0).round().max(1.0) as usize;
+        (0..=count).map(move |number| duration_s * number as f64 / count as f64)
+    }
+}
+
 /// A motion sampled at a rate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table {
@@ -49,13 +70,7 @@ pub struct Table {
 impl Table {
     /// Samples a validated plan: a periodic motion without the moment at which it repeats, any other
     /// from its first to its last moment.
-    ///
-    /// # Errors
-    /// A rate that is not positive, or beyond 10 kHz.
-    pub fn new(plan: &Plan, rate_hz: f64) -> Result<Self, RateError> {
-        if !(rate_hz > 0.0 && rate_hz <= RATE_MAX_HZ) {
-            return Err(RateError { rate_hz });
-        }
+    pub fn new(plan: &Plan, Rate(rate_hz): Rate) -> Self {
         // Whole periods that rounding left a hair short still count.
         let last = (plan.motion.duration_s * rate_hz + 1e-6).floor();
         let periodic = plan.motion.ends == Ends::Periodic;
@@ -63,7 +78,7 @@ impl Table {
         let count = if repeats { last as usize } else { last as usize + 1 };
         let (spline, mut inverse) = (PlanSpline::new(plan), InverseDynamics::new(plan));
         let time_s = |k: usize| (k as f64 / rate_hz).min(plan.motion.duration_s);
-        Ok(Self {
+        Self {
             format: "rollwalk-export",
             version: 1,
             robot: plan.robot.name.clone(),
@@ -73,7 +88,7 @@ impl Table {
             periodic,
             columns: columns(&plan.robot),
             rows: (0..count).map(|k| row(&spline, &mut inverse, time_s(k))).collect(),
-        })
+        }
     }
 
     /// The table as comma-separated values with a header line.
@@ -99,7 +114,8 @@ impl Table {
 /// Names of the columns; names of joints and end effectors come from the robot file.
 fn columns(robot: &Robot) -> Vec<String> {
     let base = "time_s base_x_m base_y_m base_z_m base_yaw_rad base_pitch_rad base_roll_rad base_qw base_qx \
-                base_qy base_qz com_x_m com_y_m com_z_m";
+                base_qy base_qz com_x_m com_y_m com_z_m base_vx_m_s base_vy_m_s base_vz_m_s base_wx_rad_s \
+                base_wy_rad_s base_wz_rad_s";
     let mut columns: Vec<String> = base.split_whitespace().map(str::to_owned).collect();
     for joint in &robot.joints {
         columns.extend(["rad", "rad_s", "nm"].map(|unit| format!("{}_{unit}", joint.name)));
@@ -119,10 +135,11 @@ fn columns(robot: &Robot) -> Vec<String> {
 fn row(spline: &PlanSpline, inverse: &mut InverseDynamics, time_s: f64) -> Vec<f64> {
     let sample = spline.sample(time_s);
     let setpoints = spline.setpoints(time_s);
-    let actuation = inverse.at(time_s);
+    let (rates, _, actuation) = inverse.moving(time_s);
     let mut row = vec![time_s];
     row.extend(sample.base_position_m.iter().chain(&sample.base_yaw_pitch_roll_rad));
     row.extend(sample.base_orientation_wxyz.iter().chain(&sample.com_m));
+    row.extend(&rates.state.velocity[..rollwalk_multibody::JOINTS]);
     for (k, torque_nm) in actuation.joint_nm.into_iter().enumerate() {
         row.extend([setpoints.joint_rad[k], setpoints.joint_speed_rad_s[k], torque_nm]);
     }
@@ -143,6 +160,10 @@ mod tests {
     use super::*;
     use crate::test_plans;
 
+    fn table(plan: &Plan, rate_hz: f64) -> Table {
+        Table::new(plan, Rate::new(rate_hz).expect("a rate"))
+    }
+
     fn column(table: &Table, name: &str) -> Vec<f64> {
         let index =
             table.columns.iter().position(|c| c == name).unwrap_or_else(|| panic!("no {name}"));
@@ -151,19 +172,19 @@ mod tests {
 
     #[test]
     fn a_motion_at_rest_has_both_ends_and_a_periodic_one_ends_before_it_repeats() {
-        let rest = Table::new(&test_plans::start_stop(), 60.0).expect("a table");
+        let rest = table(&test_plans::start_stop(), 60.0);
         assert_eq!(rest.rows.len(), 121);
         assert_eq!(column(&rest, "time_s")[120], 2.0);
-        let periodic = Table::new(&test_plans::cruise(), 60.0).expect("a table");
+        let periodic = table(&test_plans::cruise(), 60.0);
         assert_eq!(periodic.rows.len(), 72);
         // 1.2 s at 7 Hz: 8.4 rows; the moment of repetition is not on the grid.
-        assert_eq!(Table::new(&test_plans::cruise(), 7.0).expect("a table").rows.len(), 9);
+        assert_eq!(table(&test_plans::cruise(), 7.0).rows.len(), 9);
     }
 
     #[test]
     fn columns_hold_what_their_names_say() {
         let plan = test_plans::start_stop();
-        let table = Table::new(&plan, 20.0).expect("a table");
+        let table = table(&plan, 20.0);
         for (i, sample) in plan.samples.iter().enumerate() {
             let at = |name: &str| column(&table, name)[i];
             let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "sample {i}: {a} {b}");
@@ -181,6 +202,11 @@ mod tests {
             near(at("fr-wheel_x_m"), sample.end_effectors[1].position_m[0]);
             near(at("fr-wheel_contact"), 1.0);
         }
+        // The speed of the body adds up to its way.
+        let way: f64 = column(&table, "base_vx_m_s").iter().sum::<f64>() / 20.0;
+        let moved = plan.samples[plan.samples.len() - 1].base_position_m[0];
+        assert!((way - moved).abs() < 1e-3, "{way} {moved}");
+        assert_eq!(column(&table, "base_wz_rad_s")[0], 0.0);
         // Speeds are derivatives: the legs move 0.3 rad in the first second, whatever the way.
         let mean = column(&table, "fl-hip_rad_s")[..20].iter().sum::<f64>() / 20.0;
         assert!((mean - 0.3).abs() < 1e-3, "{mean}"); // rectangle rule on a bump that vanishes at its ends
@@ -188,7 +214,7 @@ mod tests {
 
     #[test]
     fn csv_and_json_say_the_same() {
-        let table = Table::new(&test_plans::cruise(), 60.0).expect("a table");
+        let table = table(&test_plans::cruise(), 60.0);
         let csv = table.to_csv();
         let mut lines = csv.lines();
         assert_eq!(lines.next(), Some(table.columns.join(",").as_str()));
@@ -203,9 +229,9 @@ mod tests {
     }
 
     #[test]
-    fn rates_that_make_no_table_are_refused() {
+    fn rates_that_are_none_are_refused() {
         for rate_hz in [0.0, -60.0, f64::NAN, f64::INFINITY, 1e9] {
-            let error = Table::new(&test_plans::cruise(), rate_hz).expect_err("no table");
+            let error = Rate::new(rate_hz).expect_err("no rate");
             assert!(error.to_string().contains("above 0 and up to 10000 Hz"), "{error}");
         }
     }

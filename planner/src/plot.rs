@@ -1,4 +1,5 @@
-//! SVG pictures of a plan: one figure of all quantities over time, strips of the robot, and the robot in motion.
+//! SVG pictures of a plan: one figure of all quantities over time, strips of the robot, and the robot in motion; and of a robot without
+//! a plan.
 //!
 //! The figure has four columns over one time axis: motion of the body with the feet in stance, joint angles of every
 //! limb with their limits, torques of its motors, ground force of every foot with its friction cone. Lines are the motion as played, dots
@@ -9,10 +10,12 @@ mod axes;
 mod camera;
 mod panels;
 mod robot;
+mod still;
 mod strip;
 mod wanted;
 
-pub use animation::{Extras, animation};
+pub use animation::{Extras, animation, frames};
+pub use still::robot;
 pub use strip::strip;
 
 use crate::motion::Ends;

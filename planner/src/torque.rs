@@ -14,11 +14,8 @@ use crate::plan::{Plan, Sample};
 use crate::sample::{PlanSpline, PlannedContact, Rates};
 use ground_forces::{Support, Wanted};
 use nalgebra::{Matrix3xX, Vector3};
-use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree, about_com};
+use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree, WHEEL_MASS_SHARE, about_com};
 use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Robot};
-
-/// Part of a link's mass that turns with a wheel on it: robot files do not tell.
-const WHEEL_MASS_PART: f64 = 0.1;
 
 /// Share of a contact that is none, up to rounding of the time.
 const NO_SHARE: f64 = 1e-9;
@@ -174,7 +171,7 @@ pub(crate) fn tree(robot: &Robot) -> Tree {
         let sharing = robot.end_effectors.iter().filter(|other| other.link == foot.link).count();
         let axis = foot.contact.axis_in_link().copied().unwrap_or_else(Vector3::zeros);
         let link_about_axis = axis.dot(&(link.inertia_in_link_kg_m2 * axis));
-        let mass_kg = WHEEL_MASS_PART * link.mass_kg / sharing as f64;
+        let mass_kg = WHEEL_MASS_SHARE * link.mass_kg / sharing as f64;
         (0.5 * mass_kg * foot.radius_m.powi(2)).min(0.5 * link_about_axis / sharing as f64)
     };
     Tree::new(robot).with_spinning_wheels(disc).with_armature()

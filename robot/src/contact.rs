@@ -131,6 +131,11 @@ impl Contact {
         self.drag().is_some() && self.blade_length_m().is_none()
     }
 
+    /// Whether a wheel turns against its link, by a motor or freely.
+    pub fn spins(&self) -> bool {
+        self.actuator().is_some() || self.freewheels()
+    }
+
     /// Motor of an actuated wheel.
     pub fn actuator(&self) -> Option<&Actuator> {
         self.capabilities().actuator

@@ -11,7 +11,7 @@ use crate::robot::{self, Connection};
 use crate::{
     compare, examples, frames, graph, import, library, motion_view, outcome, scene, sliders,
 };
-use rollwalk_planner::export::Table;
+use rollwalk_planner::export::{Rate, Table};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::plot::{Extras, animation};
@@ -113,9 +113,9 @@ impl Session {
             }
             Wanted::PlanJson => Done::Text { text: self.shown()?.to_json() },
             Wanted::Export { what, rate_hz } => {
-                let table = Table::new(self.shown()?, rate_hz);
-                let table =
-                    table.map_err(|why| error(why.to_string(), "60 Hz is what robots play"))?;
+                let rate = Rate::new(rate_hz)
+                    .map_err(|why| error(why.to_string(), "60 Hz is what robots play"))?;
+                let table = Table::new(self.shown()?, rate);
                 let text = match what {
                     TableForm::Csv => table.to_csv(),
                     TableForm::Json => table.to_json(),

@@ -55,13 +55,14 @@ fn no_input_is_ever_an_output() {
 fn formats_that_are_not_written_are_refused_by_name() {
     let desk = desk_with_shipped_files();
     desk.run(&["plan", STAND, "-o", "plan.json"]).succeeds();
-    desk.run(&["plot", "plan.json", "-o", "x.png"])
-        .fails(1, &["a figure as x.png", "written as .svg", "rsvg-convert"]);
+    desk.run(&["plot", "plan.json", "-o", "x.pdf"])
+        .fails(1, &["a figure as x.pdf", "written as .svg or .png", "rsvg-convert"]);
+    desk.run(&["plot", "plan.json", "-o", "x.gif"]).fails(1, &["a figure as x.gif", "--animate"]);
     desk.run(&["export", "plan.json", "-o", "x.xlsx"])
         .fails(1, &["a table as x.xlsx", "written as .csv or .json", "spreadsheets"]);
     desk.run(&["export", "plan.json", "--format", "csv", "-o", "x.json"])
         .fails(1, &["x.json is not that of the --format"]);
-    assert!(["x.png", "x.xlsx", "x.json"].iter().all(|name| !desk.path(name).exists()));
+    assert!(["x.pdf", "x.gif", "x.xlsx", "x.json"].iter().all(|name| !desk.path(name).exists()));
     desk.run(&["export", "plan.json", "-o", "x.json"]).succeeds();
     assert!(desk.read_text("x.json").starts_with('{'));
     desk.run(&["export", "plan.json", "-o", "x"]).succeeds();

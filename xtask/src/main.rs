@@ -12,6 +12,7 @@ mod cantools;
 mod debian;
 mod deny;
 mod explore;
+mod exports;
 mod fuzz;
 mod fuzz_log;
 mod hostile;

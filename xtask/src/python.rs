@@ -1,8 +1,12 @@
-//! Python packages that a check needs, installed below the target folder for that check alone.
+//! Python packages that a check needs, installed below the target folder for that check alone: on a path, or in an environment
+//! where packages have more than modules.
 
 use crate::{debian, shell};
 use std::env;
 use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// `PYTHONPATH` with a package, which pip installs in a folder of its own if it is missing. `imports` are the
 /// modules that show that it is there.
@@ -33,4 +37,65 @@ pub fn path(name: &str, requirement: &str, imports: &str) -> Result<OsString, St
     let mut path = vec![folder];
     path.extend(env::var_os("PYTHONPATH").iter().flat_map(env::split_paths));
     env::join_paths(path).map_err(|error| error.to_string())
+}
+
+/// A Python of its own, with what was installed there and nothing else.
+pub struct Environment(PathBuf);
+
+impl Environment {
+    /// One with packages, which is kept for the next time.
+    ///
+    /// # Errors
+    /// The command that installs what is missing.
+    pub fn new(name: &str, requirements: &[&str]) -> Result<Self, String> {
+        let folder = shell::target_folder().join(name);
+        // Written last: a folder that an interruption left is made anew.
+        let (made, wanted) = (folder.join("requirements.txt"), requirements.join("\n"));
+        let is_there = || fs::read_to_string(&made).is_ok_and(|there| there == wanted);
+        let _alone = shell::installing()?;
+        if is_there() {
+            return Ok(Self(folder));
+        }
+        let python = Self::empty(&folder)?;
+        python.install(requirements)?;
+        fs::write(&made, wanted).map_err(|error| format!("{}: {error}", made.display()))?;
+        Ok(python)
+    }
+
+    /// A new one, in place of what was in the folder.
+    ///
+    /// # Errors
+    /// The command that installs what is missing.
+    pub fn empty(folder: &Path) -> Result<Self, String> {
+        let mut venv = shell::command("python3", &["-m", "venv", "--clear"]);
+        venv.arg(folder);
+        if !shell::succeeds(&mut venv) {
+            debian::need(&["python3-venv"]).map_err(|install| {
+                format!("the check needs Python's venv. On Debian:\n\n    {install}")
+            })?;
+            shell::run(&mut venv)?;
+        }
+        Ok(Self(folder.to_owned()))
+    }
+
+    /// Installs packages: names with versions, or files.
+    ///
+    /// # Errors
+    /// What pip says.
+    pub fn install(&self, requirements: &[&str]) -> Result<(), String> {
+        let args = ["install", "--quiet", "--disable-pip-version-check"];
+        shell::run(self.module("pip", &args).args(requirements))
+    }
+
+    /// The interpreter.
+    pub fn program(&self) -> PathBuf {
+        self.0.join("bin/python")
+    }
+
+    /// A module as a program.
+    pub fn module(&self, name: &str, args: &[&str]) -> Command {
+        let mut command = shell::command(&self.program().to_string_lossy(), &["-m", name]);
+        command.args(args).env_remove("PYTHONPATH");
+        command
+    }
 }

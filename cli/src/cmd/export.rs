@@ -1,79 +1,106 @@
-//! `rollwalk export`: a plan at any rate, as a table for other programs.
+//! `rollwalk export`: a plan at any rate, for other programs.
 
 use crate::files::{self, Output};
 use crate::{Exit, inputs};
 use clap::ValueEnum;
 use miette::{IntoDiagnostic, miette};
-use rollwalk_planner::export::Table;
+use rollwalk_planner::export::{Rate, Table};
+use rollwalk_planner::plan::Plan;
 use std::path::PathBuf;
 
-/// Write a plan at any rate as CSV or JSON.
+/// Write a plan at any rate: as a table (CSV, JSON), for MuJoCo, Foxglove or ROS.
 ///
 /// Values are instantaneous and come from the splines that the motion library is sampled from; every
-/// column carries its unit in its name.
+/// column of a table carries its unit in its name.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk export walk.plan.json --rate 60 --format csv -o walk.csv
   rollwalk export walk.plan.json --rate 500 --format json -o walk.500hz.json
+  rollwalk export walk.plan.json -o walk.mcap                      for Foxglove or Lichtblick
+  rollwalk export walk.plan.json -o walk.xml                       for MuJoCo, with controls that play it
+  rollwalk export walk.plan.json --format ros -o walk.ros.json     a moveit_msgs/RobotTrajectory
 
-The columns are described in docs/plan-format.md.")]
+The columns of tables are described in docs/plan-format.md, the other formats in docs/exports.md.")]
 pub struct Args {
     /// Plan (JSON).
     #[arg(value_name = "PLAN.json")]
     plan: PathBuf,
-    /// Rows per second.
+    /// Rows or frames per second.
     #[arg(long, value_name = "HZ", allow_negative_numbers = true, default_value_t = 60.0)]
     rate: f64,
-    /// Form of the table [default: that of the ending of FILE, else csv].
+    /// Format [default: that of the ending of FILE, else csv].
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// Where to write the table.
+    /// Where to write it: .csv, .json, .mcap, or .xml for MJCF.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// Comma-separated values with a header line.
+    /// A table as comma-separated values with a header line.
     Csv,
-    /// One JSON object: names of the columns, then one array for each row.
+    /// A table as one JSON object: names of the columns, then one array for each row.
     Json,
+    /// A recording for Foxglove and Lichtblick: frames, solids, joint states, ground forces.
+    Mcap,
+    /// A model for MuJoCo with the plan as keyframes, whose controls play it.
+    Mjcf,
+    /// A moveit_msgs/RobotTrajectory as JSON: joints, driven wheels and body.
+    Ros,
+}
+
+impl Format {
+    /// All formats; the first with an ending is what the ending stands for.
+    const ALL: [Self; 5] = [Self::Csv, Self::Json, Self::Mcap, Self::Mjcf, Self::Ros];
+
+    fn ending(self) -> &'static str {
+        match self {
+            Self::Csv => "csv",
+            Self::Json | Self::Ros => "json",
+            Self::Mcap => "mcap",
+            Self::Mjcf => "xml",
+        }
+    }
+
+    fn write(self, plan: &Plan, rate: Rate) -> miette::Result<Vec<u8>> {
+        Ok(match self {
+            Self::Csv => Table::new(plan, rate).to_csv().into_bytes(),
+            Self::Json => Table::new(plan, rate).to_json().into_bytes(),
+            Self::Mcap => {
+                rollwalk_interchange::foxglove::recording(plan, rate).into_diagnostic()?
+            }
+            Self::Mjcf => rollwalk_interchange::motion(plan, rate).into_diagnostic()?.into_bytes(),
+            Self::Ros => rollwalk_interchange::trajectory(plan, rate).into_bytes(),
+        })
+    }
 }
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let format = format(args)?;
-    let table = Table::new(&inputs::plan(&args.plan)?, args.rate).into_diagnostic()?;
-    let text = match format {
-        Format::Csv => table.to_csv(),
-        Format::Json => table.to_json(),
-    };
+    let rate = Rate::new(args.rate).into_diagnostic()?;
+    let plan = inputs::plan(&args.plan)?;
+    let content = format.write(&plan, rate)?;
     let place = Output::at(&args.output)?;
-    place.write(text.as_bytes())?;
-    place.comment(&format!(
-        "wrote {}: {} rows of {} columns at {} Hz",
-        args.output.display(),
-        table.rows.len(),
-        table.columns.len(),
-        table.rate_hz
-    ))?;
+    place.write(&content)?;
+    let (output, rate_hz) = (args.output.display(), args.rate);
+    let duration_s = plan.motion.duration_s;
+    place.comment(&format!("wrote {output}: {duration_s} s at {rate_hz} Hz"))?;
     Ok(Exit::Ok)
 }
 
-/// Format of the table: that of `--format`, otherwise that of the file's extension.
+/// Format of the file: that of `--format`, otherwise that of its ending.
 fn format(args: &Args) -> miette::Result<Format> {
-    let ending = match files::ending(&args.output, "a table", &["csv", "json"])? {
-        Some("csv") => Some(Format::Csv),
-        Some(_) => Some(Format::Json),
-        None => None,
-    };
+    let ending = files::ending(&args.output, "a plan", &["csv", "json", "mcap", "xml"])?;
+    let by_ending = Format::ALL.into_iter().find(|format| Some(format.ending()) == ending);
     match (args.format, ending) {
-        (Some(format), Some(ending)) if format != ending => Err(miette!(
-            help = "leave --format out, or give another name",
+        (Some(format), Some(ending)) if format.ending() != ending => Err(miette!(
+            help = format!("leave --format out, or let the name end in .{}", format.ending()),
             "the name {} is not that of the --format",
             args.output.display()
         )),
-        (format, ending) => Ok(format.or(ending).unwrap_or(Format::Csv)),
+        (format, _) => Ok(format.or(by_ending).unwrap_or(Format::Csv)),
     }
 }

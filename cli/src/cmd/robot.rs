@@ -2,7 +2,9 @@
 //! about robot files.
 
 use super::buses::BusLoads;
+use super::draw;
 use super::import;
+use super::robot_export;
 use super::standing::StandingReport;
 use crate::inputs::Source;
 use crate::output::Table;
@@ -13,11 +15,13 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Check robot files and import them from URDF.
+/// Check and draw robot files, import them from URDF, and export them for other tools.
 #[derive(clap::Subcommand)]
 pub enum Action {
     Check(Check),
     Import(import::Args),
+    Export(robot_export::Args),
+    Draw(draw::Args),
 }
 
 /// Validate a robot file and print its tree, masses, limits and wheels, and how it stands: torques against limits, sag,
@@ -51,6 +55,8 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
     match action {
         Action::Check(args) => check(args),
         Action::Import(args) => import::run(args),
+        Action::Export(args) => robot_export::run(args),
+        Action::Draw(args) => draw::run(args),
     }
 }
 

@@ -166,9 +166,15 @@ pub fn ending(
     let given = given.to_string_lossy().to_lowercase();
     let found = endings.iter().copied().find(|ending| *ending == given);
     let help = match &*given {
-        "png" if endings.contains(&"svg") => Some(
-            "write .svg; `rsvg-convert FILE.svg -o FILE.png`, Inkscape or a browser makes a PNG of it",
-        ),
+        "pdf" if endings.contains(&"svg") => {
+            Some("write .svg; `rsvg-convert -f pdf`, Inkscape or a browser makes a PDF of it")
+        }
+        "webm" | "avi" | "mov" if endings.contains(&"mp4") => {
+            Some("write .mp4, which ffmpeg turns into others")
+        }
+        "gif" | "mp4" if endings.contains(&"svg") => {
+            Some("only what moves is a film: add --animate")
+        }
         "xlsx" | "ods" if endings.contains(&"csv") => Some("write .csv, which spreadsheets open"),
         _ => None,
     };
@@ -214,13 +220,13 @@ mod tests {
         let ending = |name: &str| ending(Path::new(name), "a figure", &["svg"]);
         assert_eq!(ending("a/b.SVG").unwrap(), Some("svg"));
         assert_eq!(ending("a.b/c").unwrap(), None);
-        let error = ending("x.png").unwrap_err();
+        let error = ending("x.pdf").unwrap_err();
         assert_eq!(
             error.to_string(),
-            "cannot write a figure as x.png: a figure can be written as .svg"
+            "cannot write a figure as x.pdf: a figure can be written as .svg"
         );
         assert!(error.help().unwrap().to_string().contains("rsvg-convert"));
-        let error = super::ending(Path::new("x.png"), "a table", &["csv"]).unwrap_err();
+        let error = super::ending(Path::new("x.pdf"), "a table", &["csv"]).unwrap_err();
         assert!(error.help().is_none());
     }
 }

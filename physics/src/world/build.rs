@@ -2,7 +2,7 @@
 
 use super::foot;
 use super::hinge::{Hinge, gyration_m, perpendicular, stops};
-use super::parts::{Apart, soft_feet_of, wheels_of, without};
+use super::parts::soft_feet_of;
 use super::state::link_motions;
 use super::{Parameters, RobotState};
 use crate::assembly::Assembly;
@@ -12,6 +12,7 @@ use crate::friction::Friction;
 use crate::ground::{Ground, parts_of};
 use crate::motion::Motion;
 use nalgebra::Vector3;
+use rollwalk_multibody::{rest_of_link, spinning_wheels};
 use rollwalk_robot::shape::Shape;
 use rollwalk_robot::{EndEffector, Robot};
 use std::ops::Range;
@@ -25,7 +26,8 @@ pub(super) struct Build<'a> {
     /// Centres of mass of the links' bodies, in the links, m.
     pub centers: Vec<Vector3<f64>>,
     inertias: Vec<Inertia>,
-    spinning: Vec<Apart>,
+    /// By end effector.
+    spinning: Vec<(usize, Inertia)>,
     /// Forces that are motors, by channel.
     pub motors: Vec<usize>,
 }
@@ -34,16 +36,17 @@ impl<'a> Build<'a> {
     /// The links, without the wheels that spin.
     pub fn links(robot: &'a Robot, parameters: &'a Parameters, state: &RobotState) -> Self {
         let (mut inertias, mut centers, mut spinning) = (Vec::new(), Vec::new(), Vec::new());
-        for (number, link) in robot.links.iter().enumerate() {
-            let wheels = wheels_of(robot, number);
-            let feet = soft_feet_of(robot, number);
-            let (inertia, center) = without(robot, link, wheels.iter().chain(&feet));
-            inertias.push(inertia);
-            centers.push(center);
-            spinning.extend(wheels);
+        for link in 0..robot.links.len() {
+            let wheels = spinning_wheels(robot, link);
+            let feet = soft_feet_of(robot, link);
+            let apart = wheels.iter().map(|(_, wheel)| wheel).chain(&feet);
+            let rest = rest_of_link(robot, link, apart);
+            inertias.push(Inertia::from(&rest));
+            centers.push(rest.com_in_link_m);
+            spinning.extend(wheels.iter().map(|(number, wheel)| (*number, wheel.into())));
         }
         // Channels of wheels are in the order of end effectors.
-        spinning.sort_by_key(|wheel| wheel.end_effector);
+        spinning.sort_by_key(|(number, _)| *number);
         let mut assembly = Assembly::default();
         for (inertia, motion) in inertias.iter().zip(link_motions(robot, state, &centers)) {
             assembly.add_body(*inertia, motion);
@@ -74,7 +77,7 @@ impl<'a> Build<'a> {
     /// The wheels that spin, their hinges and motors; the body of each, by end effector.
     pub fn wheels(&mut self, state: &RobotState) -> Vec<Option<usize>> {
         let mut wheels = vec![None; self.robot.end_effectors.len()];
-        for &Apart { end_effector: number, inertia } in &self.spinning {
+        for &(number, inertia) in &self.spinning {
             let end_effector = &self.robot.end_effectors[number];
             let link = end_effector.link;
             let axis = *end_effector.contact.axis_in_link().expect("what spins has an axis");

@@ -11,6 +11,7 @@ use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
 use crate::sample::PlanSpline;
 use nalgebra::Vector3;
+use svg::Document;
 use svg::node::element::{Group, Line, Style, Text, Title};
 
 /// Frames per second, and the most frames of a file.
@@ -45,58 +46,124 @@ pub struct Extras {
 
 /// SVG text of the motion of a validated plan, in real time, again and again.
 pub fn animation(plan: &Plan, extras: Extras) -> String {
-    let run = Run::new(plan);
-    let view = View::of(&run, extras);
-    let feet = plan.robot.end_effectors.len();
-    let chart = extras.footfalls.then(|| panels::footfalls(plan)).flatten();
-    let chart_height = chart.as_ref().map_or(0.0, |_| CHART_HEIGHT + ROW_HEIGHT * feet as f64);
-    let picture_end = HEADER_HEIGHT + view.height;
-    let height = picture_end + CAPTION_HEIGHT + chart_height + MARGIN;
-    let name = format!("{} – {}", plan.robot.name, plan.motion.name);
-    let facts = match plan.motion.ends {
-        Ends::Periodic => format!("period {:.2} s", plan.motion.duration_s),
-        _ => format!("{:.2} s", plan.motion.duration_s),
-    };
-    let mut document = super::document(WIDTH, height)
-        .set("role", "img")
-        .set("aria-label", name.clone())
-        .add(Title::new(name.clone()))
-        .add(Style::new(style(&run)))
-        .add(super::heading([name, format!("{facts} · in real time")]))
-        .add(view.ground());
-    for (k, moment) in run.moments.iter().enumerate() {
-        let mut frame =
-            Group::new().add(run.figure.draw(&view.camera, &moment.sample, &moment.spin_rad));
-        if extras.forces {
-            frame = frame.add(run.figure.forces(&view.camera, &moment.sample));
-        }
-        let caption = Text::new(run.caption(&moment.sample)).set("x", 0.5 * WIDTH);
-        let caption = caption.set("y", px(picture_end + 14.0)).set("text-anchor", "middle");
-        document =
-            document.add(frame.add(caption.set("fill", FAINT)).set("class", run.class(k)).set(
-                "style",
-                // It has begun already when the page opens.
-                format!("animation-delay:{:.4}s", k as f64 * run.frame_s() - run.loop_s()),
-            ));
+    let page = Page::new(plan, extras);
+    let run = &page.run;
+    let mut document = page.document().add(Style::new(style(run))).add(page.view.ground());
+    for k in 0..run.moments.len() {
+        // It has begun already when the page opens.
+        let delay = format!("animation-delay:{:.4}s", k as f64 * run.frame_s() - run.loop_s());
+        document = document.add(page.frame(k).set("class", run.class(k)).set("style", delay));
     }
-    if let Some(chart) = chart {
-        let (corner, size) =
-            ([MARGIN, picture_end + CAPTION_HEIGHT], [WIDTH - 2.0 * MARGIN, chart_height]);
-        let [from, to] = panels::Panel::time_axis_px(corner[0], size[0]);
-        let now =
-            Line::new().set("x1", px(from)).set("x2", px(from)).set("y1", px(corner[1] + 20.0));
-        let now = now.set("y2", px(corner[1] + chart_height - 32.0)).set("class", "now");
+    if let Some(chart) = &page.chart {
         let part = 100.0 * plan.motion.duration_s / run.pass_s();
         let moves = format!(
-            ".now{{stroke:{INK};stroke-width:1.5;animation:now {:.4}s linear infinite}}\
+            ".now{{animation:now {:.4}s linear infinite}}\
              @keyframes now{{{part:.3}%,to{{transform:translateX({}px)}}}}\
              @media (prefers-reduced-motion:reduce){{.now{{animation:none}}}}",
             run.pass_s(),
-            px(to - from),
+            px(chart.axis_px[1] - chart.axis_px[0]),
         );
-        document = document.add(chart.draw(corner, size, true)).add(Style::new(moves)).add(now);
+        document = document
+            .add(chart.drawing.clone())
+            .add(Style::new(moves))
+            .add(chart.now(0.0).set("class", "now"));
     }
     format!("{document}\n")
+}
+
+/// The same motion as pictures without motion, for films, and the time that each is shown, s. The last one of a motion that does not
+/// repeat is there as often as it takes to stay.
+pub fn frames(plan: &Plan, extras: Extras) -> (f64, Vec<String>) {
+    let page = Page::new(plan, extras);
+    let run = &page.run;
+    let one = |k: usize| {
+        let mut document = page.document().add(Style::new(STYLE)).add(page.view.ground());
+        document = document.add(page.frame(k));
+        if let Some(chart) = &page.chart {
+            let gone_s = (k as f64 * run.frame_s()) % run.period_s;
+            document = document.add(chart.drawing.clone()).add(chart.now(gone_s / run.period_s));
+        }
+        format!("{document}\n")
+    };
+    let last = run.moments.len() - 1;
+    let stays = (run.hold_s / run.frame_s()).round() as usize;
+    let pictures = (0..=last).chain(std::iter::repeat_n(last, stays)).map(one).collect();
+    (run.frame_s(), pictures)
+}
+
+/// What all frames are drawn on.
+struct Page {
+    run: Run,
+    view: View,
+    extras: Extras,
+    chart: Option<Chart>,
+    height: f64,
+    texts: [String; 2],
+}
+
+/// The footfall chart.
+struct Chart {
+    drawing: Group,
+    /// Where its time axis begins and ends, and its top and bottom.
+    axis_px: [f64; 2],
+    rows_px: [f64; 2],
+}
+
+impl Chart {
+    /// The line at a time, as a part of the axis.
+    fn now(&self, part: f64) -> Line {
+        let x = px(self.axis_px[0] + part * (self.axis_px[1] - self.axis_px[0]));
+        let line = Line::new().set("x1", x).set("x2", x).set("stroke", INK);
+        let line = line.set("y1", px(self.rows_px[0])).set("y2", px(self.rows_px[1]));
+        line.set("stroke-width", 1.5)
+    }
+}
+
+impl Page {
+    fn new(plan: &Plan, extras: Extras) -> Self {
+        let run = Run::new(plan);
+        let view = View::of(&run, extras);
+        let chart = extras.footfalls.then(|| panels::footfalls(plan)).flatten();
+        let feet = plan.robot.end_effectors.len();
+        let chart_height = chart.as_ref().map_or(0.0, |_| CHART_HEIGHT + ROW_HEIGHT * feet as f64);
+        let above_chart = HEADER_HEIGHT + view.height + CAPTION_HEIGHT;
+        let chart = chart.map(|chart| {
+            let (corner, size) = ([MARGIN, above_chart], [WIDTH - 2.0 * MARGIN, chart_height]);
+            Chart {
+                drawing: chart.draw(corner, size, true),
+                axis_px: panels::Panel::time_axis_px(corner[0], size[0]),
+                rows_px: [corner[1] + 20.0, corner[1] + chart_height - 32.0],
+            }
+        });
+        let facts = match plan.motion.ends {
+            Ends::Periodic => format!("period {:.2} s", plan.motion.duration_s),
+            _ => format!("{:.2} s", plan.motion.duration_s),
+        };
+        let name = format!("{} – {}", plan.robot.name, plan.motion.name);
+        let texts = [name, format!("{facts} · in real time")];
+        Self { run, view, extras, chart, height: above_chart + chart_height + MARGIN, texts }
+    }
+
+    fn document(&self) -> Document {
+        super::document(WIDTH, self.height)
+            .set("role", "img")
+            .set("aria-label", self.texts[0].clone())
+            .add(Title::new(self.texts[0].clone()))
+            .add(super::heading(self.texts.clone()))
+    }
+
+    fn frame(&self, k: usize) -> Group {
+        let (run, view, moment) = (&self.run, &self.view, &self.run.moments[k]);
+        let mut frame =
+            Group::new().add(run.figure.draw(&view.camera, &moment.sample, &moment.spin_rad));
+        if self.extras.forces {
+            frame = frame.add(run.figure.forces(&view.camera, &moment.sample));
+        }
+        let caption = Text::new(run.caption(&moment.sample)).set("x", 0.5 * WIDTH);
+        let baseline = HEADER_HEIGHT + view.height + 14.0;
+        let caption = caption.set("y", px(baseline)).set("text-anchor", "middle");
+        frame.add(caption.set("fill", FAINT))
+    }
 }
 
 /// CSS that shows one frame at a time.

@@ -2,8 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    bare_metal, board, browsers, cantools, debian, fuzz, hostile, miri, mujoco, programs, replay,
-    shell, tidy, toolchain, vcan, workspace,
+    bare_metal, board, browsers, cantools, debian, exports, fuzz, hostile, miri, mujoco, programs,
+    replay, shell, tidy, toolchain, vcan, workspace,
 };
 use clap::ValueEnum;
 
@@ -36,6 +36,8 @@ pub enum TestStep {
     Dbc,
     /// Kinematics and dynamics of every robot against MuJoCo.
     Multibody,
+    /// Exported robots and plans as MuJoCo, Pinocchio and readers of URDF and MCAP read them.
+    Exports,
     /// The harness that replays plans in MuJoCo.
     Replay,
     /// The rules by which attacks on a simulated robot are judged.
@@ -65,6 +67,7 @@ impl Step for TestStep {
             Self::Miri => "golden bytes in Miri, big-endian",
             Self::Dbc => "DBC files as cantools reads them",
             Self::Multibody => "kinematics and dynamics against MuJoCo",
+            Self::Exports => "exports as other tools read them",
             Self::Replay => "the replay harness against closed forms",
             Self::Hostile => "the rules of attacks on a simulated robot",
             Self::Robots => "robots that the studio's page drives in real time",
@@ -90,6 +93,7 @@ impl Step for TestStep {
             Self::Miri => miri::check(Extent::Short),
             Self::Dbc => cantools::check(),
             Self::Multibody => mujoco::check(Extent::Short),
+            Self::Exports => exports::check(),
             Self::Replay => replay::check(Extent::Short),
             Self::Hostile => hostile::check(Extent::Short),
             Self::Robots => browsers::check_robots(),

@@ -24,6 +24,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         ],
     ),
     ("rollwalk-design", &["rollwalk-planner", "rollwalk-robot"]),
+    ("rollwalk-interchange", &["rollwalk-multibody", "rollwalk-planner", "rollwalk-robot"]),
     ("rollwalk-shipped", &[]),
     (
         "rollwalk-studio",

@@ -3,7 +3,7 @@
 mod world;
 
 use crate::files::{self, Output};
-use crate::{Exit, inputs};
+use crate::{Exit, inputs, picture};
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::plot::{self, Extras};
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Pictures of a motion in a strip.
 pub const STRIP_MOMENTS: usize = 6;
 
-/// Draw a plan as SVG: footfalls, centre of mass, joint angles, wheel speeds, ground forces; or a log of the simulated world: way,
+/// Draw a plan: footfalls, centre of mass, joint angles, wheel speeds, ground forces; or a log of the simulated world: way,
 /// height, tilt, speed, forces of the ground, slip, torques.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
@@ -20,6 +20,7 @@ Examples:
   rollwalk plot --strip drive.plan.json walk.plan.json -o robot.svg
   rollwalk plot --animate walk.plan.json -o moving.svg   # plays in browsers and in READMEs
   rollwalk plot --animate --forces --footfalls walk.plan.json -o moving.svg
+  rollwalk plot --animate walk.plan.json -o moving.gif   # or .mp4; needs rsvg-convert and ffmpeg
   rollwalk plot run.csv -o run.svg       # of `rollwalk simulate walk.plan.json --world-log run.csv`")]
 pub struct Args {
     /// Plan (JSON), or log of the simulated world (CSV); several plans with --strip.
@@ -37,14 +38,17 @@ pub struct Args {
     /// With --animate: the footfall chart, with a line at the time that is shown.
     #[arg(long, requires = "animate")]
     footfalls: bool,
-    /// Where to write the figure.
-    #[arg(short, long, value_name = "FILE.svg")]
+    /// Where to write the figure: .svg or .png; with --animate .svg, .gif or .mp4.
+    #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    files::ending(&args.output, "a figure", &["svg"])?;
+    let ending = match args.animate {
+        true => files::ending(&args.output, "an animation", &["svg", "gif", "mp4"])?,
+        false => files::ending(&args.output, "a figure", &["svg", "png"])?,
+    };
     let is_log = |path: &&PathBuf| {
         path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
     };
@@ -56,30 +60,46 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
                 log.display()
             ));
         }
-        return finish(&args.output, &world::figure(log)?);
+        return finish(&args.output, ending, &world::figure(log)?);
     }
     let plans: Vec<Plan> =
         args.plans.iter().map(|path| inputs::plan(path)).collect::<miette::Result<_>>()?;
     let svg = match &plans[..] {
         plans if args.strip => plot::strip(&plans.iter().collect::<Vec<_>>(), STRIP_MOMENTS),
         [plan] if args.animate => {
-            plot::animation(plan, Extras { forces: args.forces, footfalls: args.footfalls })
+            let extras = Extras { forces: args.forces, footfalls: args.footfalls };
+            if let Some(film) = ending.filter(|ending| *ending != "svg") {
+                let place = Output::at(&args.output)?;
+                let (frame_s, pictures) = plot::frames(plan, extras);
+                return wrote(&place, &picture::film(frame_s, &pictures, film)?);
+            }
+            plot::animation(plan, extras)
         }
         [plan] => plot::figure(plan),
         _ => {
             return Err(miette::miette!(
-                help = "draw one at a time, or add --strip",
+                help = match args.animate {
+                    true => "animate one at a time",
+                    false => "draw one at a time, or add --strip",
+                },
                 "{} plans do not fit into one figure",
                 plans.len()
             ));
         }
     };
-    finish(&args.output, &svg)
+    finish(&args.output, ending, &svg)
 }
 
-fn finish(path: &Path, svg: &str) -> miette::Result<Exit> {
+fn finish(path: &Path, ending: Option<&str>, svg: &str) -> miette::Result<Exit> {
     let place = Output::at(path)?;
-    place.write(svg.as_bytes())?;
-    place.comment(&format!("wrote {}", path.display()))?;
+    match ending {
+        Some("png") => wrote(&place, &picture::png(svg)?),
+        _ => wrote(&place, svg.as_bytes()),
+    }
+}
+
+fn wrote(place: &Output, content: &[u8]) -> miette::Result<Exit> {
+    place.write(content)?;
+    place.comment(&format!("wrote {}", place.path().display()))?;
     Ok(Exit::Ok)
 }

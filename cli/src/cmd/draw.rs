@@ -1,0 +1,43 @@
+//! `rollwalk robot draw`: a robot file as a picture.
+
+use crate::files::{self, Output};
+use crate::inputs::Source;
+use crate::{Exit, picture};
+use miette::miette;
+use rollwalk_planner::plot;
+use std::path::PathBuf;
+
+/// Draw a robot as it stands, with the names of its joints and end effectors.
+#[derive(clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk robot draw robots/agilebot.toml -o agilebot.svg
+  rollwalk robot draw my-robot.toml -o my-robot.png     needs rsvg-convert")]
+pub struct Args {
+    /// Robot file (TOML).
+    #[arg(value_name = "ROBOT.toml")]
+    robot: PathBuf,
+    /// Where to write the picture: .svg or .png.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> miette::Result<Exit> {
+    let ending = files::ending(&args.output, "a picture", &["svg", "png"])?;
+    let robot = Source::Disk.robot(&args.robot)?;
+    let svg = plot::robot(&robot).ok_or_else(|| {
+        miette!(
+            help = "`rollwalk studio` shows robots in any pose",
+            "{} cannot be drawn as it stands: a wheel lies flat in its nominal pose",
+            args.robot.display()
+        )
+    })?;
+    let place = Output::at(&args.output)?;
+    match ending {
+        Some("png") => place.write(&picture::png(&svg)?)?,
+        _ => place.write(svg.as_bytes())?,
+    }
+    place.comment(&format!("wrote {}", args.output.display()))?;
+    Ok(Exit::Ok)
+}

@@ -1,0 +1,92 @@
+//! Pictures as other formats than SVG: PNG by `rsvg-convert`, films by `rsvg-convert` and `ffmpeg`, where they are installed.
+//!
+//! They are programs of the user, not of ours: a renderer of SVG in every build would cost more than it gives.
+
+use crate::interrupt;
+use miette::{IntoDiagnostic, miette};
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Makes PNG of SVG.
+const RSVG: Tool = Tool { program: "rsvg-convert", package: "librsvg2-bin" };
+/// Makes films of PNG.
+const FFMPEG: Tool = Tool { program: "ffmpeg", package: "ffmpeg" };
+/// Pixels of a PNG by those of the SVG: sharp on displays of today.
+const ZOOM: &str = "2";
+
+/// A program that is installed or not.
+struct Tool {
+    program: &'static str,
+    package: &'static str,
+}
+
+impl Tool {
+    /// Runs it in a folder.
+    fn run(&self, folder: &Path, args: &[&str]) -> miette::Result<()> {
+        let mut command = Command::new(self.program);
+        command.args(args).current_dir(folder).stdin(Stdio::null());
+        let output = command.output().map_err(|error| {
+            miette!(
+                help = format!(
+                    "install it (`sudo apt install {}` on Debian and Ubuntu), or write .svg",
+                    self.package
+                ),
+                "cannot run {}: {error}",
+                self.program
+            )
+        })?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let said = String::from_utf8_lossy(&output.stderr);
+        let last = said.trim_end().lines().last().unwrap_or_default();
+        Err(miette!("{} failed ({}): {last}", self.program, output.status))
+    }
+}
+
+fn svg_to_png(folder: &Path, name: &str, svg: &str) -> miette::Result<()> {
+    fs::write(folder.join("picture.svg"), svg).into_diagnostic()?;
+    RSVG.run(folder, &["--zoom", ZOOM, "picture.svg", "--output", name])
+}
+
+/// An SVG as a PNG.
+///
+/// # Errors
+/// The program is not installed, or fails.
+pub fn png(svg: &str) -> miette::Result<Vec<u8>> {
+    let folder = tempfile::tempdir().into_diagnostic()?;
+    svg_to_png(folder.path(), "picture.png", svg)?;
+    fs::read(folder.path().join("picture.png")).into_diagnostic()
+}
+
+/// Pictures that are shown for the same time each, s, as a film that plays again and again; `ending` is `gif` or `mp4`.
+///
+/// # Errors
+/// A program is not installed, or fails; Ctrl-C.
+pub fn film(frame_s: f64, pictures: &[String], ending: &str) -> miette::Result<Vec<u8>> {
+    let folder = tempfile::tempdir().into_diagnostic()?;
+    interrupt::listen();
+    let bar = indicatif::ProgressBar::new(pictures.len() as u64);
+    for (number, svg) in pictures.iter().enumerate() {
+        if interrupt::requested() {
+            return Err(miette!("interrupted: nothing was written"));
+        }
+        svg_to_png(folder.path(), &format!("{number:05}.png"), svg)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let rate = (1.0 / frame_s).to_string();
+    let film = format!("film.{ending}");
+    let make: &[&str] = match ending {
+        // Colours of a GIF are chosen from all of its frames.
+        "gif" => {
+            &["-filter_complex", "split[a][b];[a]palettegen[p];[b][p]paletteuse", "-loop", "0"]
+        }
+        // Players want even sizes and this form of colours.
+        _ => &["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"],
+    };
+    let input = ["-loglevel", "error", "-framerate", &rate, "-i", "%05d.png"];
+    FFMPEG.run(folder.path(), &[&input[..], make, &[&film]].concat())?;
+    fs::read(folder.path().join(film)).into_diagnostic()
+}

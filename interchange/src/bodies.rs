@@ -1,0 +1,290 @@
+//! A robot as rigid bodies with hinges and simple solids: what URDF and MJCF have in common.
+//!
+//! A wheel that spins is a body of its own here, while a robot file counts it to its link. Frames of links are those of the
+//! robot file; the frame of a wheel lies in its centre, parallel to that of its link.
+
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use rollwalk_multibody::{RigidPart, rest_of_link, spinning_wheels};
+use rollwalk_robot::shape::Shape;
+use rollwalk_robot::{EndEffector, Form, Joint, Robot, Solid};
+use std::collections::HashSet;
+
+/// Half the width of a tyre by its radius. Tyres are ellipsoids so thin that they touch the ground where a plan's disc does.
+pub const TYRE_HALF_WIDTH: f64 = 0.02;
+
+/// Share of its link's mass that a blade has where it is a wheel: a wheel that spins without resistance.
+const BLADE_SHARE: f64 = 1e-4;
+
+/// Deviation of a part from a wheel's centre, by its radius, within which it is a part of the wheel.
+const IN_THE_WHEEL: f64 = 0.1;
+
+/// What carries the curved edge of a skate.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Blades {
+    /// Their links, as in robot files.
+    Fixed,
+    /// Wheels of next to no mass: a simulator without contacts that glide along one direction.
+    Roll,
+}
+
+/// A rigid body.
+pub struct Body<'r> {
+    /// Unique among bodies.
+    pub name: String,
+    /// Mass, centre of mass and inertia in the body's frame.
+    pub inertia: RigidPart,
+    /// What carries it; the root has none.
+    pub hinge: Option<Hinge<'r>>,
+    /// What is seen of it, and what touches.
+    pub solids: Vec<Placed<'r>>,
+}
+
+/// A joint or axle.
+pub struct Hinge<'r> {
+    /// Unique among hinges.
+    pub name: String,
+    /// Index of the body that carries it.
+    pub parent: usize,
+    /// Pose of the body in the parent at angle 0.
+    pub parent_from_body: Isometry3<f64>,
+    /// Unit axis in the body's frame.
+    pub axis: Vector3<f64>,
+    /// What it is in the robot file.
+    pub of: Of<'r>,
+}
+
+/// What a hinge is in the robot file.
+#[derive(Clone, Copy)]
+pub enum Of<'r> {
+    /// A joint.
+    Joint {
+        /// Its index in the robot.
+        number: usize,
+        /// The joint.
+        joint: &'r Joint,
+    },
+    /// The axle of a wheel.
+    Wheel {
+        /// Index of the end effector.
+        number: usize,
+        /// The wheel.
+        wheel: &'r EndEffector,
+    },
+}
+
+/// A solid in the frame of its body.
+pub struct Placed<'r> {
+    /// Its centre and axes.
+    pub body_from_solid: Isometry3<f64>,
+    /// Its form.
+    pub form: Geometry,
+    /// What it is for.
+    pub role: Role<'r>,
+}
+
+/// Forms that other tools have. Cylinders and capsules lie along z, tyres turn about z.
+#[derive(Clone, Copy)]
+pub enum Geometry {
+    /// Lengths of the sides, m.
+    Box(Vector3<f64>),
+    /// Radius and length, m.
+    Cylinder(f64, f64),
+    /// Radius and length of the segment, m.
+    Capsule(f64, f64),
+    /// Radius, m.
+    Sphere(f64),
+    /// Radius, m.
+    Tyre(f64),
+}
+
+/// What a solid is for.
+#[derive(Clone, Copy)]
+pub enum Role<'r> {
+    /// A part of a link, to be looked at.
+    Part,
+    /// Room of a link, which collides.
+    Room,
+    /// A foot or tyre, which stands on the ground.
+    Contact(&'r EndEffector),
+}
+
+impl Of<'_> {
+    /// The motor.
+    pub fn actuator(&self) -> Option<&rollwalk_robot::Actuator> {
+        match self {
+            Self::Joint { joint, .. } => Some(&joint.actuator),
+            Self::Wheel { wheel, .. } => wheel.contact.actuator(),
+        }
+    }
+}
+
+/// The bodies of a robot: its links in their order, then the wheels that spin, by end effector. `parts` are the solids of each link;
+/// without them only the links' rooms are seen.
+pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec<Body<'r>> {
+    let mut wheels = Vec::new();
+    let mut bodies: Vec<_> = robot
+        .links
+        .iter()
+        .enumerate()
+        .map(|(index, link)| {
+            let mut apart = spinning_wheels(robot, index);
+            if blades == Blades::Roll {
+                apart.extend(blade_wheels(robot, index));
+            }
+            let inertia = rest_of_link(robot, index, apart.iter().map(|(_, wheel)| wheel));
+            wheels.extend(apart);
+            let rooms = link.shapes.iter().map(room);
+            Body { name: link.name.clone(), inertia, hinge: None, solids: rooms.collect() }
+        })
+        .collect();
+    let mut hinges = Names::default();
+    for (number, joint) in robot.joints.iter().enumerate() {
+        bodies[joint.child].hinge = Some(Hinge {
+            name: hinges.unique(&joint.name, "_joint"),
+            parent: joint.parent,
+            parent_from_body: joint.parent_from_joint,
+            axis: joint.axis_in_joint,
+            of: Of::Joint { number, joint },
+        });
+    }
+    let mut names = Names::default();
+    bodies.iter().for_each(|body| drop(names.unique(&body.name, "")));
+    wheels.sort_by_key(|(number, _)| *number);
+    let mut carriers: Vec<_> = robot.end_effectors.iter().map(|foot| foot.link).collect();
+    for (number, part) in wheels {
+        let wheel = &robot.end_effectors[number];
+        carriers[number] = bodies.len();
+        bodies.push(Body {
+            name: names.unique(&wheel.name, "_wheel"),
+            inertia: RigidPart { com_in_link_m: Vector3::zeros(), ..part },
+            hinge: Some(Hinge {
+                name: hinges.unique(&wheel.name, "_axle"),
+                parent: wheel.link,
+                parent_from_body: Translation3::from(wheel.center_in_link_m).into(),
+                axis: wheel.contact.axis_in_link().copied().unwrap_or_else(Vector3::y),
+                of: Of::Wheel { number, wheel },
+            }),
+            solids: Vec::new(),
+        });
+    }
+    for (link, solids) in parts.iter().enumerate() {
+        for solid in solids {
+            // What is in the place of a wheel turns with it.
+            let wheel = (0..robot.end_effectors.len()).find(|&number| {
+                carriers[number] >= robot.links.len()
+                    && robot.end_effectors[number].link == link
+                    && is_in_wheel(solid, &robot.end_effectors[number])
+            });
+            let carrier = wheel.map_or(link, |number| carriers[number]);
+            let placed = part(solid, wheel.map(|number| &robot.end_effectors[number]));
+            bodies[carrier].solids.push(placed);
+        }
+    }
+    for (end_effector, &carrier) in robot.end_effectors.iter().zip(&carriers) {
+        let spins = carrier >= robot.links.len();
+        let center = if spins { Vector3::zeros() } else { end_effector.center_in_link_m };
+        bodies[carrier].solids.push(contact(end_effector, center));
+    }
+    bodies
+}
+
+/// Indices of the bodies that a body carries.
+pub fn carried<'b>(bodies: &'b [Body<'b>], parent: usize) -> impl Iterator<Item = usize> + 'b {
+    let carries = move |body: &Body<'_>| body.hinge.as_ref().is_some_and(|h| h.parent == parent);
+    (0..bodies.len()).filter(move |&index| carries(&bodies[index]))
+}
+
+/// Indices of all bodies, each before what it carries, branch by branch.
+pub fn depth_first(bodies: &[Body<'_>]) -> Vec<usize> {
+    let mut order = Vec::new();
+    let mut waiting = vec![0];
+    while let Some(next) = waiting.pop() {
+        order.push(next);
+        let mut children: Vec<_> = carried(bodies, next).collect();
+        children.reverse();
+        waiting.extend(children);
+    }
+    order
+}
+
+/// Names that have been given.
+#[derive(Default)]
+pub struct Names(HashSet<String>);
+
+impl Names {
+    /// The name, with endings until it is new.
+    pub fn unique(&mut self, name: &str, ending: &str) -> String {
+        let mut name = name.to_owned();
+        while !self.0.insert(name.clone()) {
+            name += ending;
+        }
+        name
+    }
+}
+
+/// Wheels in the place of a link's blades.
+fn blade_wheels(robot: &Robot, link: usize) -> Vec<(usize, RigidPart)> {
+    let blades = robot.end_effectors.iter().enumerate();
+    let blades =
+        blades.filter(|(_, foot)| foot.link == link && foot.contact.blade_length_m().is_some());
+    let wheel = |(number, foot): (usize, &EndEffector)| {
+        let mass_kg = BLADE_SHARE * robot.links[link].mass_kg;
+        // A ball of the size of the blade, not of its curvature: what turns is next to nothing.
+        let radius_m = foot.clearance_radius_m();
+        let about_com_kg_m2 = Matrix3::from_diagonal_element(0.4 * mass_kg * radius_m.powi(2));
+        (number, RigidPart { mass_kg, com_in_link_m: foot.center_in_link_m, about_com_kg_m2 })
+    };
+    blades.map(wheel).collect()
+}
+
+fn is_in_wheel(solid: &Solid, wheel: &EndEffector) -> bool {
+    let apart_m = (solid.center_in_link_m - wheel.center_in_link_m).norm();
+    let round = matches!((solid.form, wheel.contact.axis_in_link()),
+        (Form::Cylinder { axis, .. }, Some(of_wheel)) if of_wheel[axis].abs() > 1.0 - 1e-9);
+    round && apart_m < IN_THE_WHEEL * wheel.radius_m
+}
+
+fn part<'r>(solid: &Solid, wheel: Option<&EndEffector>) -> Placed<'r> {
+    let origin = wheel.map_or_else(Vector3::zeros, |wheel| wheel.center_in_link_m);
+    let at = Translation3::from(solid.center_in_link_m - origin);
+    let (turn, form) = match solid.form {
+        Form::Box { size_m } => (UnitQuaternion::identity(), Geometry::Box(size_m)),
+        Form::Cylinder { axis, radius_m, length_m } => {
+            let along = Vector3::ith(axis, 1.0);
+            (turn_z_to(&along), Geometry::Cylinder(radius_m, length_m))
+        }
+    };
+    Placed { body_from_solid: Isometry3::from_parts(at, turn), form, role: Role::Part }
+}
+
+fn room<'r>(shape: &Shape) -> Placed<'r> {
+    let (at, turn, form) = match *shape {
+        Shape::Box { center_in_link_m, size_m } => {
+            (center_in_link_m, UnitQuaternion::identity(), Geometry::Box(size_m))
+        }
+        Shape::Capsule { from_in_link_m: from, to_in_link_m: to, radius_m } => {
+            let (along, middle) = (to - from, (from + to) * 0.5);
+            match along.norm() {
+                0.0 => (middle, UnitQuaternion::identity(), Geometry::Sphere(radius_m)),
+                length_m => (middle, turn_z_to(&along), Geometry::Capsule(radius_m, length_m)),
+            }
+        }
+    };
+    Placed { body_from_solid: Isometry3::from_parts(at.into(), turn), form, role: Role::Room }
+}
+
+fn contact(end_effector: &EndEffector, center: Vector3<f64>) -> Placed<'_> {
+    let radius_m = end_effector.radius_m;
+    let (turn, form) = match end_effector.contact.axis_in_link() {
+        Some(axis) => (turn_z_to(axis), Geometry::Tyre(radius_m)),
+        None => (UnitQuaternion::identity(), Geometry::Sphere(radius_m)),
+    };
+    let body_from_solid = Isometry3::from_parts(center.into(), turn);
+    Placed { body_from_solid, form, role: Role::Contact(end_effector) }
+}
+
+/// The shortest turn that takes z to a direction.
+fn turn_z_to(direction: &Vector3<f64>) -> UnitQuaternion<f64> {
+    let half_turn = || UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    UnitQuaternion::rotation_between(&Vector3::z(), direction).unwrap_or_else(half_turn)
+}

@@ -1,0 +1,22 @@
+//! Robots and plans in the formats of other tools, so that they need nothing of ours to read them.
+//!
+//! | format | of | for |
+//! |---|---|---|
+//! | [`urdf`] | a robot | ROS, Pinocchio, viewers |
+//! | [`mjcf`], [`motion`] | a robot; a plan as keyframes with controls | MuJoCo |
+//! | [`trajectory`] | a plan | ROS, by way of JSON |
+//! | [`foxglove`] | a plan as an MCAP file; robots as messages | Foxglove, Lichtblick |
+//!
+//! Formats go out here and nothing comes in: `rollwalk_robot::urdf` imports. Texts are values; the same robot or plan gives the
+//! same text.
+
+mod bodies;
+pub mod foxglove;
+mod mjcf;
+mod trajectory;
+mod urdf;
+mod xml;
+
+pub use mjcf::{mjcf, motion};
+pub use trajectory::trajectory;
+pub use urdf::urdf;

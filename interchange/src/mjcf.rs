@@ -1,0 +1,293 @@
+//! MJCF, the models of MuJoCo: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
+//!
+//! The model stands on level ground by itself: servos are its actuators, a gyro, an accelerometer and the motors' angles its
+//! sensors, and [`motion`] adds a plan as keyframes whose controls play it.
+
+mod frames;
+
+use crate::bodies::{
+    Blades, Body, Geometry, Hinge, Of, Placed, Role, TYRE_HALF_WIDTH, bodies, carried,
+};
+use crate::xml::{Xml, numbers, vector};
+use frames::{Keyframe, keyframes, standing};
+use nalgebra::Isometry3;
+use rollwalk_multibody::{Standing, Tree};
+use rollwalk_planner::export::Rate;
+use rollwalk_planner::plan::Plan;
+use rollwalk_robot::{GRAVITY_M_S2, Robot, Solid};
+use std::io;
+
+/// Time step, s, and the parameters of contact with which plans were replayed (`docs/replay.md`): stiff, elliptic cones.
+const STEP_S: f64 = 0.001;
+const CONTACT_TIME_S: f64 = 0.003;
+const IMPRATIO: f64 = 20.0;
+
+/// A robot as an MJCF model with its stance as the keyframe `stand`. `parts` are the solids of each link, for pictures.
+///
+/// # Errors
+/// None: the text is written to memory.
+pub fn mjcf(robot: &Robot, parts: &[Vec<Solid>]) -> io::Result<String> {
+    let comment = format!("{}, written by rollwalk robot export", robot.name);
+    model(robot, parts, &comment, standing(robot).as_slice())
+}
+
+/// A plan as an MJCF model with keyframes from its beginning to its end, named by motion and number. Between two of them controls are linear.
+///
+/// # Errors
+/// None: the text is written to memory.
+pub fn motion(plan: &Plan, rate: Rate) -> io::Result<String> {
+    let comment =
+        format!("{} of {}, written by rollwalk export", plan.motion.name, plan.robot.name);
+    model(&plan.robot, &[], &comment, &keyframes(plan, rate))
+}
+
+fn model(
+    robot: &Robot,
+    parts: &[Vec<Solid>],
+    comment: &str,
+    keyframes: &[Keyframe],
+) -> io::Result<String> {
+    let bodies = bodies(robot, parts, Blades::Roll);
+    let mut xml = Xml::new(comment)?;
+    xml.element("mujoco", &[("model", robot.name.clone())], |xml| {
+        xml.empty("compiler", &[("angle", "radian".into()), ("autolimits", "true".into())])?;
+        let option = [
+            ("timestep", STEP_S.to_string()),
+            ("gravity", numbers(&[0.0, 0.0, -GRAVITY_M_S2])),
+            ("cone", "elliptic".into()),
+            ("impratio", IMPRATIO.to_string()),
+            ("integrator", "implicitfast".into()),
+        ];
+        xml.empty("option", &option)?;
+        defaults(xml)?;
+        assets(xml)?;
+        xml.element("worldbody", &[], |xml| {
+            xml.empty("light", &[("pos", "0 0 3".into()), ("directional", "true".into())])?;
+            let ground = [("name", "ground".into()), ("class", "ground".into())];
+            xml.empty("geom", &ground)?;
+            let loads_n = loads(robot);
+            let tree = Bodies { bodies: &bodies, loads_n: &loads_n };
+            tree.body(xml, 0)
+        })?;
+        actuators(xml, robot, &bodies)?;
+        sensors(xml, &bodies)?;
+        xml.element("keyframe", &[], |xml| {
+            keyframes.iter().try_for_each(|frame| xml.empty("key", &frame.attributes()))
+        })
+    })?;
+    Ok(xml.finish())
+}
+
+fn defaults(xml: &mut Xml) -> io::Result<()> {
+    let class = |name: &str| [("class", name.to_owned())];
+    xml.element("default", &[], |xml| {
+        let touch = [
+            ("condim", "3".into()),
+            ("solref", numbers(&[CONTACT_TIME_S, 1.0])),
+            ("contype", "0".into()),
+            ("conaffinity", "0".into()),
+        ];
+        xml.empty("geom", &touch)?;
+        // Everything collides with the ground, nothing with the robot itself. Friction is that of the foot.
+        xml.element("default", &class("ground"), |xml| {
+            let ground = [
+                ("type", "plane".into()),
+                ("size", "0 0 0.05".into()),
+                ("contype", "1".into()),
+                ("material", "ground".into()),
+            ];
+            xml.empty("geom", &ground)
+        })?;
+        xml.element("default", &class("part"), |xml| {
+            xml.empty("geom", &[("group", "2".into()), ("mass", "0".into())])
+        })?;
+        xml.element("default", &class("room"), |xml| {
+            let room = [("group", "3".into()), ("conaffinity", "1".into())];
+            xml.empty("geom", &room)
+        })?;
+        xml.element("default", &class("contact"), |xml| {
+            let contact = [
+                ("group", "1".into()),
+                ("conaffinity", "1".into()),
+                ("priority", "1".into()),
+                ("rgba", "0.15 0.15 0.17 1".into()),
+            ];
+            xml.empty("geom", &contact)
+        })
+    })
+}
+
+fn assets(xml: &mut Xml) -> io::Result<()> {
+    xml.element("asset", &[], |xml| {
+        let texture = [
+            ("name", "ground".into()),
+            ("type", "2d".into()),
+            ("builtin", "checker".into()),
+            ("rgb1", "0.82 0.84 0.86".into()),
+            ("rgb2", "0.72 0.75 0.78".into()),
+            ("width", "256".into()),
+            ("height", "256".into()),
+        ];
+        xml.empty("texture", &texture)?;
+        let material = [
+            ("name", "ground".into()),
+            ("texture", "ground".into()),
+            ("texuniform", "true".into()),
+            ("texrepeat", "2 2".into()),
+        ];
+        xml.empty("material", &material)
+    })
+}
+
+/// Load of each end effector as the robot stands, N, for the drag of free wheels; an even share where it cannot stand.
+fn loads(robot: &Robot) -> Vec<f64> {
+    let even = robot.total_mass_kg() * GRAVITY_M_S2 / robot.end_effectors.len().max(1) as f64;
+    let standing = Standing::new(&Tree::new(robot));
+    let load = |number: usize| standing.as_ref().map_or(even, |s| s.contacts[number].force_n);
+    (0..robot.end_effectors.len()).map(load).collect()
+}
+
+/// What bodies are written from.
+struct Bodies<'r> {
+    bodies: &'r [Body<'r>],
+    loads_n: &'r [f64],
+}
+
+impl Bodies<'_> {
+    /// A body with all that it carries.
+    fn body(&self, xml: &mut Xml, index: usize) -> io::Result<()> {
+        let body = &self.bodies[index];
+        let mut attributes = vec![("name", body.name.clone())];
+        if let Some(hinge) = &body.hinge {
+            attributes.extend(pose(&hinge.parent_from_body));
+        }
+        xml.element("body", &attributes, |xml| {
+            self.joint(xml, body)?;
+            inertial(xml, body)?;
+            if body.hinge.is_none() {
+                xml.empty("site", &[("name", "imu".into())])?;
+            }
+            body.solids.iter().try_for_each(|solid| geom(xml, solid))?;
+            carried(self.bodies, index).try_for_each(|other| self.body(xml, other))
+        })
+    }
+
+    fn joint(&self, xml: &mut Xml, body: &Body<'_>) -> io::Result<()> {
+        let Some(hinge) = &body.hinge else {
+            return xml.empty("freejoint", &[("name", "base".into())]);
+        };
+        let mut attributes = vec![("name", hinge.name.clone()), ("axis", vector(&hinge.axis))];
+        if let Some(motor) = hinge.of.actuator() {
+            attributes.push(("armature", motor.armature_kg_m2.to_string()));
+        }
+        match hinge.of {
+            Of::Joint { joint, .. } => {
+                let range = numbers(&[joint.position_min_rad, joint.position_max_rad]);
+                attributes.push(("range", range));
+            }
+            Of::Wheel { number, wheel } => {
+                // Drag follows the load of a contact, which MJCF cannot say: that of standing is taken.
+                if let Some(drag) = wheel.contact.drag() {
+                    let lever_nm = self.loads_n[number] * wheel.radius_m;
+                    let friction_nm = drag.rolling_resistance * lever_nm;
+                    let damping = drag.rolling_drag_s_m * lever_nm * wheel.radius_m;
+                    attributes.push(("frictionloss", friction_nm.to_string()));
+                    attributes.push(("damping", damping.to_string()));
+                }
+            }
+        }
+        xml.empty("joint", &attributes)
+    }
+}
+
+fn inertial(xml: &mut Xml, body: &Body<'_>) -> io::Result<()> {
+    let part = &body.inertia;
+    let i = |row, column| part.about_com_kg_m2[(row, column)];
+    let full = [i(0, 0), i(1, 1), i(2, 2), i(0, 1), i(0, 2), i(1, 2)];
+    let attributes = [
+        ("pos", vector(&part.com_in_link_m)),
+        ("mass", part.mass_kg.to_string()),
+        ("fullinertia", numbers(&full)),
+    ];
+    xml.empty("inertial", &attributes)
+}
+
+fn geom(xml: &mut Xml, solid: &Placed<'_>) -> io::Result<()> {
+    let (kind, size) = match solid.form {
+        Geometry::Box(size_m) => ("box", vector(&(size_m * 0.5))),
+        Geometry::Cylinder(radius_m, length_m) => {
+            ("cylinder", numbers(&[radius_m, 0.5 * length_m]))
+        }
+        Geometry::Capsule(radius_m, length_m) => ("capsule", numbers(&[radius_m, 0.5 * length_m])),
+        Geometry::Sphere(radius_m) => ("sphere", numbers([&radius_m])),
+        Geometry::Tyre(radius_m) => {
+            ("ellipsoid", numbers(&[radius_m, radius_m, TYRE_HALF_WIDTH * radius_m]))
+        }
+    };
+    let mut attributes = Vec::new();
+    match solid.role {
+        Role::Part => attributes.push(("class", "part".into())),
+        Role::Room => attributes.push(("class", "room".into())),
+        Role::Contact(foot) => {
+            attributes.push(("name", foot.name.clone()));
+            attributes.push(("class", "contact".into()));
+            attributes.push(("friction", foot.friction_coefficient.to_string()));
+        }
+    }
+    attributes.extend([("type", kind.into()), ("size", size)]);
+    attributes.extend(pose(&solid.body_from_solid));
+    xml.empty("geom", &attributes)
+}
+
+fn pose(pose: &Isometry3<f64>) -> [(&'static str, String); 2] {
+    let q = pose.rotation.quaternion();
+    [("pos", vector(&pose.translation.vector)), ("quat", numbers(&[q.w, q.i, q.j, q.k]))]
+}
+
+/// Servos of joints and drives of wheels, in channel order: torque = kp (control − angle) − kd speed, or kd (control − speed).
+fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()> {
+    xml.element("actuator", &[], |xml| {
+        for hinge in channels(robot, bodies) {
+            let Some(motor) = hinge.of.actuator() else { continue };
+            let limit_nm = motor.torque_max_nm;
+            let (kind, gains) = match hinge.of {
+                Of::Joint { .. } => ("position", Some(("kp", motor.kp_nm_rad))),
+                Of::Wheel { .. } => ("velocity", None),
+            };
+            let gains = gains.into_iter().chain([("kv", motor.kd_nm_s_rad)]);
+            let mut attributes = vec![("name", hinge.name.clone()), ("joint", hinge.name.clone())];
+            attributes.extend(gains.map(|(name, gain)| (name, gain.to_string())));
+            attributes.push(("forcerange", numbers(&[-limit_nm, limit_nm])));
+            xml.empty(kind, &attributes)?;
+        }
+        Ok(())
+    })
+}
+
+/// Hinges with motors, in channel order: those of joints, then those of wheels.
+fn channels<'b>(robot: &'b Robot, bodies: &'b [Body<'b>]) -> impl Iterator<Item = &'b Hinge<'b>> {
+    let joints = robot.joints.iter().map(|joint| joint.child);
+    let wheels = robot.links.len()..bodies.len();
+    joints.chain(wheels).filter_map(|body| bodies[body].hinge.as_ref())
+}
+
+fn sensors(xml: &mut Xml, bodies: &[Body<'_>]) -> io::Result<()> {
+    xml.element("sensor", &[], |xml| {
+        for (kind, name) in [("gyro", "imu_gyro"), ("accelerometer", "imu_acceleration")] {
+            xml.empty(kind, &[("name", name.into()), ("site", "imu".into())])?;
+        }
+        let attitude = [
+            ("name", "imu_attitude".into()),
+            ("objtype", "site".into()),
+            ("objname", "imu".into()),
+        ];
+        xml.empty("framequat", &attitude)?;
+        for hinge in bodies.iter().filter_map(|body| body.hinge.as_ref()) {
+            for (kind, what) in [("jointpos", "position"), ("jointvel", "speed")] {
+                let name = format!("{}_{what}", hinge.name);
+                xml.empty(kind, &[("name", name), ("joint", hinge.name.clone())])?;
+            }
+        }
+        Ok(())
+    })
+}

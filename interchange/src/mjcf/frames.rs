@@ -1,0 +1,154 @@
+//! Keyframes: the whole state of a robot with the controls that its servos take there.
+
+use crate::bodies::{Blades, Of, bodies, depth_first};
+use crate::xml::numbers;
+use nalgebra::{Isometry3, Rotation3, UnitQuaternion, Vector3};
+use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, Standing, State, Tree};
+use rollwalk_planner::export::Rate;
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::sample::PlanSpline;
+use rollwalk_planner::whole_body::WholeBody;
+use rollwalk_robot::Robot;
+
+/// A state of a model.
+pub struct Keyframe {
+    name: String,
+    time_s: f64,
+    /// Generalised positions, in the order of MuJoCo.
+    qpos: Vec<f64>,
+    /// Generalised velocities, likewise.
+    qvel: Vec<f64>,
+    /// Controls, in channel order.
+    ctrl: Vec<f64>,
+}
+
+impl Keyframe {
+    /// As the attributes of an element.
+    pub fn attributes(&self) -> [(&'static str, String); 5] {
+        [
+            ("name", self.name.clone()),
+            ("time", self.time_s.to_string()),
+            ("qpos", numbers(&self.qpos)),
+            ("qvel", numbers(&self.qvel)),
+            ("ctrl", numbers(&self.ctrl)),
+        ]
+    }
+}
+
+/// The robot as it stands in its nominal pose, with controls that hold it; none of a robot whose wheels lie flat.
+pub fn standing(robot: &Robot) -> Option<Keyframe> {
+    let tree = Tree::new(robot);
+    let standing = Standing::new(&tree)?;
+    let mut state = State::nominal(&tree);
+    state.base_position_m = standing.frames.link_origins[0];
+    let order = Order::new(robot);
+    let still = vec![0.0; robot.end_effectors.len()];
+    let motors = robot.end_effectors.iter().filter_map(|foot| foot.contact.actuator());
+    Some(Keyframe {
+        name: "stand".into(),
+        time_s: 0.0,
+        qpos: order.positions(&state, &still),
+        qvel: order.velocities(&state, &still),
+        ctrl: controls(
+            robot,
+            &state.joint_rad,
+            &vec![0.0; robot.joints.len()],
+            &vec![0.0; motors.count()],
+            &standing.torque_nm,
+        ),
+    })
+}
+
+/// A plan from its beginning to its end.
+pub fn keyframes(plan: &Plan, rate: Rate) -> Vec<Keyframe> {
+    let (order, spline) = (Order::new(&plan.robot), PlanSpline::new(plan));
+    let mut whole = WholeBody::new(plan);
+    let frame = |(number, time_s): (usize, f64)| {
+        let state = whole.at(time_s, &Isometry3::identity()).state;
+        // What comes after the end of a motion that repeats are the setpoints of its beginning.
+        let (setpoints, torques_nm) = whole.setpoints(time_s);
+        let feet = spline.sample(time_s).end_effectors;
+        let speeds: Vec<_> = feet.iter().map(|foot| foot.motor_speed_rad_s).collect();
+        Keyframe {
+            name: format!("{}_{number:04}", plan.motion.name),
+            time_s,
+            qpos: order.positions(&state, &spline.motor_angles_rad(time_s)),
+            qvel: order.velocities(&state, &speeds),
+            ctrl: controls(
+                &plan.robot,
+                &setpoints.joint_rad,
+                &setpoints.joint_speed_rad_s,
+                &setpoints.motor_speed_rad_s,
+                &torques_nm,
+            ),
+        }
+    };
+    rate.times_s(plan.motion.duration_s).enumerate().map(frame).collect()
+}
+
+/// Controls of servos, rad, and of drives, rad/s: setpoints with what makes the servo of the model add the speed of the setpoint and
+/// the feed-forward torque.
+fn controls(
+    robot: &Robot,
+    joint_rad: &[f64],
+    joint_rad_s: &[f64],
+    motor_rad_s: &[f64],
+    torques_nm: &[f64],
+) -> Vec<f64> {
+    let offset = |torque_nm: f64, gain: f64| if gain > 0.0 { torque_nm / gain } else { 0.0 };
+    let joints = robot.joints.iter().enumerate().map(|(k, joint)| {
+        let motor = &joint.actuator;
+        let feed_forward_nm = motor.kd_nm_s_rad * joint_rad_s[k] + torques_nm[k];
+        joint_rad[k] + offset(feed_forward_nm, motor.kp_nm_rad)
+    });
+    let motors = robot.end_effectors.iter().filter_map(|foot| foot.contact.actuator());
+    let torques = torques_nm[robot.joints.len()..].iter().chain(std::iter::repeat(&0.0));
+    let wheels = motors.zip(motor_rad_s).zip(torques);
+    let wheels =
+        wheels.map(|((motor, speed), torque_nm)| speed + offset(*torque_nm, motor.kd_nm_s_rad));
+    joints.chain(wheels).collect()
+}
+
+/// What a coordinate of a model is.
+enum Coordinate {
+    Joint(usize),
+    Wheel(usize),
+}
+
+/// The coordinates of a model after those of its base, in the order of MuJoCo.
+struct Order(Vec<Coordinate>);
+
+impl Order {
+    fn new(robot: &Robot) -> Self {
+        let bodies = bodies(robot, &[], Blades::Roll);
+        let of = |body: usize| match bodies[body].hinge.as_ref()?.of {
+            Of::Joint { number, .. } => Some(Coordinate::Joint(number)),
+            Of::Wheel { number, .. } => Some(Coordinate::Wheel(number)),
+        };
+        Self(depth_first(&bodies).into_iter().filter_map(of).collect())
+    }
+
+    fn positions(&self, state: &State, wheel_rad: &[f64]) -> Vec<f64> {
+        let turn = Rotation3::from_matrix_unchecked(state.world_from_body);
+        let q = UnitQuaternion::from_rotation_matrix(&turn);
+        let mut all: Vec<_> = state.base_position_m.iter().copied().collect();
+        all.extend([q.w, q.i, q.j, q.k]);
+        all.extend(self.0.iter().map(|of| match *of {
+            Coordinate::Joint(joint) => state.joint_rad[joint],
+            Coordinate::Wheel(wheel) => wheel_rad[wheel],
+        }));
+        all
+    }
+
+    /// MuJoCo has the angular velocity of the base in the axes of the body.
+    fn velocities(&self, state: &State, wheel_rad_s: &[f64]) -> Vec<f64> {
+        let part = |from: usize| Vector3::from_column_slice(&state.velocity[from..from + 3]);
+        let spin_in_body = state.world_from_body.transpose() * part(ANGULAR);
+        let mut all: Vec<_> = part(LINEAR).iter().chain(spin_in_body.iter()).copied().collect();
+        all.extend(self.0.iter().map(|of| match *of {
+            Coordinate::Joint(joint) => state.velocity[JOINTS + joint],
+            Coordinate::Wheel(wheel) => wheel_rad_s[wheel],
+        }));
+        all
+    }
+}

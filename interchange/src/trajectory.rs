@@ -1,0 +1,145 @@
+//! A plan as JSON in the form of the ROS message `moveit_msgs/RobotTrajectory`: a `trajectory_msgs/JointTrajectory` of joints and
+//! driven wheels, and a `trajectory_msgs/MultiDOFJointTrajectory` of the body.
+//!
+//! Fields have the names and units of the messages (rad, rad/s, N·m, m, quaternions with w last), so that a node fills a message
+//! from the object without looking at it.
+
+use nalgebra::{Isometry3, Rotation3, UnitQuaternion};
+use rollwalk_multibody::{ANGULAR, LINEAR};
+use rollwalk_planner::export::Rate;
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::sample::{PlanSpline, driven_wheels};
+use rollwalk_planner::whole_body::WholeBody;
+use serde::Serialize;
+
+/// Frame of the ground.
+const WORLD: &str = "world";
+
+#[derive(Serialize)]
+struct RobotTrajectory {
+    joint_trajectory: Trajectory<JointPoint>,
+    multi_dof_joint_trajectory: Trajectory<BasePoint>,
+}
+
+#[derive(Serialize)]
+struct Trajectory<P> {
+    header: Header,
+    joint_names: Vec<String>,
+    points: Vec<P>,
+}
+
+#[derive(Clone, Serialize)]
+struct Header {
+    stamp: Duration,
+    frame_id: String,
+}
+
+#[derive(Clone, Copy, Serialize)]
+struct Duration {
+    sec: i32,
+    nanosec: u32,
+}
+
+#[derive(Serialize)]
+struct JointPoint {
+    positions: Vec<f64>,
+    velocities: Vec<f64>,
+    effort: Vec<f64>,
+    time_from_start: Duration,
+}
+
+#[derive(Serialize)]
+struct BasePoint {
+    transforms: [Transform; 1],
+    velocities: [Twist; 1],
+    time_from_start: Duration,
+}
+
+#[derive(Serialize)]
+struct Transform {
+    translation: Xyz,
+    rotation: Xyzw,
+}
+
+/// In world axes.
+#[derive(Serialize)]
+struct Twist {
+    linear: Xyz,
+    angular: Xyz,
+}
+
+#[derive(Serialize)]
+struct Xyz {
+    x: f64,
+    y: f64,
+    z: f64,
+}
+
+#[derive(Serialize)]
+struct Xyzw {
+    x: f64,
+    y: f64,
+    z: f64,
+    w: f64,
+}
+
+/// A plan from its beginning to its end. Positions of driven wheels are angles since the beginning.
+pub fn trajectory(plan: &Plan, rate: Rate) -> String {
+    let robot = &plan.robot;
+    let (spline, mut whole) = (PlanSpline::new(plan), WholeBody::new(plan));
+    let (mut joints, mut base) = (Vec::new(), Vec::new());
+    for time_s in rate.times_s(plan.motion.duration_s) {
+        let time_from_start = duration(time_s);
+        let (setpoints, effort) = whole.setpoints(time_s);
+        let angles = spline.motor_angles_rad(time_s);
+        let wheels = driven_wheels(robot).map(|wheel| angles[wheel]);
+        joints.push(JointPoint {
+            positions: setpoints.joint_rad.into_iter().chain(wheels).collect(),
+            velocities: [setpoints.joint_speed_rad_s, setpoints.motor_speed_rad_s].concat(),
+            effort,
+            time_from_start,
+        });
+        let state = whole.at(time_s, &Isometry3::identity()).state;
+        let turn = Rotation3::from_matrix_unchecked(state.world_from_body);
+        let q = UnitQuaternion::from_rotation_matrix(&turn);
+        let rotation = Xyzw { x: q.i, y: q.j, z: q.k, w: q.w };
+        base.push(BasePoint {
+            transforms: [Transform {
+                translation: xyz(state.base_position_m.as_slice()),
+                rotation,
+            }],
+            velocities: [Twist {
+                linear: xyz(&state.velocity[LINEAR..]),
+                angular: xyz(&state.velocity[ANGULAR..]),
+            }],
+            time_from_start,
+        });
+    }
+    let header = Header { stamp: duration(0.0), frame_id: WORLD.to_owned() };
+    let wheels = driven_wheels(robot).map(|wheel| robot.end_effectors[wheel].name.clone());
+    let names = robot.joints.iter().map(|joint| joint.name.clone()).chain(wheels);
+    let body = robot.links[0].name.clone();
+    let all = RobotTrajectory {
+        joint_trajectory: Trajectory {
+            header: header.clone(),
+            joint_names: names.collect(),
+            points: joints,
+        },
+        multi_dof_joint_trajectory: Trajectory { header, joint_names: vec![body], points: base },
+    };
+    // Only maps with other keys than texts cannot become JSON; there is none.
+    serde_json::to_string(&all).unwrap_or_default() + "\n"
+}
+
+fn duration(time_s: f64) -> Duration {
+    let nanoseconds = (time_s * 1e9).round() as i64;
+    Duration {
+        sec: (nanoseconds / 1_000_000_000) as i32,
+        nanosec: (nanoseconds % 1_000_000_000) as u32,
+    }
+}
+
+/// The first three numbers.
+fn xyz(v: &[f64]) -> Xyz {
+    Xyz { x: v[0], y: v[1], z: v[2] }
+}

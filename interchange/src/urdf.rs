@@ -1,0 +1,171 @@
+//! URDF: <https://wiki.ros.org/urdf/XML>.
+//!
+//! Feet, blades and welded wheels become links on fixed joints, so that they have frames; joints and axles have the names that
+//! telemetry has for them. What URDF cannot say, and `rollwalk robot import` reads from a side file, is left out: kinds of
+//! contacts, friction, gains, rotors, torque-speed lines, buses.
+
+use crate::bodies::{Blades, Body, Geometry, Hinge, Names, Of, Placed, Role, bodies};
+use crate::xml::{Xml, numbers, vector};
+use nalgebra::{Isometry3, Matrix3};
+use rollwalk_multibody::RigidPart;
+use rollwalk_robot::{Robot, Solid};
+use std::io;
+
+/// A robot as URDF. `parts` are the solids of each link, for pictures.
+///
+/// # Errors
+/// None: the text is written to memory.
+pub fn urdf(robot: &Robot, parts: &[Vec<Solid>]) -> io::Result<String> {
+    let mut xml = Xml::new(&format!("{}, written by rollwalk robot export", robot.name))?;
+    let bodies = bodies(robot, parts, Blades::Fixed);
+    xml.element("robot", &[("name", robot.name.clone())], |xml| {
+        let mut names = Names::default();
+        bodies.iter().for_each(|body| drop(names.unique(&body.name, "")));
+        for body in &bodies {
+            link(xml, body)?;
+        }
+        for body in &bodies {
+            if let Some(of) = &body.hinge {
+                joint(xml, &bodies, body, of)?;
+            }
+        }
+        for foot in robot.end_effectors.iter().filter(|foot| !foot.contact.spins()) {
+            let name = names.unique(&foot.name, "_foot");
+            xml.empty("link", &[("name", name.clone())])?;
+            let place = Isometry3::from(foot.center_in_link_m);
+            let attributes = [("name", format!("{name}_mount")), ("type", "fixed".into())];
+            xml.element("joint", &attributes, |xml| {
+                xml.empty("parent", &[("link", bodies[foot.link].name.clone())])?;
+                xml.empty("child", &[("link", name.clone())])?;
+                origin(xml, &place)
+            })?;
+        }
+        Ok(())
+    })?;
+    Ok(xml.finish())
+}
+
+fn link(xml: &mut Xml, body: &Body<'_>) -> io::Result<()> {
+    xml.element("link", &[("name", body.name.clone())], |xml| {
+        inertial(xml, &body.inertia)?;
+        let has_parts = body.solids.iter().any(|solid| matches!(solid.role, Role::Part));
+        for solid in &body.solids {
+            let (seen, collides) = match solid.role {
+                Role::Part => (true, false),
+                Role::Room => (!has_parts, true),
+                Role::Contact(_) => (true, true),
+            };
+            for (element, _) in [("visual", seen), ("collision", collides)].iter().filter(|e| e.1) {
+                geometry(xml, element, solid)?;
+            }
+        }
+        Ok(())
+    })
+}
+
+fn inertial(xml: &mut Xml, inertia: &RigidPart) -> io::Result<()> {
+    xml.element("inertial", &[], |xml| {
+        origin(xml, &Isometry3::from(inertia.com_in_link_m))?;
+        xml.empty("mass", &[("value", inertia.mass_kg.to_string())])?;
+        let i = |row, column| numbers([&inertia.about_com_kg_m2[(row, column)]]);
+        let entries = [
+            ("ixx", i(0, 0)),
+            ("ixy", i(0, 1)),
+            ("ixz", i(0, 2)),
+            ("iyy", i(1, 1)),
+            ("iyz", i(1, 2)),
+            ("izz", i(2, 2)),
+        ];
+        xml.empty("inertia", &entries)
+    })
+}
+
+/// URDF has no capsules: a cylinder with two balls.
+fn geometry(xml: &mut Xml, element: &str, solid: &Placed<'_>) -> io::Result<()> {
+    let at = &solid.body_from_solid;
+    let mut one = |at: &Isometry3<f64>, name: &str, attributes: &[(&str, String)]| {
+        xml.element(element, &[], |xml| {
+            origin(xml, at)?;
+            xml.element("geometry", &[], |xml| xml.empty(name, attributes))
+        })
+    };
+    let radius = |radius_m: f64| ("radius", radius_m.to_string());
+    match solid.form {
+        Geometry::Box(size_m) => one(at, "box", &[("size", vector(&size_m))]),
+        Geometry::Sphere(radius_m) => one(at, "sphere", &[radius(radius_m)]),
+        Geometry::Cylinder(radius_m, length_m) => {
+            one(at, "cylinder", &[radius(radius_m), ("length", length_m.to_string())])
+        }
+        Geometry::Tyre(radius_m) => {
+            let length = 2.0 * crate::bodies::TYRE_HALF_WIDTH * radius_m;
+            one(at, "cylinder", &[radius(radius_m), ("length", length.to_string())])
+        }
+        Geometry::Capsule(radius_m, length_m) => {
+            one(at, "cylinder", &[radius(radius_m), ("length", length_m.to_string())])?;
+            for side in [-0.5, 0.5] {
+                let end = at * Isometry3::translation(0.0, 0.0, side * length_m);
+                one(&end, "sphere", &[radius(radius_m)])?;
+            }
+            Ok(())
+        }
+    }
+}
+
+fn joint(xml: &mut Xml, bodies: &[Body<'_>], body: &Body<'_>, of: &Hinge<'_>) -> io::Result<()> {
+    let kind = match of.of {
+        Of::Joint { .. } => "revolute",
+        Of::Wheel { .. } => "continuous",
+    };
+    xml.element("joint", &[("name", of.name.clone()), ("type", kind.into())], |xml| {
+        xml.empty("parent", &[("link", bodies[of.parent].name.clone())])?;
+        xml.empty("child", &[("link", body.name.clone())])?;
+        origin(xml, &of.parent_from_body)?;
+        xml.empty("axis", &[("xyz", vector(&of.axis))])?;
+        let mut limits = Vec::new();
+        if let Of::Joint { joint, .. } = of.of {
+            limits.push(("lower", joint.position_min_rad.to_string()));
+            limits.push(("upper", joint.position_max_rad.to_string()));
+        }
+        if let Some(motor) = of.of.actuator() {
+            limits.push(("effort", motor.torque_max_nm.to_string()));
+            limits.push(("velocity", motor.speed_max_rad_s.to_string()));
+        }
+        if limits.is_empty() { Ok(()) } else { xml.empty("limit", &limits) }
+    })
+}
+
+fn origin(xml: &mut Xml, pose: &Isometry3<f64>) -> io::Result<()> {
+    let xyz = vector(&pose.translation.vector);
+    let rpy = numbers(&roll_pitch_yaw(&pose.rotation.to_rotation_matrix().into_inner()));
+    xml.empty("origin", &[("xyz", xyz), ("rpy", rpy)])
+}
+
+/// Roll, pitch and yaw of a rotation, rad: R = Rz(yaw) Ry(pitch) Rx(roll).
+fn roll_pitch_yaw(r: &Matrix3<f64>) -> [f64; 3] {
+    let pitch = (-r[(2, 0)]).atan2(r[(0, 0)].hypot(r[(1, 0)]));
+    // Of a pitch near a right angle any roll is right with the yaw that is left.
+    let roll = r[(2, 1)].atan2(r[(2, 2)]);
+    let (s, c) = roll.sin_cos();
+    let yaw = (r[(0, 2)] * s - r[(0, 1)] * c).atan2(r[(1, 1)] * c - r[(1, 2)] * s);
+    [roll, pitch, yaw]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::roll_pitch_yaw;
+    use nalgebra::{Rotation3, Vector3};
+    use std::f64::consts::FRAC_PI_2;
+
+    #[test]
+    fn angles_give_their_rotation_back() {
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z(), Vector3::new(0.3, -0.5, 0.8)] {
+            for angle in [0.0, 1e-9, 0.4, FRAC_PI_2, FRAC_PI_2 + 1e-13, 3.0, -FRAC_PI_2, -3.1] {
+                let r = Rotation3::from_axis_angle(&nalgebra::Unit::new_normalize(axis), angle);
+                let [roll, pitch, yaw] = roll_pitch_yaw(r.matrix());
+                let back = Rotation3::from_euler_angles(roll, pitch, yaw);
+                let error = (back.matrix() - r.matrix()).norm();
+                assert!(error < 1e-11, "{axis:?} {angle}: {error}");
+            }
+        }
+    }
+}
