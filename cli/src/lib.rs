@@ -51,7 +51,7 @@ struct Cli {
 }
 
 /// The command line; the long help of every subcommand ends with the exit codes.
-fn command_line() -> clap::Command {
+pub fn command_line() -> clap::Command {
     fn with_exit_codes(command: clap::Command) -> clap::Command {
         let examples = command.get_after_long_help().map(|text| format!("{text}\n\n"));
         let help = examples.unwrap_or_default() + exit::HELP;

@@ -139,7 +139,7 @@ enum Part {
 }
 
 /// The command line; its long help ends with the exit codes.
-pub(crate) fn command_line() -> clap::Command {
+pub fn command_line() -> clap::Command {
     let long_help = Cli::command().get_after_long_help().map(ToString::to_string);
     Cli::command().after_long_help(format!("{}\n\n{}", long_help.unwrap_or_default(), exit::HELP))
 }

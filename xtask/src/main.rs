@@ -3,7 +3,7 @@
 //! [`steps`] has the steps of `cargo xtask test` and `cargo xtask nightly`, [`quick`] the check of a change in one
 //! crate. [`tidy`] checks the house rules, [`bare_metal`] builds the controller's crates for the Cortex-M4, [`board`]
 //! builds, measures and emulates the board images, [`fuzz`] and [`miri`] test protocol and firmware, [`deny`] and [`sbom`] look
-//! after the crates of others, [`mod@studio`] builds the studio, [`browsers`] tests its page, [`vcan`] runs a command on a machine with SocketCAN.
+//! after the crates of others, [`mod@studio`] builds the studio, [`docs`] the site of the documents, [`browsers`] tests its page, [`vcan`] runs a command on a machine with SocketCAN.
 
 mod bare_metal;
 mod board;
@@ -11,11 +11,13 @@ mod browsers;
 mod cantools;
 mod debian;
 mod deny;
+mod docs;
 mod explore;
 mod exports;
 mod fuzz;
 mod fuzz_log;
 mod hostile;
+mod markdown;
 mod miri;
 mod mujoco;
 mod parallel;
@@ -90,6 +92,8 @@ enum Task {
         #[arg(long)]
         json: bool,
     },
+    /// Build the site of the documents, with search, into `docs-site` of the target folder; check all of its links.
+    Docs(docs::Options),
     /// Fuzz protocol and firmware: one target, or all of them, as many at a time as there are cores.
     Fuzz {
         /// The target.
@@ -129,6 +133,7 @@ fn main() -> ExitCode {
         }
         Task::Image(options) => board::image(&options),
         Task::Sizes { json } => board::sizes(json),
+        Task::Docs(options) => docs::build(&options),
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
         Task::Sbom { out } => sbom::write(out.as_deref()),
         Task::Replay(options) => replay::document(&options),

@@ -48,7 +48,20 @@ pub fn need_nightly(components: &[&str]) -> Result<(), String> {
 /// The one command that installs it, when this machine cannot.
 pub fn subcommand((name, version): (&str, &str)) -> Result<String, String> {
     let verb = name.trim_start_matches("cargo-");
-    let runs = |program: &str| shell::succeeds(&mut command(program, &[verb, "--version"]));
+    program((name, version), &[verb, "--version"], &[])
+}
+
+/// A program from crates, of this name and version: the machine's own, of any version, that answers to `probe`, or else
+/// built below the target folder with these `options` of `cargo install`.
+///
+/// # Errors
+/// The one command that installs it, when this machine cannot.
+pub fn program(
+    (name, version): (&str, &str),
+    probe: &[&str],
+    options: &[&str],
+) -> Result<String, String> {
+    let runs = |program: &str| shell::succeeds(&mut command(program, probe));
     if runs(name) {
         return Ok(name.to_owned());
     }
@@ -57,7 +70,7 @@ pub fn subcommand((name, version): (&str, &str)) -> Result<String, String> {
     let _alone = shell::installing()?;
     if !runs(&program) {
         let mut install = shell::cargo(&["install", "--locked", "--version", version, name]);
-        shell::run(install.arg("--root").arg(folder)).map_err(|why| {
+        shell::run(install.args(options).arg("--root").arg(folder)).map_err(|why| {
             format!("{why}\nthe step needs {name}:\n\n    cargo install --locked {name}")
         })?;
     }

@@ -2,8 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    board, browsers, deny, explore, fuzz, hostile, miri, mujoco, replay, sbom, shell, studio, vcan,
-    workspace,
+    board, browsers, deny, docs, explore, fuzz, hostile, miri, mujoco, replay, sbom, shell, studio,
+    vcan, workspace,
 };
 use clap::ValueEnum;
 
@@ -20,6 +20,8 @@ const GROUND_CAMPAIGN_SEEDS: &str = "9";
 pub enum NightlyStep {
     /// Advisories, licences, duplicates and sources of all crates; the bills of materials.
     Deny,
+    /// The site of the documents, with all that comes from the code.
+    Docs,
     /// AgileBot with its twenty motors on real CAN interfaces, and the emulated board behind `slcand`.
     Vcan,
     /// The whole demo on the emulated board, over its UART, and a robot of other drives.
@@ -57,6 +59,7 @@ impl Step for NightlyStep {
     fn title(&self) -> &'static str {
         match self {
             Self::Deny => "advisories, licences and duplicates; bills of materials",
+            Self::Docs => "the site of the documents, and its links",
             Self::Vcan => "AgileBot and the emulated board on real CAN interfaces",
             Self::BoardUart => "the whole demo and another robot on the emulated board",
             Self::Sizes => "sizes and instructions of the emulated board's image",
@@ -79,6 +82,7 @@ impl Step for NightlyStep {
     fn check(&self) -> Result<(), String> {
         match self {
             Self::Deny => deny::check().and_then(|()| sbom::write(None)),
+            Self::Docs => docs::build(&docs::Options { reference: true }),
             Self::Vcan => vcan::check(Extent::Full),
             Self::BoardUart => board::demo_over_uart()
                 .and_then(|()| board::other_robot(&shell::workspace_root().join(OTHER_ROBOT))),

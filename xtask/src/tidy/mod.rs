@@ -1,12 +1,16 @@
 //! House rules that no compiler checks, each in its own module, run over the files of the checkout.
 
+mod commands;
 mod dependencies;
 mod folder_map;
+mod links;
 mod module_docs;
 mod paths;
 mod prose;
 
+use crate::docs::book::Book;
 use crate::shell;
+use clap::CommandFactory;
 use ignore::WalkBuilder;
 use std::fs;
 use std::path::Path;
@@ -33,8 +37,13 @@ pub fn check(root: &Path) -> Result<(), String> {
     violations.extend(folder_map::violations(&files));
     violations.extend(dependencies::violations(&metadata)?);
     violations.extend(prose::violations(&files));
+    let (dead, links) = links::violations(&files, |path| root.join(path).exists());
+    let (wrong, commands) = commands::violations(&files, &crate::Cli::command());
+    violations.extend(dead.into_iter().chain(wrong));
+    violations.extend(Book::read(&files).err());
     if violations.is_empty() {
-        eprintln!("{} files follow the house rules", files.len());
+        let count = files.len();
+        eprintln!("{count} files, {links} links and {commands} commands follow the house rules");
         Ok(())
     } else {
         Err(violations.join("\n"))
@@ -42,7 +51,10 @@ pub fn check(root: &Path) -> Result<(), String> {
 }
 
 /// Every text file that git does not ignore, in path order. Works without git, too.
-fn text_files(root: &Path) -> Result<Vec<TextFile>, String> {
+///
+/// # Errors
+/// The checkout cannot be listed.
+pub fn text_files(root: &Path) -> Result<Vec<TextFile>, String> {
     let skip = |name: &str| name == ".git" || name == "target";
     let walk = WalkBuilder::new(root)
         .hidden(false)
@@ -67,7 +79,7 @@ fn text_files(root: &Path) -> Result<Vec<TextFile>, String> {
 
 /// A file for the rules' own tests.
 #[cfg(test)]
-fn file(path: &str, text: &str) -> TextFile {
+pub fn file(path: &str, text: &str) -> TextFile {
     TextFile { path: path.into(), text: text.into() }
 }
 

@@ -1,0 +1,106 @@
+//! The commands of the documents: those of every block of shell commands are command lines that the programs understand, and
+//! run in order, in a folder for each document, with the files that they make.
+//!
+//! What stands behind the fence of a block decides, and readers do not see it. ```` ```sh ```` runs. ```` ```sh not-run: REASON ````
+//! is for what needs hardware, hours or another program; its commands are checked against the command line only.
+//! ```` ```toml NAME.toml ```` is a file that later commands of the document find. A line with the comment
+//! `# refused: WORDS` must fail and say these words. Each section has terminals of its own.
+
+mod command;
+mod document;
+mod reader;
+
+use command::{misunderstood, unknown};
+use document::{Document, documents};
+use reader::Reader;
+
+/// Runs the documents of which `is_chosen` holds; files written and commands run.
+fn follow(is_chosen: impl Fn(&Document) -> bool) -> (usize, usize) {
+    let (mut files, mut commands) = (0, 0);
+    for document in documents().iter().filter(|one| is_chosen(one)) {
+        let mut reader = Reader::new();
+        reader.follow(document);
+        if reader.commands > 0 {
+            println!("{}: {} files, {} commands", document.path, reader.files, reader.commands);
+        }
+        files += reader.files;
+        commands += reader.commands;
+    }
+    (files, commands)
+}
+
+#[test]
+fn every_command_of_the_documents_is_understood() {
+    let (faults, checked) = misunderstood(&documents());
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    println!("{checked} commands");
+    assert!(checked > 80, "{checked} commands");
+}
+
+#[test]
+fn every_command_that_the_documents_name_in_passing_exists() {
+    let (mut faults, mut checked) = (Vec::new(), 0);
+    // History names what there was.
+    for document in documents().iter().filter(|one| one.path != "CHANGELOG.md") {
+        for (line, span) in &document.spans {
+            checked +=
+                usize::from(span.starts_with("rollwalk ") || span.starts_with("rollwalk-sim "));
+            faults.extend(
+                unknown(span).map(|why| format!("{}:{line}: `{span}`: {why}", document.path)),
+            );
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    println!("{checked} code spans");
+    assert!(checked > 150, "{checked} code spans");
+}
+
+#[test]
+fn the_commands_of_documents_without_a_robot_run() {
+    let (_, commands) = follow(|document| !document.has_robot());
+    assert!(commands > 10, "{commands} commands");
+}
+
+/// On the ground, as a reader's robot: with deadlines.
+#[test]
+fn in_real_time_the_commands_of_documents_with_a_robot_run() {
+    let (files, commands) = follow(Document::has_robot);
+    // The tutorial of README has five files: robot, three motions and library.
+    assert!(files >= 5 && commands > 20, "{files} files, {commands} commands");
+}
+
+#[test]
+fn wrong_commands_of_a_document_are_named() {
+    let text = "```sh\nrollwalk plan a.toml -o a.json   # fine\nrollwalk plan a.toml --ouptut a.json\n```\n\
+                ```sh not-run: hours\nrollwalk-sim a.toml --bsu sim\ncargo run --release -- demo --otu x\npython3 any --thing\n```\n\
+                ```sh later\nexport ROLLWALK_BUS=sim\nrollwalk discover\n```\n";
+    let (faults, checked) = misunderstood(&[Document::parse("docs/a.md", text)]);
+    assert_eq!(checked, 2, "{faults:#?}");
+    assert_eq!(faults.len(), 4, "{faults:#?}");
+    for (fault, says) in faults.iter().zip([
+        "docs/a.md:3: `rollwalk plan a.toml --ouptut a.json`: error: unexpected argument '--ouptut'",
+        "docs/a.md:6: `rollwalk-sim a.toml --bsu sim`: error",
+        "docs/a.md:7: `cargo run --release -- demo --otu x`: error",
+        "docs/a.md:10: `later` is no mark",
+    ]) {
+        assert!(fault.starts_with(says), "{fault}");
+    }
+    assert_eq!(unknown("rollwalk plan M.toml --samples-fixed"), None);
+    assert_eq!(unknown("rollwalk gains feed-forward 0"), None);
+    assert_eq!(unknown("rollwalk plan --fro x"), Some("`plan` has no option `--fro`".into()));
+    assert_eq!(unknown("rollwalk gains sett"), Some("`gains` has no command `sett`".into()));
+    assert_eq!(unknown("planner/src"), None);
+}
+
+#[test]
+#[should_panic(expected = "docs/a.md:2: `rollwalk robot check gone.toml`")]
+fn a_command_that_fails_is_named() {
+    let text = "```sh\nrollwalk robot check gone.toml\n```\n";
+    Reader::new().follow(&Document::parse("docs/a.md", text));
+}
+
+#[test]
+#[should_panic(expected = "mark the block `not-run: needs rm`")]
+fn programs_of_others_are_not_run() {
+    Reader::new().follow(&Document::parse("docs/a.md", "```sh\nrm -r robots\n```\n"));
+}

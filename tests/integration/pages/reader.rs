@@ -1,0 +1,139 @@
+//! A reader who types the commands of a document, in a folder of their own with the shipped files beside it.
+
+use super::command::{exported, words};
+use super::document::Document;
+use crate::desk_with_shipped_files;
+use rollwalk_tests::{Desk, checkout};
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// Commands that go on until their user ends them: understood, not run.
+const ENDED_BY_THEIR_USER: [&str; 4] = ["console", "drive", "monitor", "studio"];
+
+/// The reader.
+pub struct Reader {
+    desk: Desk,
+    /// What the section has exported.
+    exported: Vec<(String, String)>,
+    /// In a terminal of its own.
+    robot: Option<Child>,
+    /// Files of documents that were written.
+    pub files: usize,
+    /// Commands that were run.
+    pub commands: usize,
+}
+
+impl Reader {
+    /// One who has done nothing yet.
+    pub fn new() -> Self {
+        let desk = desk_with_shipped_files();
+        for folder in ["designs", "servos"] {
+            desk.copy_folder(&checkout().join(folder), folder);
+        }
+        Self { desk, exported: Vec::new(), robot: None, files: 0, commands: 0 }
+    }
+
+    /// Does all that a document says.
+    ///
+    /// # Panics
+    /// A command ends otherwise than the document says.
+    pub fn follow(&mut self, document: &Document) {
+        let mut section = 0;
+        for block in &document.blocks {
+            if block.section != section {
+                section = block.section;
+                self.stop();
+                self.exported.clear();
+            }
+            if block.language == "toml" && !block.mark.is_empty() {
+                self.desk.write(&block.mark, &block.code);
+                self.files += 1;
+            }
+            if block.is_run() {
+                for (line, command) in block.commands() {
+                    self.enter(&format!("{}:{line}: `{command}`", document.path), &command);
+                }
+            }
+        }
+    }
+
+    fn enter(&mut self, place: &str, line: &str) {
+        let words = words(line).unwrap_or_else(|why| panic!("{place}: {why}"));
+        if let Some(setting) = exported(&words) {
+            self.exported.push(setting);
+            return;
+        }
+        let Some((program, args)) = words.split_first() else { return };
+        match program.as_str() {
+            "rollwalk" if args.first().is_some_and(|arg| ENDED_BY_THEIR_USER.contains(&&**arg)) => {
+            }
+            "rollwalk" => {
+                let outcome = self.command(args).output().expect("the command starts");
+                let said = String::from_utf8_lossy(&outcome.stderr);
+                let is_right = match refusal(line) {
+                    None => outcome.status.success(),
+                    Some(words) => !outcome.status.success() && said.contains(words),
+                };
+                assert!(is_right, "{place}: {}\n{said}", outcome.status);
+                self.commands += 1;
+            }
+            "rollwalk-sim" => self.start(place, args),
+            // Builds the workspace once more.
+            "cargo" => {}
+            other => {
+                panic!(
+                    "{place}: only our programs run here; mark the block `not-run: needs {other}`"
+                )
+            }
+        }
+    }
+
+    fn command(&self, args: &[String]) -> Command {
+        let mut command = self.desk.command(args);
+        self.set(&mut command);
+        command
+    }
+
+    /// Gives a command the environment of this reader's terminals.
+    fn set(&self, command: &mut Command) {
+        // `sim` is a socket there, and no other robot's.
+        command.env("XDG_RUNTIME_DIR", self.desk.path(""));
+        command.env("XDG_CACHE_HOME", self.desk.path("cache"));
+        command.envs(self.exported.iter().map(|(name, value)| (name, value)));
+    }
+
+    /// Starts a simulated robot in place of the one before, and waits until it answers.
+    fn start(&mut self, place: &str, args: &[String]) {
+        self.stop();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
+        command.args(args).current_dir(self.desk.path("")).stderr(Stdio::null());
+        self.set(&mut command);
+        self.robot = Some(command.spawn().expect("the robot starts"));
+        let start = Instant::now();
+        let discover = ["discover", "--bus", "sim"].map(String::from);
+        while !self.command(&discover).output().expect("it starts").status.success() {
+            assert!(start.elapsed() < Duration::from_secs(60), "{place}: no answer");
+            sleep(Duration::from_millis(20));
+        }
+        self.commands += 1;
+    }
+
+    fn stop(&mut self) {
+        if let Some(mut robot) = self.robot.take() {
+            let _ = robot.kill();
+            let _ = robot.wait();
+        }
+    }
+}
+
+impl Drop for Reader {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// What a command that is refused says, by its comment.
+fn refusal(line: &str) -> Option<&str> {
+    line.split_once(" # refused: ").map(|(_, words)| words.trim())
+}

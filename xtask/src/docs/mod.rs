@@ -1,0 +1,89 @@
+//! `cargo xtask docs`: the documents of the checkout as a site with search, made by mdBook in the order of `docs/SUMMARY.md`.
+//!
+//! [`book`] moves documents and their sections into chapters, [`mod@reference`] adds what comes from the code, [`site`] follows
+//! every link of the pages that were built.
+
+pub mod book;
+mod reference;
+mod site;
+
+use crate::{shell, tidy, toolchain};
+use book::Book;
+use std::fs;
+use std::path::Path;
+
+const MDBOOK: (&str, &str) = ("mdbook", "0.5.4");
+
+/// Options of the command.
+#[derive(clap::Args)]
+pub struct Options {
+    /// Add what comes from the code: help texts of all commands, and rustdoc, with links to it. Builds the workspace.
+    #[arg(long)]
+    pub reference: bool,
+}
+
+/// Builds the site into `docs-site` of the target folder and follows its links.
+///
+/// # Errors
+/// Faults of the summary; links that lead nowhere; or the command that installs mdBook.
+pub fn build(options: &Options) -> Result<(), String> {
+    let root = shell::workspace_root();
+    let files = tidy::text_files(&root)?;
+    let book = Book::read(&files)?;
+    let mdbook = toolchain::program(
+        MDBOOK,
+        &["--version"],
+        &["--no-default-features", "--features", "search"],
+    )?;
+    let (source, site) =
+        (shell::target_folder().join("docs-book"), shell::target_folder().join("docs-site"));
+    write(&book, &root, &source)?;
+    let generated = if options.reference { reference::chapters()? } else { Vec::new() };
+    for (file, text) in &generated {
+        let path = source.join("src").join(file);
+        let written = fs::read_to_string(&path).and_then(|intro| fs::write(&path, intro + text));
+        written.map_err(|error| format!("{}: {error}", path.display()))?;
+    }
+    let mut build = shell::command(&mdbook, &["build"]);
+    shell::run(build.arg(&source).arg("--dest-dir").arg(&site))?;
+    if options.reference {
+        reference::rustdoc(&site)?;
+    }
+    let links = site::check(&site)?;
+    eprintln!(
+        "{}: {} chapters, {links} links lead somewhere",
+        site.join("index.html").display(),
+        book.chapters.len()
+    );
+    Ok(())
+}
+
+/// Writes what mdBook reads into a folder.
+fn write(book: &Book, root: &Path, folder: &Path) -> Result<(), String> {
+    let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
+    let copy = |from: &Path, to: &Path| {
+        let parent = to.parent().expect("it lies in the folder");
+        let copied = fs::create_dir_all(parent).and_then(|()| fs::copy(from, to));
+        copied.map(drop).map_err(|error| failed(from, error))
+    };
+    if folder.exists() {
+        fs::remove_dir_all(folder).map_err(|error| failed(folder, error))?;
+    }
+    copy(&root.join("docs/book.toml"), &folder.join("book.toml"))?;
+    let source = folder.join("src");
+    let put = |file: &str, text: &str| {
+        let path = source.join(file);
+        fs::create_dir_all(&source)
+            .and_then(|()| fs::write(&path, text))
+            .map_err(|error| failed(&path, error))
+    };
+    put("SUMMARY.md", &book.summary())?;
+    for chapter in &book.chapters {
+        let written = book.written(chapter)?;
+        put(&chapter.file, &written.text)?;
+        for file in &written.files {
+            copy(&root.join(file), &source.join(book::copied(file)))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,97 @@
+//! Chapters of the book that come from the code: the help texts of all commands, and the crates with links to rustdoc.
+
+use super::site::RUSTDOC;
+use crate::{shell, workspace};
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// The programs that users run.
+const PROGRAMS: [&str; 2] = ["rollwalk", "rollwalk-sim"];
+
+/// Characters that a line of a chapter has room for.
+const WIDTH: &str = "84";
+
+/// What is added to chapters of the book, by their files.
+///
+/// # Errors
+/// The programs cannot be built.
+pub fn chapters() -> Result<Vec<(&'static str, String)>, String> {
+    let mut helps = String::new();
+    for name in PROGRAMS {
+        let program = workspace::program("cli", name)?.path.to_string_lossy().into_owned();
+        commands(&program, &mut vec![name.to_owned()], &mut helps)?;
+    }
+    let metadata =
+        shell::output(&mut shell::cargo(&["metadata", "--no-deps", "--format-version", "1"]))?;
+    Ok(vec![("help-texts.md", helps), ("crates.md", crates(&metadata)?)])
+}
+
+/// Writes the help of a command and of those below it, each under a heading.
+fn commands(program: &str, words: &mut Vec<String>, into: &mut String) -> Result<(), String> {
+    let mut ask = shell::command(program, &words[1..]);
+    let help = shell::output(ask.arg("--help").env("COLUMNS", WIDTH).env("NO_COLOR", "1"))?;
+    let _ = write!(into, "\n## {}\n\n```text\n{}\n```\n", words.join(" "), help.trim_end());
+    for below in subcommands(&help) {
+        words.push(below.to_owned());
+        commands(program, words, into)?;
+        words.pop();
+    }
+    Ok(())
+}
+
+/// The subcommands that clap lists in a help text.
+fn subcommands(help: &str) -> Vec<&str> {
+    let lines = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let lines = lines.take_while(|line| !line.is_empty());
+    let names = lines.filter_map(|line| line.strip_prefix("  ")?.split(' ').next());
+    names.filter(|name| !name.is_empty() && *name != "help").collect()
+}
+
+/// The library crates of the workspace, with what each is and a link to its page.
+fn crates(metadata: &str) -> Result<String, String> {
+    let metadata: Value = serde_json::from_str(metadata).map_err(|error| error.to_string())?;
+    let mut table = "\n| crate | is |\n|---|---|\n".to_owned();
+    for package in metadata["packages"].as_array().into_iter().flatten() {
+        let targets = package["targets"].as_array().into_iter().flatten();
+        let mut libraries = targets.filter(|target| target["kind"][0] == "lib");
+        if let (Some(library), Some(name)) = (libraries.next(), package["name"].as_str()) {
+            let module = library["name"].as_str().unwrap_or(name).replace('-', "_");
+            let what = package["description"].as_str().unwrap_or_default();
+            let _ = writeln!(table, "| [`{name}`]({RUSTDOC}/{module}/index.html) | {what} |");
+        }
+    }
+    Ok(table)
+}
+
+/// Writes rustdoc's pages of the workspace into the site.
+///
+/// # Errors
+/// Warnings of rustdoc; or the pages cannot be copied.
+pub fn rustdoc(site: &Path) -> Result<(), String> {
+    let mut doc = workspace::cargo(&["doc", "--no-deps"]);
+    shell::run(doc.env("RUSTDOCFLAGS", "-D warnings"))?;
+    let pages = shell::target_folder().join("doc");
+    shell::run(shell::command("cp", &["-rT"]).arg(pages).arg(site.join(RUSTDOC)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn subcommands_are_those_of_the_help() {
+        let help = "Check\n\nCommands:\n  check   Validate\n          it: sag\n  import  Convert\n  help    Print\n\nOptions:\n  -h\n";
+        assert_eq!(subcommands(help), ["check", "import"]);
+        assert!(subcommands("Options:\n  -h\n").is_empty());
+    }
+
+    #[test]
+    fn crates_have_a_link_to_their_page() {
+        let metadata = r#"{"packages": [{"name": "a-b", "description": "Bees", "targets": [{"kind": ["lib"], "name": "a_b"}]},
+            {"name": "c", "targets": [{"kind": ["bin"], "name": "c"}]}]}"#;
+        let table = crates(metadata).unwrap();
+        assert!(table.ends_with("| [`a-b`](rustdoc/a_b/index.html) | Bees |\n"), "{table}");
+        assert_eq!(table.lines().count(), 4);
+    }
+}
