@@ -16,7 +16,7 @@ use rollwalk_planner::building::Wanted;
 use rollwalk_planner::library_file::{LibraryFile, MotionSource};
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::Plan;
-use rollwalk_robot::Robot;
+use rollwalk_robot::{Robot, Solid};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -122,6 +122,16 @@ impl Source {
     pub fn robot_and_text(self, path: &Path) -> miette::Result<(Robot, TextFile)> {
         let text = self.text(path, Named::ByUser, Kind::Robot)?;
         Ok((robot(&text)?, text))
+    }
+
+    /// Reads and validates a robot file, with the parts of every link.
+    ///
+    /// # Errors
+    /// As [`robot`](Self::robot).
+    pub fn robot_and_parts(self, path: &Path) -> miette::Result<(Robot, Vec<Vec<Solid>>)> {
+        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Robot)?;
+        let explain = Kind::Robot.explain(Path::new(&name), &text);
+        Robot::with_parts_from_toml(&name, &text).map_err(explain)
     }
 
     /// Reads and validates a motion file and the robot that it names.

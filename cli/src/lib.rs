@@ -16,6 +16,7 @@ mod interrupt;
 mod keys;
 mod kind;
 mod link;
+mod live;
 mod output;
 mod packed;
 mod picture;

@@ -8,6 +8,7 @@ use crate::cmd::buses::BusLoads;
 use crate::files::{Lines, Output, RotationArgs};
 use crate::inputs::Source;
 use crate::link::cannot_open;
+use crate::live::{self, LiveArgs};
 use crate::terrain::{GroundArgs, Support};
 use crate::world_log::{SharedLog, WorldLog, WorldLogArgs};
 use crate::{Exit, end, exit, interrupt, keys, output, signing};
@@ -70,6 +71,7 @@ Examples:
   rollwalk-sim robots/agilebot.toml --bus sim --slope 3 --push 20:15,0,0:0.1
   rollwalk-sim robots/agilebot.toml --bus sim --terrain doorstep.toml
   rollwalk-sim robots/agilebot.toml --bus sim --on stand
+  rollwalk-sim robots/agilebot.toml --bus sim --foxglove    # in 3D, at ws://localhost:8765
   rollwalk-sim robots/agilebot.toml --bus sim --link-key robot.key --library-key owner.pub.pem
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --log robot.log
   rollwalk-sim robots/agilebot.toml --bus can:vcan0 --actuators can:vcan1 --actuators can:vcan2
@@ -113,6 +115,8 @@ struct Cli {
     world_log: WorldLogArgs,
     #[command(flatten)]
     rotation: RotationArgs,
+    #[command(flatten)]
+    live: LiveArgs,
     /// File with a link key (`rollwalk keys new`): the controller obeys only hosts that have it.
     #[arg(long, value_name = "FILE")]
     link_key: Option<PathBuf>,
@@ -151,7 +155,7 @@ pub fn main() -> ExitCode {
 }
 
 fn run(cli: &Cli) -> miette::Result<Exit> {
-    let robot = Source::Disk.robot(&cli.robot)?;
+    let (robot, parts) = Source::Disk.robot_and_parts(&cli.robot)?;
     let loads = BusLoads::new(&robot).into_diagnostic()?;
     loads.check(&cli.robot)?;
     // Drives on buses of this computer may be real ones.
@@ -192,6 +196,12 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             "--world-log is for a robot on the ground, and this one is on a stand"
         ));
     }
+    if cli.live.is_asked_for() && (ground.is_none() || !cli.actuators.is_empty()) {
+        return Err(miette!(
+            help = "leave it out here; `rollwalk monitor --foxglove` shows the joints of any robot on a bus",
+            "--foxglove shows a whole robot on the ground"
+        ));
+    }
     if let Some(world_log) = cli.world_log.path() {
         if let Some(log) = &cli.log {
             Output::at(world_log)?.apart_from(&Output::at(log)?)?;
@@ -227,7 +237,8 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             run_controller(&robot, keys, bus, &actuators, memory)?;
         }
         (None, Some(bus)) if actuators.is_empty() => {
-            run_whole(&robot, keys, bus, cli, ground.as_ref(), memory)?;
+            let view = cli.live.begin(&robot, &parts)?;
+            run_whole(&robot, keys, bus, cli, ground.as_ref(), memory, view)?;
         }
         (None, Some(_)) if actuators.iter().any(BusName::carries_bytes) => {
             return Err(miette!(
@@ -281,6 +292,7 @@ fn run_whole(
     cli: &Cli,
     ground: Option<&Arc<dyn Ground>>,
     mut memory: Option<Memory>,
+    mut view: Option<live::View<'_>>,
 ) -> miette::Result<()> {
     let log = cli.log.as_deref().map(Output::at).transpose()?;
     let log = log.map(|output| Lines::create(&output, cli.rotation.rotate));
@@ -306,6 +318,9 @@ fn run_whole(
             let controller = rig.core().controller();
             printer.print(rig.now().as_s(), controller.state(), controller.faults());
             world.print(rig);
+            if let (Some(view), Some(ground)) = (&mut view, rig.body().ground()) {
+                view.show_world(ground.world());
+            }
             if let Some(share) = lag.look(Instant::now(), rig.now().as_s()) {
                 output::say(format_args!(
                     "this computer is too slow for the simulated robot: its time runs at {:.0} % of real time",

@@ -5,6 +5,7 @@
 //! | [`session`] | blocking procedures: connect, flash, arm, select motions, stop |
 //! | [`dbc`] | every frame signal by signal, and as a DBC file |
 //! | [`decode`] | frames as named signals, for logs |
+//! | [`joints`] | joints over time, measured and planned, from frames |
 //! | [`telemetry`] | telemetry files for Foxglove |
 //! | [`traces`] | motors over time, from telemetry files and logs of buses |
 //! | [`authentication`] | sessions with a controller that obeys only hosts with its key |
@@ -27,6 +28,7 @@ pub mod decode;
 pub mod describe;
 pub mod discover;
 pub mod doctor;
+pub mod joints;
 pub mod key_file;
 pub mod listener;
 pub mod operator;

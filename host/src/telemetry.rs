@@ -8,27 +8,16 @@
 //!
 //! Everything is JSON, in radians, rad/s and N·m.
 
-use crate::catalog::Catalog;
 use crate::decode::decode;
+use crate::joints::{Joints, Known, Reader};
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions, Writer};
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::config::{ChannelKind, RobotConfig};
-use rollwalk_protocol::library::{ClipCursor, ClipId, Library};
-use rollwalk_protocol::wire::{FromController, JointTelemetry, Node, State, Status, Torque};
+use rollwalk_protocol::wire::Node;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
-
-/// Knowledge of the robot beyond the link.
-#[derive(Clone, Copy)]
-pub struct Known<'a> {
-    /// Names of its channels.
-    pub catalog: &'a Catalog,
-    /// What it plays and the robot that it is for: for planned values.
-    pub library: Option<(Library<'a>, &'a RobotConfig)>,
-}
 
 /// Messages that are written as decoded.
 const DECODED: [&str; 4] = ["status", "fault", "command", "command_ack"];
@@ -37,15 +26,12 @@ const DECODED: [&str; 4] = ["status", "fault", "command", "command_ack"];
 pub struct Telemetry<'a, W: Write + Seek> {
     writer: Writer<W>,
     node: Node,
-    known: Option<Known<'a>>,
+    joints: Reader<'a>,
     measured_topic: u16,
     /// `None` where the library is unknown: readers would take an empty topic for a robot that plays nothing.
     planned_topic: Option<u16>,
     topics: BTreeMap<&'static str, u16>,
     sequence: u32,
-    /// Last telemetry of each channel.
-    measured: BTreeMap<u8, JointTelemetry>,
-    last_channel: Option<u8>,
 }
 
 /// A `foxglove.JointStates`.
@@ -102,19 +88,8 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
                 writer.add_channel(schema, &format!("/{message}"), "json", &none)?,
             );
         }
-        let (measured, last_channel) = (BTreeMap::new(), None);
-        let sequence = 0;
-        Ok(Self {
-            writer,
-            node,
-            known,
-            measured_topic,
-            planned_topic,
-            topics,
-            sequence,
-            measured,
-            last_channel,
-        })
+        let (joints, sequence) = (Reader::new(node, known), 0);
+        Ok(Self { writer, node, joints, measured_topic, planned_topic, topics, sequence })
     }
 
     /// Takes a frame of the link, received at `at_us` microseconds since 1970.
@@ -128,14 +103,9 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
         {
             self.write(topic, at_us, &decoded.signals)?;
         }
-        match FromController::decode(frame) {
-            Ok((node, FromController::JointTelemetry(joint))) if node == self.node => {
-                self.on_joint(at_us, joint)
-            }
-            Ok((node, FromController::Status(status))) if node == self.node => {
-                self.on_status(at_us, &status)
-            }
-            _ => Ok(()),
+        match self.joints.on_frame(frame) {
+            Some(joints) => self.on_joints(at_us, joints),
+            None => Ok(()),
         }
     }
 
@@ -155,54 +125,20 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
         self.writer.finish().map(drop)
     }
 
-    /// The channels take turns: once round is a state of the robot.
-    fn on_joint(&mut self, at_us: u64, joint: JointTelemetry) -> McapResult<()> {
-        if self.last_channel.is_some_and(|last| joint.channel <= last) {
-            let joints = self.measured.iter().map(|(&channel, joint)| JointState {
-                name: self.channel_name(channel),
-                position: Some(joint.position_rad.into()),
-                velocity: Some(joint.velocity_rad_s.into()),
-                effort: Some(joint.torque_nm.into()),
-            });
-            let states = JointStates { timestamp: timestamp(at_us), joints: joints.collect() };
-            self.write(self.measured_topic, at_us, &states)?;
-        }
-        self.last_channel = Some(joint.channel);
-        self.measured.insert(joint.channel, joint);
-        Ok(())
-    }
-
-    fn on_status(&mut self, at_us: u64, status: &Status) -> McapResult<()> {
-        let plays = status.state != State::Aligning && status.state.torque() == Torque::Driven;
-        let (Some(clip), true) = (status.clip, plays) else { return Ok(()) };
-        let (Some(Known { library: Some((library, config)), .. }), Some(topic)) =
-            (self.known.as_ref(), self.planned_topic)
-        else {
-            return Ok(());
+    fn on_joints(&mut self, at_us: u64, joints: Joints) -> McapResult<()> {
+        let (topic, joints) = match joints {
+            Joints::Measured(joints) => (Some(self.measured_topic), joints),
+            Joints::Planned(joints) => (self.planned_topic, joints),
         };
-        let mut values = vec![0.0; library.channel_count()];
-        let decoded = ClipCursor::new(library, ClipId(clip), status.frame)
-            .and_then(|cursor| cursor.frame_into(library, &mut values));
-        // Such a frame is missing in a library other than the controller's.
-        if decoded.is_err() {
-            return Ok(());
-        }
-        let joints = (0..).zip(&config.channels).zip(values).map(|((channel, kind), value)| {
-            let value = Some(f64::from(value));
-            let (position, velocity) = match kind.kind {
-                ChannelKind::JointPosition => (value, None),
-                ChannelKind::WheelSpeed => (None, value),
-            };
-            JointState { name: self.channel_name(channel), position, velocity, effort: None }
+        let Some(topic) = topic else { return Ok(()) };
+        let joints = joints.into_iter().map(|joint| JointState {
+            name: joint.name,
+            position: joint.position_rad,
+            velocity: joint.speed_rad_s,
+            effort: joint.torque_nm,
         });
         let states = JointStates { timestamp: timestamp(at_us), joints: joints.collect() };
         self.write(topic, at_us, &states)
-    }
-
-    fn channel_name(&self, channel: u8) -> String {
-        let names = self.known.as_ref().map(|known| &known.catalog.channels);
-        let name = names.and_then(|names| names.get(usize::from(channel)));
-        name.cloned().unwrap_or_else(|| format!("channel_{channel}"))
     }
 
     fn write(&mut self, topic: u16, at_us: u64, message: &impl Serialize) -> McapResult<()> {

@@ -275,7 +275,8 @@ fn slopes(points: &[(f64, f64)]) -> Points {
 mod tests {
     use super::*;
     use crate::catalog::Catalog;
-    use crate::telemetry::{Known, Telemetry};
+    use crate::joints::Known;
+    use crate::telemetry::Telemetry;
     use mcap::{Compression, WriteOptions};
     use rollwalk_protocol::actuator::ActuatorStatus;
     use rollwalk_protocol::config::Channel;

@@ -1,10 +1,13 @@
-//! Messages that Foxglove and Lichtblick draw: frames of all bodies, their solids, angles of joints, forces of the ground.
+//! Messages that Foxglove and Lichtblick draw: frames of all bodies, their solids, angles of joints, forces of the ground; in a file
+//! ([`recording`]) or as they happen ([`Live`]).
 //!
 //! A robot is published once as solids that are locked to frames, then as frames, so that a file has its geometry once. A
 //! prefix of all frames tells robots apart: the planned one beside the measured one.
 
+mod live;
 mod recording;
 
+pub use live::{Live, LiveError};
 pub use recording::{RecordingError, recording};
 
 use crate::bodies::{Blades, Body, Geometry, Of, Placed, Role, bodies};

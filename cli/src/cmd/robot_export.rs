@@ -3,8 +3,7 @@
 use crate::Exit;
 use crate::files::{self, Output};
 use crate::inputs::Source;
-use miette::{IntoDiagnostic, Report};
-use rollwalk_robot::Robot;
+use miette::IntoDiagnostic;
 use std::path::PathBuf;
 
 /// Write a robot file as URDF or as an MJCF model for MuJoCo.
@@ -29,9 +28,7 @@ pub struct Args {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let ending = files::ending(&args.output, "a robot", &["urdf", "xml"])?;
-    let (_, file) = Source::Disk.robot_and_text(&args.robot)?;
-    let (robot, parts) =
-        Robot::with_parts_from_toml(&file.path, &file.text).map_err(Report::new)?;
+    let (robot, parts) = Source::Disk.robot_and_parts(&args.robot)?;
     let text = match ending {
         Some("xml") => rollwalk_interchange::mjcf(&robot, &parts),
         _ => rollwalk_interchange::urdf(&robot, &parts),

@@ -9,7 +9,7 @@ export const simulator = process.env.STUDIO_SIM;
 export const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
 
 /** Waits until a program has said what matches. */
-function said(child, wanted) {
+export function said(child, wanted) {
   let text = "";
   return new Promise((resolve, reject) => {
     for (const stream of [child.stdout, child.stderr]) {

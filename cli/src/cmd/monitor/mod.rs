@@ -5,8 +5,10 @@ mod recording;
 mod view;
 
 use crate::files::{Lines, Output, RotationArgs};
+use crate::inputs::Source;
 use crate::link::names::NamesArgs;
 use crate::link::{Interruptible, LinkArgs};
+use crate::live::{self, LiveArgs};
 use crate::packed::Packed;
 use crate::{Exit, interrupt, output};
 use miette::miette;
@@ -16,9 +18,10 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::name::BusName;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::decode::{DecodedFrame, decode};
-use rollwalk_host::telemetry::Known;
+use rollwalk_host::joints::{Known, Reader};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
+use rollwalk_robot::{Robot, Solid};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -40,6 +43,7 @@ Examples:
   rollwalk monitor --bus can:can0
   rollwalk monitor --bus can:can0 --joints
   rollwalk monitor --bus can:can0 --log run.log --mcap run.mcap --library agilebot.rwl
+  rollwalk monitor --bus sim --foxglove --robot robots/agilebot.toml    # the robot in 3D
   rollwalk monitor --bus sim --json | jq 'select(.message == \"fault\")'
 
 A log is in candump's format: canplayer replays it; docs/decode_log.py and cantools decode it with
@@ -62,6 +66,8 @@ pub struct Args {
     mcap: Option<PathBuf>,
     #[command(flatten)]
     rotation: RotationArgs,
+    #[command(flatten)]
+    live: LiveArgs,
     /// End after this many seconds.
     #[arg(long = "for", value_name = "SECONDS")]
     seconds: Option<f64>,
@@ -119,6 +125,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     let known = known(catalog.as_ref(), packed.as_ref(), config.as_ref());
     let mcap = mcap.map(|output| Recording::begin(&output, rotation, args.link.node, known));
+    let shown = shown_robot(args, packed.as_ref())?;
+    let live = match &shown {
+        Some((robot, parts)) => args.live.begin(robot, parts)?,
+        None => None,
+    };
     let mut monitor = Monitor {
         interface: interface(&args.link.bus),
         json: args.json,
@@ -126,6 +137,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         mcap: mcap.transpose()?,
         view: View::new(catalog.as_ref(), args.joints, args.json, began_us),
         node: args.link.node.number(),
+        live: live.map(|view| (Reader::new(args.link.node, known), view)),
     };
     let outcome = before.iter().try_for_each(|(at_us, frame)| monitor.take(*at_us, frame));
     let outcome = outcome.and_then(|()| listen(&mut bus, args, end_us, &mut monitor));
@@ -134,6 +146,24 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Ok(()) => Ok(Exit::Ok),
         Err(_) if interrupt::requested() => Ok(Exit::Ok),
         Err(error) => Err(error),
+    }
+}
+
+/// The robot that Foxglove is to show: that of the robot file, or of the library.
+fn shown_robot(
+    args: &Args,
+    packed: Option<&Packed>,
+) -> miette::Result<Option<(Robot, Vec<Vec<Solid>>)>> {
+    if !args.live.is_asked_for() {
+        return Ok(None);
+    }
+    match (&args.names.robot, packed) {
+        (Some(path), _) => Source::Disk.robot_and_parts(path).map(Some),
+        (None, Some(packed)) => Ok(Some((packed.robot.clone(), Vec::new()))),
+        (None, None) => Err(miette!(
+            help = "add --robot ROBOT.toml, or --library LIB.rwl, which adds what is planned",
+            "--foxglove shows the robot, and the link does not tell what it looks like"
+        )),
     }
 }
 
@@ -201,6 +231,7 @@ struct Monitor<'a> {
     view: View<'a>,
     /// The controller's address.
     node: u8,
+    live: Option<(Reader<'a>, live::View<'a>)>,
 }
 
 impl Monitor<'_> {
@@ -211,6 +242,11 @@ impl Monitor<'_> {
         }
         if let Some(mcap) = &mut self.mcap {
             mcap.take(at_us, frame)?;
+        }
+        if let Some((reader, view)) = &mut self.live
+            && let Some(joints) = reader.on_frame(frame)
+        {
+            view.show_joints(&joints);
         }
         if self.json
             && let Some(id) = frame.standard_id()

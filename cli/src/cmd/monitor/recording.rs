@@ -2,7 +2,8 @@
 
 use crate::files::{Output, Rotation, Series};
 use miette::{Report, miette};
-use rollwalk_host::telemetry::{Known, Telemetry};
+use rollwalk_host::joints::Known;
+use rollwalk_host::telemetry::Telemetry;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
 use std::fmt::Display;

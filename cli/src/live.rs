@@ -1,0 +1,181 @@
+//! Robots as they move, for Foxglove and Lichtblick (`--foxglove`).
+
+use crate::output;
+use clap::Args;
+use miette::miette;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use rollwalk_host::joints::{Joint, Joints};
+use rollwalk_interchange::foxglove::{Figure, Live, Posture};
+use rollwalk_multibody::{Standing, Tree};
+use rollwalk_physics::World;
+use rollwalk_robot::{Robot, Solid};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// Port on which Foxglove looks for robots.
+const PORT: &str = "8765";
+/// Time between two pictures: displays show no more.
+const PICTURE: Duration = Duration::from_millis(16);
+/// Time after which solids are sent again, for clients that came in between.
+const SOLIDS: Duration = Duration::from_secs(1);
+/// Colours of the robot as measured, and as planned, through which the other is seen.
+const MEASURED: [f64; 4] = [0.36, 0.53, 0.78, 1.0];
+const PLANNED: [f64; 4] = [0.55, 0.75, 0.45, 0.4];
+
+/// Option of commands that see a robot move.
+#[derive(Args)]
+pub struct LiveArgs {
+    /// Serve the robot in 3D to Foxglove or Lichtblick on this computer; they open ws://localhost:PORT.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = PORT)]
+    foxglove: Option<u16>,
+}
+
+impl LiveArgs {
+    /// Whether it is asked for.
+    pub fn is_asked_for(&self) -> bool {
+        self.foxglove.is_some()
+    }
+
+    /// Starts the server, if it is asked for.
+    ///
+    /// # Errors
+    /// The port is taken.
+    pub fn begin<'r>(
+        &self,
+        robot: &'r Robot,
+        parts: &[Vec<Solid>],
+    ) -> miette::Result<Option<View<'r>>> {
+        let Some(port) = self.foxglove else { return Ok(None) };
+        let live = Live::start(&robot.name, port).map_err(|error| {
+            miette!(help = "give another one: --foxglove PORT; 0 is any that is free", "{error}")
+        })?;
+        output::say(format_args!("Foxglove and Lichtblick see the robot at {}", live.address()));
+        Ok(Some(View::new(live, robot, parts)))
+    }
+}
+
+/// A robot on a server, and beside it where it should be.
+pub struct View<'r> {
+    live: Live,
+    robot: &'r Robot,
+    measured: Figure<'r>,
+    planned: Figure<'r>,
+    /// The body where it is not known: as high as the robot stands.
+    standing: Isometry3<f64>,
+    /// Angles that planned wheels have come to by their speeds, rad, and when.
+    rolled_rad: Vec<f64>,
+    rolled_at: Instant,
+    pictured: Option<Instant>,
+    shown_solids: Option<Instant>,
+}
+
+impl<'r> View<'r> {
+    fn new(live: Live, robot: &'r Robot, parts: &[Vec<Solid>]) -> Self {
+        let height = Standing::new(&Tree::new(robot)).map_or(0.0, |s| s.frames.link_origins[0].z);
+        Self {
+            live,
+            robot,
+            measured: Figure::new(robot, parts, "", MEASURED),
+            planned: Figure::new(robot, parts, "planned/", PLANNED),
+            standing: Isometry3::translation(0.0, 0.0, height),
+            rolled_rad: vec![0.0; robot.end_effectors.len()],
+            rolled_at: Instant::now(),
+            pictured: None,
+            shown_solids: None,
+        }
+    }
+
+    /// Shows joints of a robot on a bus. Nobody knows where its body is: it stands still.
+    pub fn show_joints(&mut self, joints: &Joints) {
+        if !self.live.has_clients() {
+            return;
+        }
+        let (figure, channel, all) = match joints {
+            Joints::Measured(all) => (&self.measured, &self.live.measured, all),
+            Joints::Planned(all) => (&self.planned, &self.live.planned, all),
+        };
+        let by_channel = |channel: usize| all.iter().find(|j| usize::from(j.channel) == channel);
+        let nominal = self.robot.joints.iter().enumerate();
+        let angle =
+            |of: Option<&Joint>, other: f64| of.and_then(|j| j.position_rad).unwrap_or(other);
+        let joint_rad: Vec<_> =
+            nominal.map(|(k, joint)| angle(by_channel(k), joint.nominal_rad)).collect();
+        let mut wheel_rad = vec![0.0; self.robot.end_effectors.len()];
+        let gone_s = self.rolled_at.elapsed().as_secs_f64();
+        for (channel, wheel) in wheels(self.robot) {
+            let of = by_channel(channel);
+            if of.is_some_and(|joint| joint.position_rad.is_none()) {
+                let speed_rad_s = of.and_then(|joint| joint.speed_rad_s).unwrap_or(0.0);
+                self.rolled_rad[wheel] += speed_rad_s * gone_s;
+            }
+            wheel_rad[wheel] = angle(of, self.rolled_rad[wheel]);
+        }
+        if matches!(joints, Joints::Planned(_)) {
+            self.rolled_at = Instant::now();
+        }
+        let posture = Posture {
+            world_from_body: self.standing,
+            joint_rad: &joint_rad,
+            wheel_rad: &wheel_rad,
+        };
+        let speeds: Vec<_> = all.iter().map(|joint| joint.speed_rad_s.unwrap_or(0.0)).collect();
+        let torques: Vec<_> = all.iter().filter_map(|joint| joint.torque_nm).collect();
+        let now_s = since_1970_s();
+        self.live.frames.log(&figure.transforms(&posture, now_s));
+        channel.log(&figure.joint_states(&posture, &speeds, &torques, now_s));
+        self.show_solids(now_s);
+    }
+
+    /// Shows a robot in its simulated world, and joints at the targets of its drives.
+    pub fn show_world(&mut self, world: &World) {
+        let is_due = self.pictured.is_none_or(|at| at.elapsed() >= PICTURE);
+        if !is_due || !self.live.has_clients() {
+            return;
+        }
+        self.pictured = Some(Instant::now());
+        let (position, rotation) = world.base();
+        let turn = UnitQuaternion::from_matrix(&rotation);
+        let world_from_body = Isometry3::from_parts(Translation3::from(position), turn);
+        let shafts: Vec<_> = world.shafts().collect();
+        let joints = self.robot.joints.len();
+        let mut wheel_rad = vec![0.0; self.robot.end_effectors.len()];
+        for (channel, wheel) in wheels(self.robot) {
+            wheel_rad[wheel] = shafts[channel][0];
+        }
+        let joint_rad: Vec<_> = shafts[..joints].iter().map(|shaft| shaft[0]).collect();
+        let posture = Posture { world_from_body, joint_rad: &joint_rad, wheel_rad: &wheel_rad };
+        let speeds: Vec<_> = shafts.iter().map(|shaft| shaft[1]).collect();
+        let torques: Vec<_> = shafts.iter().map(|shaft| shaft[2]).collect();
+        let laws: Vec<_> = (0..shafts.len()).map(|channel| world.law(channel)).collect();
+        let targets: Vec<_> = laws[..joints].iter().map(|law| law.position_rad).collect();
+        let target_speeds: Vec<_> = laws.iter().map(|law| law.speed_rad_s).collect();
+        let target = Posture { world_from_body, joint_rad: &targets, wheel_rad: &wheel_rad };
+        let touches = world.touches().map(|touch| (touch.point.into(), touch.force.into()));
+        let touches: Vec<_> = touches.collect();
+        let now_s = since_1970_s();
+        self.live.frames.log(&self.measured.transforms(&posture, now_s));
+        self.live.frames.log(&self.planned.transforms(&target, now_s));
+        self.live.measured.log(&self.measured.joint_states(&posture, &speeds, &torques, now_s));
+        self.live.planned.log(&self.planned.joint_states(&target, &target_speeds, &[], now_s));
+        self.live.forces.log(&self.measured.forces(&touches, now_s));
+        self.show_solids(now_s);
+    }
+
+    fn show_solids(&mut self, now_s: f64) {
+        if self.shown_solids.is_none_or(|at| at.elapsed() >= SOLIDS) {
+            self.shown_solids = Some(Instant::now());
+            self.live.robot.log(&self.measured.solids(now_s));
+            self.live.robot.log(&self.planned.solids(now_s));
+        }
+    }
+}
+
+/// Channels of driven wheels with their end effectors.
+fn wheels(robot: &Robot) -> impl Iterator<Item = (usize, usize)> + '_ {
+    let all = robot.end_effectors.iter().enumerate();
+    let driven = all.filter(|(_, foot)| foot.contact.actuator().is_some());
+    (robot.joints.len()..).zip(driven.map(|(index, _)| index))
+}
+
+fn since_1970_s() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64()
+}

@@ -1,0 +1,116 @@
+//! Joints and wheels of a robot over time, from the frames of its link: as they are measured, and as the library that it plays plans
+//! them.
+
+use crate::catalog::Catalog;
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::config::{ChannelKind, RobotConfig};
+use rollwalk_protocol::library::{ClipCursor, ClipId, Library};
+use rollwalk_protocol::wire::{FromController, JointTelemetry, Node, State, Status, Torque};
+use std::collections::BTreeMap;
+
+/// Knowledge of the robot beyond the link.
+#[derive(Clone, Copy)]
+pub struct Known<'a> {
+    /// Names of its channels.
+    pub catalog: &'a Catalog,
+    /// What it plays and the robot that it is for: for planned values.
+    pub library: Option<(Library<'a>, &'a RobotConfig)>,
+}
+
+/// A joint or driven wheel at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Its channel.
+    pub channel: u8,
+    /// Its name, or `channel_N` where it is not known.
+    pub name: String,
+    /// Angle, rad.
+    pub position_rad: Option<f64>,
+    /// Speed, rad/s.
+    pub speed_rad_s: Option<f64>,
+    /// Torque, N·m.
+    pub torque_nm: Option<f64>,
+}
+
+/// All joints and driven wheels at one time, by channel.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Joints {
+    /// As the motors told: when every channel has reported once more.
+    Measured(Vec<Joint>),
+    /// As planned: at every status while a known library is played.
+    Planned(Vec<Joint>),
+}
+
+/// Reads joints from frames.
+pub struct Reader<'a> {
+    node: Node,
+    known: Option<Known<'a>>,
+    /// Last telemetry of each channel.
+    measured: BTreeMap<u8, JointTelemetry>,
+    last_channel: Option<u8>,
+}
+
+impl<'a> Reader<'a> {
+    /// Of controller `node`.
+    pub fn new(node: Node, known: Option<Known<'a>>) -> Self {
+        Self { node, known, measured: BTreeMap::new(), last_channel: None }
+    }
+
+    /// Takes a frame of the link.
+    pub fn on_frame(&mut self, frame: &Frame) -> Option<Joints> {
+        match FromController::decode(frame).ok()? {
+            (node, FromController::JointTelemetry(joint)) if node == self.node => {
+                self.on_joint(joint).map(Joints::Measured)
+            }
+            (node, FromController::Status(status)) if node == self.node => {
+                self.on_status(&status).map(Joints::Planned)
+            }
+            _ => None,
+        }
+    }
+
+    /// The channels take turns: once round is a state of the robot.
+    fn on_joint(&mut self, joint: JointTelemetry) -> Option<Vec<Joint>> {
+        let is_round = self.last_channel.is_some_and(|last| joint.channel <= last);
+        let joints = is_round.then(|| {
+            let joint = |(&channel, joint): (&u8, &JointTelemetry)| Joint {
+                channel,
+                name: self.channel_name(channel),
+                position_rad: Some(joint.position_rad.into()),
+                speed_rad_s: Some(joint.velocity_rad_s.into()),
+                torque_nm: Some(joint.torque_nm.into()),
+            };
+            self.measured.iter().map(joint).collect()
+        });
+        self.last_channel = Some(joint.channel);
+        self.measured.insert(joint.channel, joint);
+        joints
+    }
+
+    fn on_status(&self, status: &Status) -> Option<Vec<Joint>> {
+        let plays = status.state != State::Aligning && status.state.torque() == Torque::Driven;
+        let clip = status.clip.filter(|_| plays)?;
+        let (library, config) = self.known.as_ref()?.library.as_ref()?;
+        let mut values = vec![0.0; library.channel_count()];
+        // Such a frame is missing in a library other than the controller's.
+        ClipCursor::new(library, ClipId(clip), status.frame)
+            .and_then(|cursor| cursor.frame_into(library, &mut values))
+            .ok()?;
+        let joints = (0..).zip(&config.channels).zip(values).map(|((channel, kind), value)| {
+            let value = Some(f64::from(value));
+            let (position_rad, speed_rad_s) = match kind.kind {
+                ChannelKind::JointPosition => (value, None),
+                ChannelKind::WheelSpeed => (None, value),
+            };
+            let name = self.channel_name(channel);
+            Joint { channel, name, position_rad, speed_rad_s, torque_nm: None }
+        });
+        Some(joints.collect())
+    }
+
+    fn channel_name(&self, channel: u8) -> String {
+        let names = self.known.as_ref().map(|known| &known.catalog.channels);
+        let name = names.and_then(|names| names.get(usize::from(channel)));
+        name.cloned().unwrap_or_else(|| format!("channel_{channel}"))
+    }
+}

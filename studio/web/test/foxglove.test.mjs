@@ -1,0 +1,106 @@
+// The live view of `rollwalk-sim --foxglove` and `rollwalk monitor --foxglove`, by Foxglove's own client library.
+// STUDIO_ROLLWALK and STUDIO_SIM are the programs.
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { mkdtemp } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, describe, test } from "node:test";
+import { FoxgloveClient } from "@foxglove/ws-protocol";
+import protobuf from "protobufjs";
+import "protobufjs/ext/descriptor/index.js";
+import WebSocket from "ws";
+import { program, root, said, simulator } from "./programs.mjs";
+
+const TOPICS = ["/tf", "/robot", "/joint_states", "/planned_joint_states", "/forces"];
+const SCHEMAS = ["foxglove.FrameTransforms", "foxglove.SceneUpdate", "foxglove.JointStates", "foxglove.JointStates", "foxglove.SceneUpdate"];
+
+/** A client with the messages of all topics, decoded by the schemas that the server sends. */
+class Client {
+  channels = new Map();
+  messages = new Map();
+
+  static async connect(address) {
+    const socket = new WebSocket(address, ["foxglove.sdk.v1"]);
+    const client = new Client();
+    const foxglove = new FoxgloveClient({ ws: socket });
+    client.close = () => foxglove.close();
+    const types = new Map();
+    foxglove.on("serverInfo", (info) => (client.info = info));
+    foxglove.on("advertise", (channels) => {
+      for (const channel of channels) {
+        client.channels.set(channel.topic, channel);
+        const set = protobuf.Root.fromDescriptor(Buffer.from(channel.schema, "base64"));
+        types.set(foxglove.subscribe(channel.id), [channel.topic, set.lookupType(channel.schemaName)]);
+      }
+    });
+    foxglove.on("message", ({ subscriptionId, data }) => {
+      const [topic, type] = types.get(subscriptionId);
+      const all = client.messages.get(topic) ?? [];
+      client.messages.set(topic, [...all, type.toObject(type.decode(new Uint8Array(data.buffer, data.byteOffset, data.byteLength)), { arrays: true })]);
+    });
+    await new Promise((resolve, reject) => {
+      foxglove.on("open", resolve);
+      foxglove.on("error", reject);
+    });
+    return client;
+  }
+
+  /** Waits for some messages of a topic. */
+  async some(topic, count) {
+    for (const end = Date.now() + 60_000; Date.now() < end; ) {
+      const all = this.messages.get(topic) ?? [];
+      if (all.length >= count) return all;
+      await new Promise((resolve) => setTimeout(resolve, 50));
+    }
+    throw new Error(`${topic}: ${this.messages.get(topic)?.length ?? 0} of ${count} messages came`);
+  }
+}
+
+describe("robots in Foxglove", { skip: program && simulator ? false : "STUDIO_ROLLWALK and STUDIO_SIM name no programs" }, () => {
+  let bus, robot, address;
+  before(async () => {
+    bus = `sim:${join(await mkdtemp(join(tmpdir(), "live-")), "robot.sock")}`;
+    robot = spawn(simulator, ["robots/agilebot.toml", "--bus", bus, "--foxglove", "0"], { cwd: root });
+    address = await said(robot, /ws:\S+/);
+    await said(robot, /Ctrl-C/);
+  });
+  after(() => robot?.kill());
+
+  test("a simulated robot has frames, solids, joints and forces", async () => {
+    const client = await Client.connect(address);
+    const frames = await client.some("/tf", 20);
+    assert.deepEqual(TOPICS.map((topic) => client.channels.get(topic)?.schemaName), SCHEMAS);
+    assert.equal(client.info.name, "agilebot");
+    // Nobody can command the robot here.
+    assert.deepEqual(client.info.capabilities, []);
+    const names = new Set(frames.flatMap((message) => message.transforms.map((of) => of.childFrameId)));
+    const solids = await client.some("/robot", 2);
+    for (const entity of solids.flatMap((message) => message.entities)) assert.ok(names.has(entity.frameId), entity.frameId);
+    const body = frames.at(-1).transforms.find((of) => of.parentFrameId === "world");
+    assert.ok(body.translation.z > 0.05 && body.translation.z < 2, JSON.stringify(body));
+    const joints = (await client.some("/joint_states", 1))[0].joints;
+    assert.equal(joints.length, 20);
+    assert.ok(joints.every((joint) => Number.isFinite(joint.position)), JSON.stringify(joints));
+    client.close();
+  });
+
+  test("a monitor shows the joints that a robot on a bus reports", async () => {
+    const monitor = spawn(program, ["monitor", "--bus", bus, "--robot", "robots/agilebot.toml", "--foxglove", "0"], { cwd: root });
+    try {
+      const client = await Client.connect(await said(monitor, /ws:\S+/));
+      const states = await client.some("/joint_states", 3);
+      assert.equal(states[0].joints.length, 20);
+      await client.some("/tf", 3);
+      client.close();
+    } finally {
+      monitor.kill();
+    }
+  });
+
+  test("a port that is taken is refused with what to do", async () => {
+    const port = address.split(":").at(-1);
+    const other = spawn(simulator, ["robots/agilebot.toml", "--bus", `${bus}.other`, "--foxglove", port], { cwd: root });
+    await assert.rejects(said(other, /Ctrl-C/), /cannot serve Foxglove on 127\.0\.0\.1[\s\S]*--foxglove PORT/);
+  });
+});
