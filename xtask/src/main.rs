@@ -3,7 +3,7 @@
 //! [`steps`] has the steps of `cargo xtask test` and `cargo xtask nightly`, [`quick`] the check of a change in one
 //! crate. [`tidy`] checks the house rules, [`bare_metal`] builds the controller's crates for the Cortex-M4, [`board`]
 //! builds, measures and emulates the board images, [`fuzz`] and [`miri`] test protocol and firmware, [`deny`] and [`sbom`] look
-//! after the crates of others, [`mod@studio`] builds the studio, [`browsers`] tests its page, [`vcan`] runs a command on a machine with SocketCAN.
+//! after the crates of others, [`mod@studio`] builds the studio, [`browsers`] tests its page, [`wheel`] the Python package, [`vcan`] runs a command on a machine with SocketCAN.
 
 mod bare_metal;
 mod board;
@@ -29,6 +29,7 @@ mod studio;
 mod tidy;
 mod toolchain;
 mod vcan;
+mod wheel;
 mod workspace;
 
 use clap::{Parser, Subcommand};
