@@ -12,10 +12,11 @@ use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
 use rollwalk_design::sweep::{Files, Ready, Sweep};
 use rollwalk_physics::ground::{self, Ground};
-use rollwalk_planner::building::Wanted;
-use rollwalk_planner::library_file::{LibraryFile, MotionSource};
-use rollwalk_planner::motion::{Ends, Motion};
+use rollwalk_planner::building::{Contents, Misfit, Shelf, Wanted};
+use rollwalk_planner::library_file::LibraryFile;
+use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
+use rollwalk_robot::document::DocumentError;
 use rollwalk_robot::{Robot, Solid};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -106,6 +107,47 @@ impl Library {
     }
 }
 
+/// The files that a library file names.
+struct Beside<'l> {
+    source: Source,
+    path: &'l Path,
+    text: &'l str,
+    robot: Option<TextFile>,
+}
+
+impl Shelf for Beside<'_> {
+    type Error = Report;
+
+    fn robot(&mut self, named: &str) -> miette::Result<(Robot, String)> {
+        let text = self.source.text(&beside(self.path, named), Named::InFile, Kind::Robot)?;
+        let (robot, at) = (robot(&text)?, text.path.clone());
+        self.robot = Some(text);
+        Ok((robot, at))
+    }
+
+    fn motion(&mut self, named: &str) -> miette::Result<(Robot, Motion, String)> {
+        let text = self.source.text(&beside(self.path, named), Named::InFile, Kind::Motion)?;
+        let at = text.path.clone();
+        let (robot, motion) = self.source.beside_motion(text)?.parse()?;
+        Ok((robot, motion, at))
+    }
+
+    fn plan(&mut self, named: &str) -> miette::Result<(Plan, String)> {
+        let at = beside(self.path, named);
+        let TextFile { path, text } = self.source.text(&at, Named::InFile, Kind::Plan)?;
+        let plan = Plan::from_json(&path, &text).map_err(Kind::Plan.explain(&at, &text))?;
+        Ok((plan, path))
+    }
+
+    fn faults(&mut self, error: DocumentError) -> Report {
+        Kind::Library.explain(self.path, self.text)(error)
+    }
+
+    fn misfit(&mut self, error: Misfit) -> Report {
+        Report::new(error)
+    }
+}
+
 impl Source {
     /// Reads and validates a robot file.
     ///
@@ -159,71 +201,12 @@ impl Source {
     /// # Errors
     /// A file is missing, or everything that is wrong in it, or motions that do not fit together.
     pub fn library(self, path: &Path) -> miette::Result<Library> {
-        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Library)?;
-        let explain = || Kind::Library.explain(path, &text);
-        let robot = LibraryFile::robot_path_in_toml(&name, &text).map_err(explain())?;
-        let robot_file = self.text(&beside(path, &robot), Named::InFile, Kind::Robot)?;
-        let robot = self::robot(&robot_file)?;
-        let file = LibraryFile::from_toml(&name, &text, &robot).map_err(explain())?;
-        let (mut motions, mut plans) = (Vec::new(), Vec::new());
-        for item in &file.motions {
-            // Plans, plots and progress speak of it as the library does.
-            let named = |motion: Motion| Motion { name: item.name.clone(), ..motion };
-            let (other, at, help) = match &item.source {
-                MotionSource::Motion(file) => {
-                    let at = beside(path, file);
-                    let text = self.text(&at, Named::InFile, Kind::Motion)?;
-                    let (other, motion) = self.beside_motion(text)?.parse()?;
-                    motions.push(named(motion));
-                    plans.push(None);
-                    (other, at, "let `robot` name the same file in both")
-                }
-                MotionSource::Plan(file) => {
-                    let at = beside(path, file);
-                    let TextFile { path: plan_name, text } =
-                        self.text(&at, Named::InFile, Kind::Plan)?;
-                    let plan = Plan::from_json(&plan_name, &text)
-                        .map_err(Kind::Plan.explain(&at, &text))?;
-                    if plan.motion.ends == Ends::Prescribed {
-                        return Err(miette!(
-                            help = "name the plan of a motion; transitions are planned when the library is built",
-                            "{name}: motion `{}` is a transition in {}",
-                            item.name,
-                            at.display()
-                        ));
-                    }
-                    let plan = Plan { motion: named(plan.motion), ..plan };
-                    motions.push(plan.motion.clone());
-                    let other = plan.robot.clone();
-                    plans.push(Some(plan));
-                    (
-                        other,
-                        at,
-                        "plan again after a change of the robot file, or let `robot` name that of the plan",
-                    )
-                }
-            };
-            if other != robot {
-                return Err(miette!(
-                    help = format!("a library is for one robot: {help}"),
-                    "{}: motion `{}` is for robot `{}` in {}, but the library is for {}",
-                    name,
-                    item.name,
-                    other.name,
-                    at.display(),
-                    match other.name == robot.name {
-                        true => format!(
-                            "another one of that name, {robot_path}",
-                            robot_path = robot_file.path
-                        ),
-                        false => format!("`{}`", robot.name),
-                    }
-                ));
-            }
-        }
-        file.check_motions(&name, &text, &motions).map_err(Report::new)?;
-        let text = TextFile { path: name, text };
-        Ok(Library { robot, file, motions, plans, text, robot_text: robot_file })
+        let text = self.text(path, Named::ByUser, Kind::Library)?;
+        let mut beside = Beside { source: self, path, text: &text.text, robot: None };
+        let Contents { robot, file, motions, plans } =
+            Contents::read(&text.path, &text.text, &mut beside)?;
+        let robot_text = beside.robot.expect("its contents have a robot");
+        Ok(Library { robot, file, motions, plans, text, robot_text })
     }
 
     /// Reads and validates a design file, its robot and its motions.

@@ -12,7 +12,7 @@
 //! hundredths of a degree.
 
 use crate::designed::{Designed, on_samples_of};
-use crate::plans::{Failed, Plans, Watch, optimal, unless_interrupted};
+use crate::plans::{Failed, Plans, Watch, unless_interrupted};
 use crate::quadratic::Quadratic;
 use nalgebra::{DMatrix, DVector};
 use rollwalk_planner::sensitivity::{Change, Design, Feature, Optimal};
@@ -125,26 +125,19 @@ impl Linear {
         watch: &mut Watch<'_>,
     ) -> Result<Self, Failed> {
         let count = plans.variant.values.len();
-        let around = (0..count).map(|k| designed.around(&plans.variant.values, k));
-        let around = around.collect::<Result<Vec<_>, _>>()?;
         let mut linear =
             Self { optima: Vec::new(), feature: Vec::new(), jacobian: DMatrix::zeros(0, count) };
         let mut rows: Vec<Vec<f64>> = vec![Vec::new(); count];
-        for (index, solution) in plans.solutions.iter().enumerate() {
-            let optimal = optimal(solution, watch)?;
-            let motion = &solution.plan.motion;
-            let motions: Vec<_> =
-                around.iter().map(|neighbours| neighbours.motions(index, motion)).collect();
-            let parameters: Vec<_> =
-                around.iter().zip(&motions).map(|(of, motions)| of.of_motion(motions)).collect();
-            let changes = optimal.changes(&parameters)?;
+        designed.each_optimum(plans, watch, &mut |optimal, parameters| {
+            let changes = optimal.changes(parameters)?;
             linear.feature.extend(optimal.feature(feature));
             for (k, (change, row)) in changes.iter().zip(&mut rows).enumerate() {
                 let change = optimal.feature_change(feature, change);
                 row.extend(change.iter().map(|of| of * designed.unit(k)));
             }
             linear.optima.push((optimal, changes));
-        }
+            Ok(())
+        })?;
         let columns: Vec<_> = rows.into_iter().map(DVector::from_vec).collect();
         linear.jacobian = DMatrix::from_columns(&columns);
         Ok(linear)

@@ -12,10 +12,10 @@
 
 use crate::designed::Designed;
 use crate::goal::{Goal, Quantity};
-use crate::plans::{Failed, Plans, Watch, optimal};
+use crate::plans::{Failed, Plans, Watch};
 use crate::quadratic::{EXCESS, Quadratic};
 use nalgebra::{DMatrix, DVector};
-use rollwalk_planner::sensitivity::{Objective, Optimal};
+use rollwalk_planner::sensitivity::Objective;
 
 /// Trust region, in units of the parameters: at first, at most, and when no smaller step is tried.
 const TRUST: f64 = 1.0;
@@ -206,25 +206,17 @@ impl Outer<'_> {
 
     /// All quantities of a design with their slopes.
     fn point(&self, plans: Plans, watch: &mut Watch<'_>) -> Result<Point, Failed> {
-        let values = &plans.variant.values;
-        let around = (0..values.len()).map(|k| self.designed.around(values, k));
-        let around = around.collect::<Result<Vec<_>, _>>()?;
         let mut quantities = Vec::new();
-        for (index, solution) in plans.solutions.iter().enumerate() {
-            let optimal: Optimal = optimal(solution, watch)?;
-            let motion = &solution.plan.motion;
-            let motions: Vec<_> =
-                around.iter().map(|neighbours| neighbours.motions(index, motion)).collect();
-            let parameters: Vec<_> =
-                around.iter().zip(&motions).map(|(of, motions)| of.of_motion(motions)).collect();
+        self.designed.each_optimum(&plans, watch, &mut |optimal, parameters| {
             let of = |objective: Objective| -> Result<_, Failed> {
-                let (value, slopes) = optimal.gradient(objective, &parameters)?;
+                let (value, slopes) = optimal.gradient(objective, parameters)?;
                 let slope = |k: usize, _| slopes[k] * self.designed.unit(k);
                 Ok((value, DVector::from_fn(slopes.len(), slope)))
             };
             let wanted = self.goal.minimise.iter().chain(&self.goal.keep);
             quantities.push(wanted.map(|(objective, _)| of(*objective)).collect::<Result<_, _>>()?);
-        }
+            Ok(())
+        })?;
         Ok(Point { plans, quantities })
     }
 

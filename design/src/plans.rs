@@ -5,7 +5,7 @@ use crate::file::Parameter;
 use crate::repair::{self, Free, Made, Outcome, Repair, Shown};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::Report;
-use rollwalk_planner::sensitivity::{Design, NotOptimal, Optimal};
+use rollwalk_planner::sensitivity::{self, Design, NotOptimal, Optimal};
 use rollwalk_planner::{Editing, Options, Progress, Solution, optimise_solution};
 use rollwalk_robot::document::DocumentError;
 use std::ops::ControlFlow;
@@ -13,6 +13,9 @@ use thiserror::Error;
 
 /// Sees every iteration of the planner, with the name of the motion, and may stop it.
 pub type Watch<'a> = dyn FnMut(&str, &Progress) -> ControlFlow<()> + 'a;
+
+/// Does something with the optimum of a motion and the parameters there.
+pub type Work<'a> = dyn FnMut(Optimal, &[sensitivity::Parameter<'_>]) -> Result<(), Failed> + 'a;
 
 /// A robot with plans of its motions.
 #[derive(Clone, Debug, PartialEq)]
@@ -198,6 +201,33 @@ impl Designed {
             Outcome::Nearest(nearest) => Ok(Repaired::Nearest(nearest)),
             Outcome::Interrupted => Err(Failed::Interrupted),
         }
+    }
+}
+
+impl Designed {
+    /// Takes each plan to its optimum, and lends it to `work` with the parameters there, one for each of the design's, in their
+    /// units: what derivatives are taken of.
+    ///
+    /// # Errors
+    /// There is no robot around these values, a plan has no optimum, `work` fails, or the caller stops it.
+    pub fn each_optimum(
+        &self,
+        plans: &Plans,
+        watch: &mut Watch<'_>,
+        work: &mut Work<'_>,
+    ) -> Result<(), Failed> {
+        let values = &plans.variant.values;
+        let around = (0..values.len()).map(|k| self.around(values, k));
+        let around = around.collect::<Result<Vec<_>, _>>()?;
+        for (index, solution) in plans.solutions.iter().enumerate() {
+            let optimal = optimal(solution, watch)?;
+            let motion = &solution.plan.motion;
+            let motions: Vec<_> = around.iter().map(|of| of.motions(index, motion)).collect();
+            let both = around.iter().zip(&motions);
+            let parameters: Vec<_> = both.map(|(of, motions)| of.of_motion(motions)).collect();
+            work(optimal, &parameters)?;
+        }
+        Ok(())
     }
 }
 

@@ -1,14 +1,18 @@
-//! Library building: plans of everything that a library file asks for, its motions, then the transitions between them, and
-//! the library that comes of them. Who watches the solves, and on how many threads, is up to the caller.
+//! Library building: a library file with what it names, plans of everything that it asks for, its motions, then the transitions
+//! between them, and the library that comes of them. Where the files are, who watches the solves, and on how many threads, is up
+//! to the caller.
 
 use crate::library::{self, BuiltLibrary, LibraryContent, LibraryError};
 use crate::library::{LibraryMotion, LibraryTransition};
-use crate::library_file::LibraryFile;
-use crate::motion::Motion;
+use crate::library_file::{LibraryFile, MotionSource};
+use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, Status};
 use crate::planning::{Options, TransitionError};
+use miette::Diagnostic;
 use rollwalk_robot::Robot;
+use rollwalk_robot::document::DocumentError;
 use std::fmt;
+use thiserror::Error;
 
 /// A library file with everything that it names.
 #[derive(Clone, Copy, Debug)]
@@ -21,6 +25,146 @@ pub struct Wanted<'w> {
     pub motions: &'w [Motion],
     /// The plans of those that it names a plan of.
     pub plans: &'w [Option<Plan>],
+}
+
+/// The files that a library file names, by paths relative to it. Where they are is up to the caller.
+pub trait Shelf {
+    /// What the caller says when a file is missing or wrong.
+    type Error;
+
+    /// Reads a robot file; also how messages name it.
+    ///
+    /// # Errors
+    /// It is missing, or everything that is wrong in it.
+    fn robot(&mut self, named: &str) -> Result<(Robot, String), Self::Error>;
+
+    /// Reads a motion file and the robot file that it names; also how messages name it.
+    ///
+    /// # Errors
+    /// One of them is missing, or everything that is wrong in it.
+    fn motion(&mut self, named: &str) -> Result<(Robot, Motion, String), Self::Error>;
+
+    /// Reads a plan; also how messages name it.
+    ///
+    /// # Errors
+    /// It is missing, or is no plan.
+    fn plan(&mut self, named: &str) -> Result<(Plan, String), Self::Error>;
+
+    /// What is wrong with the library file itself.
+    fn faults(&mut self, error: DocumentError) -> Self::Error;
+
+    /// What does not fit together.
+    fn misfit(&mut self, error: Misfit) -> Self::Error;
+}
+
+/// Files of a library that are fine each, but do not fit together.
+#[derive(Clone, Debug, PartialEq, Eq, Error, Diagnostic)]
+pub enum Misfit {
+    /// A plan of a transition stands where that of a motion belongs.
+    #[error("{library}: motion `{motion}` is a transition in {at}")]
+    #[diagnostic(help(
+        "name the plan of a motion; transitions are planned when the library is built"
+    ))]
+    Transition {
+        /// The library file.
+        library: String,
+        /// The motion.
+        motion: String,
+        /// The plan.
+        at: String,
+    },
+    /// A motion is for another robot.
+    #[error(
+        "{library}: motion `{motion}` is for robot `{other}` in {at}, but the library is for {robot}"
+    )]
+    #[diagnostic(help("a library is for one robot: {advice}"))]
+    OtherRobot {
+        /// The library file.
+        library: String,
+        /// The motion.
+        motion: String,
+        /// Its robot.
+        other: String,
+        /// The motion file or plan.
+        at: String,
+        /// The robot of the library.
+        robot: String,
+        /// What to change.
+        advice: &'static str,
+    },
+}
+
+/// A library file with everything that it names, read and validated.
+#[derive(Clone, Debug)]
+pub struct Contents {
+    /// The robot.
+    pub robot: Robot,
+    /// The file.
+    pub file: LibraryFile,
+    /// Its motions, in its order, by the names that it has for them.
+    pub motions: Vec<Motion>,
+    /// The plans of those that it names a plan of.
+    pub plans: Vec<Option<Plan>>,
+}
+
+impl Contents {
+    /// Reads and validates a library file and what it names. `name` is how messages name the file.
+    ///
+    /// # Errors
+    /// A file is missing, or everything that is wrong in it, or motions that do not fit together.
+    pub fn read<S: Shelf>(name: &str, text: &str, shelf: &mut S) -> Result<Self, S::Error> {
+        let robot = LibraryFile::robot_path_in_toml(name, text).map_err(|why| shelf.faults(why))?;
+        let (robot, robot_at) = shelf.robot(&robot)?;
+        let file = LibraryFile::from_toml(name, text, &robot).map_err(|why| shelf.faults(why))?;
+        let (mut motions, mut plans) = (Vec::new(), Vec::new());
+        for item in &file.motions {
+            // Plans, plots and progress speak of it as the library does.
+            let named = |motion: Motion| Motion { name: item.name.clone(), ..motion };
+            let (other, at, advice) = match &item.source {
+                MotionSource::Motion(file) => {
+                    let (other, motion, at) = shelf.motion(file)?;
+                    motions.push(named(motion));
+                    plans.push(None);
+                    (other, at, "let `robot` name the same file in both")
+                }
+                MotionSource::Plan(file) => {
+                    let (plan, at) = shelf.plan(file)?;
+                    let plan = Plan { motion: named(plan.motion), ..plan };
+                    if plan.motion.ends == Ends::Prescribed {
+                        let (library, motion) = (name.to_owned(), item.name.clone());
+                        return Err(shelf.misfit(Misfit::Transition { library, motion, at }));
+                    }
+                    motions.push(plan.motion.clone());
+                    let other = plan.robot.clone();
+                    plans.push(Some(plan));
+                    let advice = "plan again after a change of the robot file, or let `robot` name that of the plan";
+                    (other, at, advice)
+                }
+            };
+            if other != robot {
+                let same_name = other.name == robot.name;
+                return Err(shelf.misfit(Misfit::OtherRobot {
+                    library: name.to_owned(),
+                    motion: item.name.clone(),
+                    other: other.name,
+                    at,
+                    robot: match same_name {
+                        true => format!("another one of that name, {robot_at}"),
+                        false => format!("`{}`", robot.name),
+                    },
+                    advice,
+                }));
+            }
+        }
+        file.check_motions(name, text, &motions).map_err(|why| shelf.faults(why))?;
+        Ok(Self { robot, file, motions, plans })
+    }
+
+    /// What is to be planned for it.
+    pub fn wanted(&self) -> Wanted<'_> {
+        let Self { robot, file, motions, plans } = self;
+        Wanted { robot, file, motions, plans }
+    }
 }
 
 /// Solves of a library, one after the other. Each returns `None` when it was stopped.

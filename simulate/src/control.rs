@@ -20,6 +20,17 @@ pub enum Control {
     Tracking(Feedback),
 }
 
+impl Control {
+    /// Steps of the world per second that a plan is played with, unless the user wants others: a controller that sees the robot
+    /// does so at each of them.
+    pub const fn usual_rate_hz(self) -> u32 {
+        match self {
+            Self::Servos | Self::FeedForward => 120,
+            Self::Tracking(_) => 500,
+        }
+    }
+}
+
 /// What the motors do, step by step.
 pub(crate) struct Controller<'s, 'p> {
     script: &'s Script<'p>,

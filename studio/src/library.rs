@@ -2,12 +2,14 @@
 
 use crate::documents::{Documents, Found, faults, missing};
 use crate::messages::{Answer, Done, Edge, Fault, Node};
-use rollwalk_planner::building::{Joined, Missing, Solver, Wanted};
+use miette::Diagnostic;
+use rollwalk_planner::building::{Contents, Joined, Misfit, Missing, Shelf, Solver};
 use rollwalk_planner::library_file::{LibraryFile, MotionSource};
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{Options, Progress, TransitionError, optimise, optimise_transition};
 use rollwalk_robot::Robot;
+use rollwalk_robot::document::DocumentError;
 use std::ops::ControlFlow;
 
 /// Plans and packs a library; also returns its bytes, which are those of `rollwalk library build` on the same machine.
@@ -19,8 +21,8 @@ pub fn build(
     path: &str,
     progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
 ) -> Result<(Done, Vec<u8>), Answer> {
-    let Read { robot, file, motions, plans } = read(documents, path)?;
-    let wanted = Wanted { robot: &robot, file: &file, motions: &motions, plans: &plans };
+    let contents = read(documents, path)?;
+    let (wanted, Contents { file, motions, .. }) = (contents.wanted(), &contents);
     let mut solver = Watched { progress };
     let stopped = || error("stopped", "build the library again");
     let nodes = wanted.motions(&mut solver).ok_or_else(stopped)?;
@@ -92,62 +94,56 @@ pub fn faults_of(documents: &Documents<'_>, path: &str) -> Result<Vec<Fault>, An
     }
 }
 
-/// A library file with everything that it names.
-struct Read {
-    robot: Robot,
-    file: LibraryFile,
-    motions: Vec<Motion>,
-    plans: Vec<Option<Plan>>,
-}
-
-fn read(documents: &Documents<'_>, path: &str) -> Result<Read, Answer> {
+/// Reads a library file and what it names.
+fn read(documents: &Documents<'_>, path: &str) -> Result<Contents, Answer> {
     let Found { path, text } =
         documents.find(path).ok_or_else(|| missing("library file", path, ""))?;
-    let beside = |kind: &str, named: &str| {
-        documents.beside(path, named).ok_or_else(|| missing(kind, named, path))
-    };
-    let of_library = |why| faults(text, &why);
-    let robot = LibraryFile::robot_path_in_toml(path, text).map_err(of_library)?;
-    let robot = documents.robot(beside("robot file", &robot)?)?;
-    let file = LibraryFile::from_toml(path, text, &robot).map_err(of_library)?;
-    let (mut motions, mut plans) = (Vec::new(), Vec::new());
-    for item in &file.motions {
-        // Plans and progress speak of it as the library does.
-        let named = |motion: Motion| Motion { name: item.name.clone(), ..motion };
-        let (other, at) = match &item.source {
-            MotionSource::Motion(named_file) => {
-                let found = beside("motion file", named_file)?;
-                let (other, motion) = documents.motion(found)?;
-                motions.push(named(motion));
-                plans.push(None);
-                (other, found.path)
-            }
-            MotionSource::Plan(named_file) => {
-                let found = beside("plan", named_file)?;
-                let plan = Plan::from_json(found.path, found.text)
-                    .map_err(|why| error(why.to_string(), "plan the motion once more"))?;
-                if plan.motion.ends == Ends::Prescribed {
-                    let message =
-                        format!("motion `{}` is a transition in {}", item.name, found.path);
-                    return Err(error(message, "name the plan of a motion"));
-                }
-                let plan = Plan { motion: named(plan.motion), ..plan };
-                motions.push(plan.motion.clone());
-                let other = plan.robot.clone();
-                plans.push(Some(plan));
-                (other, found.path)
-            }
-        };
-        if other != robot {
-            let message = format!(
-                "motion `{}` is for robot `{}` in {at}, but the library is for `{}`",
-                item.name, other.name, robot.name
-            );
-            return Err(error(message, "a library is for one robot: let both name the same file"));
-        }
+    Contents::read(path, text, &mut Beside { documents, path, text })
+}
+
+/// The documents that a library file names.
+struct Beside<'d> {
+    documents: &'d Documents<'d>,
+    path: &'d str,
+    text: &'d str,
+}
+
+impl<'d> Beside<'d> {
+    fn find(&self, kind: &str, named: &str) -> Result<Found<'d>, Answer> {
+        let found = self.documents.beside(self.path, named);
+        found.ok_or_else(|| missing(kind, named, self.path))
     }
-    file.check_motions(path, text, &motions).map_err(of_library)?;
-    Ok(Read { robot, file, motions, plans })
+}
+
+impl Shelf for Beside<'_> {
+    type Error = Answer;
+
+    fn robot(&mut self, named: &str) -> Result<(Robot, String), Answer> {
+        let found = self.find("robot file", named)?;
+        Ok((self.documents.robot(found)?, found.path.to_owned()))
+    }
+
+    fn motion(&mut self, named: &str) -> Result<(Robot, Motion, String), Answer> {
+        let found = self.find("motion file", named)?;
+        let (robot, motion) = self.documents.motion(found)?;
+        Ok((robot, motion, found.path.to_owned()))
+    }
+
+    fn plan(&mut self, named: &str) -> Result<(Plan, String), Answer> {
+        let found = self.find("plan", named)?;
+        let plan = Plan::from_json(found.path, found.text);
+        let plan = plan.map_err(|why| error(why.to_string(), "plan the motion once more"))?;
+        Ok((plan, found.path.to_owned()))
+    }
+
+    fn faults(&mut self, error: DocumentError) -> Answer {
+        faults(self.text, &error)
+    }
+
+    fn misfit(&mut self, error: Misfit) -> Answer {
+        let help = error.help().map_or_else(String::new, |help| help.to_string());
+        self::error(error.to_string(), &help)
+    }
 }
 
 fn error(message: impl Into<String>, help: &str) -> Answer {

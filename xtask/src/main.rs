@@ -3,7 +3,8 @@
 //! [`steps`] has the steps of `cargo xtask test` and `cargo xtask nightly`, [`quick`] the check of a change in one
 //! crate. [`tidy`] checks the house rules, [`bare_metal`] builds the controller's crates for the Cortex-M4, [`board`]
 //! builds, measures and emulates the board images, [`fuzz`] and [`miri`] test protocol and firmware, [`deny`] and [`sbom`] look
-//! after the crates of others, [`mod@studio`] builds the studio, [`docs`] the site of the documents, [`browsers`] tests its page, [`vcan`] runs a command on a machine with SocketCAN.
+//! after the crates of others, [`mod@studio`] builds the studio, [`browsers`] tests its page, [`docs`] builds the site of the documents,
+//! [`wheel`] the Python package, [`exports`] has other tools read what is exported, [`vcan`] runs a command on a machine with SocketCAN.
 
 mod bare_metal;
 mod board;
@@ -32,6 +33,7 @@ mod studio;
 mod tidy;
 mod toolchain;
 mod vcan;
+mod wheel;
 mod workspace;
 
 use clap::{Parser, Subcommand};

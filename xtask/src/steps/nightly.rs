@@ -3,7 +3,7 @@
 use super::{Extent, Step};
 use crate::{
     board, browsers, deny, docs, explore, fuzz, hostile, miri, mujoco, replay, sbom, shell, studio,
-    vcan, workspace,
+    vcan, wheel, workspace,
 };
 use clap::ValueEnum;
 
@@ -48,6 +48,8 @@ pub enum NightlyStep {
     Fuzz,
     /// The studio's engine as WebAssembly against the native one; its page in real browsers.
     Studio,
+    /// The Python package, as it is installed: its tests and its tutorial.
+    Wheel,
     /// Random faults and combinations of them: a thousand runs on the ground, and on a stand a thousand of each.
     FaultCampaign,
 }
@@ -75,6 +77,7 @@ impl Step for NightlyStep {
             Self::Studio => {
                 "the studio's engine as WebAssembly against the native one; its page in real browsers"
             }
+            Self::Wheel => "the Python package as it is installed",
             Self::FaultCampaign => "fault campaign with 1,000 seeds, and 1,000 runs on the ground",
         }
     }
@@ -125,6 +128,7 @@ impl Step for NightlyStep {
                 shell::run(test.env("STUDIO_WASM", wasm))?;
                 browsers::check(Extent::Full)
             }
+            Self::Wheel => wheel::check(),
             Self::FaultCampaign => {
                 let out = shell::target_folder().join("fault-campaign");
                 let programs = workspace::optimised_programs()?;

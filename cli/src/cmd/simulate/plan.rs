@@ -12,10 +12,6 @@ use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, Outcome, l
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Steps of the world per second, and with a controller that sees the robot at each of them.
-const RATE_HZ: u32 = 120;
-const TRACKING_HZ: u32 = 500;
-
 /// Output of `--json`.
 #[derive(Serialize)]
 struct Document<'a> {
@@ -33,12 +29,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         ));
     }
     let plan = inputs::plan(&args.what)?;
-    let (control, rate_hz) = match (args.tracking, args.no_feed_forward) {
-        (true, _) => (Control::Tracking(Feedback::Gains), TRACKING_HZ),
-        (false, true) => (Control::Servos, RATE_HZ),
-        (false, false) => (Control::FeedForward, RATE_HZ),
+    let control = match (args.tracking, args.no_feed_forward) {
+        (true, _) => Control::Tracking(Feedback::Gains),
+        (false, true) => Control::Servos,
+        (false, false) => Control::FeedForward,
     };
-    let rate_hz = args.rate.unwrap_or(rate_hz);
+    let rate_hz = args.rate.unwrap_or(control.usual_rate_hz());
     let tick_ms = 1e3 / f64::from(rate_hz);
     if args.delay_ms > 0.0 && args.delay_ms < 0.5 * tick_ms {
         return Err(miette!(

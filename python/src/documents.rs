@@ -1,0 +1,187 @@
+//! Files, and the files that they name, by paths relative to themselves.
+
+use crate::error::{refused, refused_by_system, wrong};
+use pyo3::prelude::*;
+use rollwalk_design::designed::{Designed, NamedText};
+use rollwalk_design::file::DesignFile;
+use rollwalk_physics::ground::{self, Ground};
+use rollwalk_planner::building::{Contents, Misfit, Shelf};
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::Plan;
+use rollwalk_robot::Robot;
+use rollwalk_robot::document::DocumentError;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Most bytes of a file: that of a plan with the most samples of a robot with the most joints has a third of it.
+const BYTES_MAX: u64 = 32 << 20;
+
+/// Where files come from.
+#[derive(Clone, Copy)]
+pub enum Source {
+    /// The file system.
+    Disk,
+    /// The files that ship with rollwalk, by their path in its repository.
+    Shipped,
+}
+
+impl Source {
+    /// The text of a file. `what` is what it should be.
+    pub fn text(self, path: &Path, what: &str) -> PyResult<NamedText> {
+        let name = path.to_string_lossy().into_owned();
+        let text = match self {
+            Self::Shipped => {
+                let text = rollwalk_shipped::text(&name);
+                text.ok_or_else(|| unknown(what, path))?.to_owned()
+            }
+            Self::Disk => {
+                let failed =
+                    |error| refused_by_system(&format!("cannot read the {what}"), path, &error);
+                let mut bytes = Vec::new();
+                let file = File::open(path).map_err(failed)?;
+                file.take(BYTES_MAX + 1).read_to_end(&mut bytes).map_err(failed)?;
+                if bytes.len() as u64 > BYTES_MAX {
+                    return Err(refused(format!(
+                        "{name}: a {what} has at most {BYTES_MAX} bytes; is this the right file?"
+                    )));
+                }
+                let not_text = |_| refused(format!("{name} is not a {what}: it is not UTF-8 text"));
+                String::from_utf8(bytes).map_err(not_text)?
+            }
+        };
+        Ok(NamedText { name, text })
+    }
+
+    /// A robot file.
+    pub fn robot(self, path: &Path) -> PyResult<Robot> {
+        let NamedText { name, text } = self.text(path, "robot file")?;
+        Robot::from_toml(&name, &text).map_err(wrong)
+    }
+
+    /// A motion file with the robot that it names.
+    pub fn motion(self, path: &Path) -> PyResult<(Robot, Motion)> {
+        let NamedText { name, text } = self.text(path, "motion file")?;
+        let robot = Motion::robot_path_in_toml(&name, &text).map_err(wrong)?;
+        let robot = self.robot(&beside(path, &robot))?;
+        let motion = Motion::from_toml(&name, &text, &robot).map_err(wrong)?;
+        Ok((robot, motion))
+    }
+
+    /// A plan.
+    pub fn plan(self, path: &Path) -> PyResult<Plan> {
+        let NamedText { name, text } = self.text(path, "plan")?;
+        Plan::from_json(&name, &text).map_err(wrong)
+    }
+
+    /// A library file with everything that it names.
+    pub fn library(self, path: &Path) -> PyResult<Contents> {
+        let NamedText { name, text } = self.text(path, "library file")?;
+        Contents::read(&name, &text, &mut Beside { source: self, path })
+    }
+
+    /// A design file with the robot and the motions that it names.
+    pub fn design(self, path: &Path) -> PyResult<Designed> {
+        let design = self.text(path, "design file")?;
+        let file = DesignFile::from_toml(&design.name, &design.text).map_err(wrong)?;
+        let robot = self.text(&beside(path, &file.robot), "robot file")?;
+        let motion = |of: &rollwalk_design::file::WeightedMotion| {
+            self.text(&beside(path, &of.file), "motion file")
+        };
+        let motions = file.motions.iter().map(motion).collect::<PyResult<_>>()?;
+        Designed::new(&design, robot, motions).map_err(wrong)
+    }
+
+    /// A terrain file.
+    pub fn terrain(self, path: &Path) -> PyResult<Arc<dyn Ground>> {
+        let NamedText { name, text } = self.text(path, "terrain file")?;
+        ground::file::from_toml(&name, &text).map_err(wrong)
+    }
+}
+
+/// The files that a library file names.
+struct Beside<'l> {
+    source: Source,
+    path: &'l Path,
+}
+
+impl Shelf for Beside<'_> {
+    type Error = PyErr;
+
+    fn robot(&mut self, named: &str) -> PyResult<(Robot, String)> {
+        let at = beside(self.path, named);
+        Ok((self.source.robot(&at)?, at.to_string_lossy().into_owned()))
+    }
+
+    fn motion(&mut self, named: &str) -> PyResult<(Robot, Motion, String)> {
+        let at = beside(self.path, named);
+        let (robot, motion) = self.source.motion(&at)?;
+        Ok((robot, motion, at.to_string_lossy().into_owned()))
+    }
+
+    fn plan(&mut self, named: &str) -> PyResult<(Plan, String)> {
+        let at = beside(self.path, named);
+        Ok((self.source.plan(&at)?, at.to_string_lossy().into_owned()))
+    }
+
+    fn faults(&mut self, error: DocumentError) -> PyErr {
+        wrong(error)
+    }
+
+    fn misfit(&mut self, error: Misfit) -> PyErr {
+        wrong(error)
+    }
+}
+
+/// The path of a file that another one names relative to itself. Without `x/..`, which names of files that ship have not.
+fn beside(path: &Path, named: &str) -> PathBuf {
+    let mut resolved = path.parent().unwrap_or(Path::new("")).to_owned();
+    for part in Path::new(named).components() {
+        let is_detour = part == std::path::Component::ParentDir
+            && resolved.file_name().is_some_and(|folder| folder != "..");
+        if is_detour {
+            resolved.pop();
+        } else {
+            resolved.push(part);
+        }
+    }
+    resolved
+}
+
+/// The path of a file that ships, in this folder and with this name.
+pub fn shipped(folder: &str, name: &str) -> PathBuf {
+    Path::new(folder).join(name).with_extension("toml")
+}
+
+fn unknown(what: &str, path: &Path) -> PyErr {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let known = rollwalk_shipped::FILES.iter().map(|(path, _)| Path::new(path));
+    let known = known.filter(|known| known.parent() == Some(folder));
+    let known = known.filter_map(|path| path.file_stem()?.to_str());
+    let (name, known) = (path.file_stem().unwrap_or_default(), known.collect::<Vec<_>>());
+    let name = name.to_string_lossy();
+    refused(format!("no {what} `{name}` ships with rollwalk: there are {}", known.join(", ")))
+}
+
+/// Write the files that ship with Rollwalk into a folder: robots, motions, libraries and designs to begin with.
+///
+/// Folders that are missing are made. Files that are there already are not touched, so that your changes stay.
+///
+/// :param folder: where to; the files are in `robots/`, `motions/` and `designs/` there.
+/// :returns: the paths of the files that were written.
+/// :raises OSError: a folder or file cannot be written.
+#[pyfunction]
+pub fn write_shipped(folder: PathBuf) -> PyResult<Vec<PathBuf>> {
+    let mut written = Vec::new();
+    for (path, text) in rollwalk_shipped::FILES {
+        let path = folder.join(path);
+        let failed = |error| refused_by_system("cannot write", &path, &error);
+        fs::create_dir_all(path.parent().unwrap_or(&folder)).map_err(failed)?;
+        if !path.exists() {
+            fs::write(&path, text).map_err(failed)?;
+            written.push(path);
+        }
+    }
+    Ok(written)
+}

@@ -1,0 +1,105 @@
+//! Motion libraries.
+
+use crate::documents::Source;
+use crate::error::{does_not_hold, refused};
+use crate::plan::{Progress, optimise};
+use crate::watch::{Watch, watched};
+use pyo3::prelude::*;
+use rollwalk_planner::building::{Contents, Joined, Missing, Solver};
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::{self as planner, Options, TransitionError, optimise_transition};
+use rollwalk_robot::Robot;
+use std::borrow::Cow;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+/// Plan every motion and transition of a library file, and pack them into a motion library, as `rollwalk library build` does:
+/// the same bytes on the same machine.
+///
+/// :param path: the library file (TOML). It names robot, motions and their codes.
+/// :param threads: on which starts of a motion are tried; as many as there are cores if it is `None`.
+/// :param progress: called with a `Progress`, at most ten times a second. What it raises ends the work.
+/// :returns: the bytes of the library: write them to a `.rwl` file for `rollwalk flash`.
+/// :raises RollwalkError: everything that is wrong in one of the files, or a motion that no library can hold.
+/// :raises OSError: a file cannot be read.
+/// :raises DoesNotHold: plans that do not hold; the exception has the first.
+/// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
+#[pyfunction]
+#[pyo3(signature = (path, *, threads = None, progress = None))]
+pub fn build_library(
+    py: Python<'_>,
+    path: PathBuf,
+    threads: Option<NonZeroUsize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Cow<'static, [u8]>> {
+    let contents = Source::Disk.library(&path)?;
+    let built =
+        watched(py, progress.as_ref(), |watch| build(&contents, &mut Watched { threads, watch }))?;
+    match built {
+        Built::Library(bytes) => Ok(bytes.into()),
+        Built::Failed(plans) => Err(does_not_hold(py, &plans.iter().collect::<Vec<_>>())),
+        Built::Refused(reason) => Err(refused(reason)),
+    }
+}
+
+/// What came of building.
+enum Built {
+    Library(Vec<u8>),
+    /// Plans that do not hold.
+    Failed(Vec<Plan>),
+    /// Why there is no library.
+    Refused(String),
+}
+
+fn build(contents: &Contents, solver: &mut Watched<'_>) -> Built {
+    let wanted = contents.wanted();
+    // Whoever stops it raises another exception.
+    let stopped = || Built::Refused("stopped".to_owned());
+    let Some(motions) = wanted.motions(solver) else { return stopped() };
+    let transitions = match wanted.transitions(&motions, solver) {
+        Ok(Some(transitions)) => transitions,
+        Ok(None) => return stopped(),
+        Err(error) => return Built::Refused(error.to_string()),
+    };
+    let all = motions.iter().chain(transitions.iter().map(|of| &of.plan));
+    let failed: Vec<Plan> =
+        all.filter(|plan| plan.solve.status != Status::Converged).cloned().collect();
+    if !failed.is_empty() {
+        return Built::Failed(failed);
+    }
+    let joined = transitions.iter().map(|of| Joined { from: of.from, to: of.to, plan: &of.plan });
+    match wanted.pack(&motions, joined) {
+        Ok(built) => Built::Library(built.bytes),
+        Err(error) => Built::Refused(error.to_string()),
+    }
+}
+
+/// Solves with progress, until it is stopped.
+struct Watched<'w> {
+    threads: Option<NonZeroUsize>,
+    watch: &'w Watch<Progress>,
+}
+
+impl Solver for Watched<'_> {
+    fn motion(&mut self, robot: &Robot, motion: &Motion, options: &Options) -> Option<Plan> {
+        let plan = optimise(robot, motion, options, self.threads, self.watch);
+        (!self.watch.is_stopped()).then_some(plan)
+    }
+
+    fn transition(
+        &mut self,
+        motion: &Motion,
+        from: &Plan,
+        to: &Plan,
+        options: &Options,
+    ) -> Result<Option<Plan>, TransitionError> {
+        let see = &mut |state: &planner::Progress| self.watch.at(Progress::of(&motion.name, state));
+        let plan = optimise_transition(motion, from, to, options, see)?;
+        Ok((!self.watch.is_stopped()).then_some(plan))
+    }
+
+    fn taken(&mut self, _: &Motion) {}
+
+    fn left_out(&mut self, _: &Motion, _: Missing<'_>) {}
+}

@@ -1,0 +1,133 @@
+//! Plans at any rate: the columns of `rollwalk export` as arrays.
+
+use crate::arrays::{matrix, vector, vectors};
+use crate::error::refused;
+use numpy::{PyArray1, PyArray2, PyArray3};
+use pyo3::prelude::*;
+use rollwalk_planner::export::Table;
+use rollwalk_planner::plan::Plan;
+
+/// A plan at a rate: T rows of J joints and E end effectors. World frame throughout, z up; the motion begins near the origin.
+///
+/// A motion that repeats ends before the row that is its first again; any other has both of its ends.
+#[pyclass(frozen, get_all, module = "rollwalk")]
+pub struct Samples {
+    /// Rows per second.
+    rate_hz: f64,
+    /// Names of the joints, the columns of `joint_…`.
+    joint_names: Vec<String>,
+    /// Names of the end effectors, the columns of `contact…`, `wheel_…` and `motor_…`.
+    end_effector_names: Vec<String>,
+    /// Time from the start of the motion, s, shape (T,).
+    time_s: Py<PyArray1<f64>>,
+    /// Origin of the body, m, shape (T, 3).
+    base_position_m: Py<PyArray2<f64>>,
+    /// World-from-body rotation, quaternions with w first, shape (T, 4).
+    base_orientation_wxyz: Py<PyArray2<f64>>,
+    /// The same as intrinsic z-y-x angles, rad, shape (T, 3); yaw is not wrapped.
+    base_yaw_pitch_roll_rad: Py<PyArray2<f64>>,
+    /// Centre of mass, m, shape (T, 3).
+    com_m: Py<PyArray2<f64>>,
+    /// Setpoints of the joints' angles, rad, shape (T, J).
+    joint_rad: Py<PyArray2<f64>>,
+    /// Setpoints of the joints' speeds, rad/s, shape (T, J).
+    joint_speed_rad_s: Py<PyArray2<f64>>,
+    /// Torques of the joints' motors that the motion takes, N·m, shape (T, J).
+    joint_torque_nm: Py<PyArray2<f64>>,
+    /// Whether each end effector stands, shape (T, E).
+    contact: Py<PyArray2<bool>>,
+    /// Contact point of each end effector, of wheels the lowest point of the rim, m, shape (T, E, 3).
+    contact_point_m: Py<PyArray3<f64>>,
+    /// Force of the ground on each end effector, N, shape (T, E, 3).
+    contact_force_n: Py<PyArray3<f64>>,
+    /// Spin of each wheel about its axis relative to the ground, rad/s, shape (T, E); NaN for what does not roll.
+    wheel_speed_rad_s: Py<PyArray2<f64>>,
+    /// Speed of each wheel's motor, rad/s, shape (T, E); NaN for what does not roll.
+    motor_speed_rad_s: Py<PyArray2<f64>>,
+    /// Torque of each wheel's motor, N·m, shape (T, E); NaN without a motor.
+    motor_torque_nm: Py<PyArray2<f64>>,
+}
+
+/// Columns of a table, found by their names one after the other: a later one may have the name of an earlier one.
+struct Columns<'t> {
+    table: &'t Table,
+    next: usize,
+}
+
+impl Columns<'_> {
+    /// Where the column of this name is, from where the last one was.
+    fn at(&mut self, name: &str) -> Option<usize> {
+        let found = self.table.columns[self.next..].iter().position(|column| column == name)?;
+        self.next += found;
+        Some(self.next)
+    }
+
+    /// Where these columns are.
+    fn all<const N: usize>(&mut self, names: [&str; N]) -> [usize; N] {
+        names.map(|name| self.at(name).expect("tables have the columns of docs/plan-format.md"))
+    }
+}
+
+impl Samples {
+    /// Of a validated plan.
+    pub fn of(py: Python<'_>, plan: &Plan, rate_hz: f64) -> PyResult<Self> {
+        let table = py.detach(|| Table::new(plan, rate_hz)).map_err(refused)?;
+        let mut columns = Columns { table: &table, next: 0 };
+        let [time] = columns.all(["time_s"]);
+        let position = columns.all(["base_x_m", "base_y_m", "base_z_m"]);
+        let angles = columns.all(["base_yaw_rad", "base_pitch_rad", "base_roll_rad"]);
+        let turned = columns.all(["base_qw", "base_qx", "base_qy", "base_qz"]);
+        let com = columns.all(["com_x_m", "com_y_m", "com_z_m"]);
+        let joint = |joint: &rollwalk_robot::Joint| {
+            let named = ["rad", "rad_s", "nm"].map(|what| format!("{}_{what}", joint.name));
+            columns.all(named.each_ref().map(String::as_str))
+        };
+        let joints: Vec<[usize; 3]> = plan.robot.joints.iter().map(joint).collect();
+        let foot = |foot: &rollwalk_robot::EndEffector| {
+            let named = |what: &str| format!("{}_{what}", foot.name);
+            let all = ["contact", "x_m", "y_m", "z_m", "fx_n", "fy_n", "fz_n"].map(named);
+            let all = columns.all(all.each_ref().map(String::as_str));
+            // Feet have none, wheels without a motor no last one.
+            let some = ["wheel_rad_s", "motor_rad_s", "motor_nm"].map(named);
+            (all, some.map(|name| columns.at(&name)))
+        };
+        let feet: Vec<([usize; 7], [Option<usize>; 3])> =
+            plan.robot.end_effectors.iter().map(foot).collect();
+        let value = |row: usize, column: usize| table.rows[row][column];
+        let count = table.rows.len();
+        let few = |of: &[usize]| matrix(py, [count, of.len()], |row, k| value(row, of[k]));
+        let of_joint =
+            |what: usize| matrix(py, [count, joints.len()], |row, k| value(row, joints[k][what]));
+        let of_foot = |from: usize| {
+            vectors(py, [count, feet.len()], |row, foot, axis| {
+                value(row, feet[foot].0[from + axis])
+            })
+        };
+        let of_wheel = |what: usize| {
+            matrix(py, [count, feet.len()], |row, foot| {
+                feet[foot].1[what].map_or(f64::NAN, |column| value(row, column))
+            })
+        };
+        Ok(Self {
+            rate_hz,
+            joint_names: plan.robot.joints.iter().map(|of| of.name.clone()).collect(),
+            end_effector_names: plan.robot.end_effectors.iter().map(|of| of.name.clone()).collect(),
+            time_s: vector(py, (0..count).map(|row| value(row, time)).collect()),
+            base_position_m: few(&position),
+            base_orientation_wxyz: few(&turned),
+            base_yaw_pitch_roll_rad: few(&angles),
+            com_m: few(&com),
+            joint_rad: of_joint(0),
+            joint_speed_rad_s: of_joint(1),
+            joint_torque_nm: of_joint(2),
+            contact: matrix(py, [count, feet.len()], |row, foot| {
+                value(row, feet[foot].0[0]) != 0.0
+            }),
+            contact_point_m: of_foot(1),
+            contact_force_n: of_foot(4),
+            wheel_speed_rad_s: of_wheel(0),
+            motor_speed_rad_s: of_wheel(1),
+            motor_torque_nm: of_wheel(2),
+        })
+    }
+}

@@ -1,0 +1,242 @@
+//! Plans on the simulated ground.
+
+use crate::arrays::{matrix, vector, vectors};
+use crate::documents::Source;
+use crate::error::refused;
+use crate::plan::Plan;
+use crate::robot::wxyz;
+use crate::watch::watched;
+use numpy::{PyArray1, PyArray2, PyArray3};
+use pyo3::prelude::*;
+use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, Outcome, play};
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+
+/// What can be asked for: steps of the world per second, periods, masses over the planned ones and coefficients of friction.
+const RATES_HZ: RangeInclusive<u32> = 30..=10_000;
+const CYCLES: RangeInclusive<u32> = 1..=10_000;
+const RATIOS: RangeInclusive<f64> = 0.01..=10.0;
+
+/// What became of a plan on the simulated ground, at N steps, of J joints and E end effectors. World frame, z up; the robot begins
+/// at the origin.
+#[pyclass(frozen, module = "rollwalk")]
+pub struct Simulation {
+    outcome: Outcome,
+    /// Simulated time at the end of each step, s, shape (N,).
+    #[pyo3(get)]
+    time_s: Py<PyArray1<f64>>,
+    /// Time of the motion then, s, shape (N,): 0 before it, its duration after it.
+    #[pyo3(get)]
+    motion_time_s: Py<PyArray1<f64>>,
+    /// Origin of the body, m, shape (N, 3).
+    #[pyo3(get)]
+    base_position_m: Py<PyArray2<f64>>,
+    /// World-from-body rotation, quaternions with w first, shape (N, 4).
+    #[pyo3(get)]
+    base_orientation_wxyz: Py<PyArray2<f64>>,
+    /// Centre of mass, m, shape (N, 3).
+    #[pyo3(get)]
+    com_m: Py<PyArray2<f64>>,
+    /// Joint angles, rad, shape (N, J).
+    #[pyo3(get)]
+    joint_rad: Py<PyArray2<f64>>,
+    /// Joint speeds, rad/s, shape (N, J).
+    #[pyo3(get)]
+    joint_speed_rad_s: Py<PyArray2<f64>>,
+    /// Torques of the joints' motors, N·m, shape (N, J).
+    #[pyo3(get)]
+    joint_torque_nm: Py<PyArray2<f64>>,
+    /// Force of the ground on each end effector, N, shape (N, E, 3).
+    #[pyo3(get)]
+    contact_force_n: Py<PyArray3<f64>>,
+}
+
+/// The state at the end of a step.
+struct Step {
+    time_s: f64,
+    motion_s: f64,
+    base_m: [f64; 3],
+    turned: [f64; 4],
+    com_m: [f64; 3],
+    /// Angle, speed and torque.
+    joints: Vec<[f64; 3]>,
+    force_n: Vec<[f64; 3]>,
+}
+
+impl Step {
+    fn of(moment: &Moment<'_>, joints: usize) -> Self {
+        let world = moment.world;
+        let (base, rotation) = world.base();
+        Self {
+            time_s: moment.done_s,
+            motion_s: moment.motion_s,
+            base_m: base.into(),
+            turned: wxyz(&rotation),
+            com_m: world.com().0.into(),
+            // Channels are joints first, then wheels.
+            joints: world.shafts().take(joints).collect(),
+            force_n: world.touches().map(|touch| touch.force.into()).collect(),
+        }
+    }
+}
+
+#[pymethods]
+impl Simulation {
+    /// Whether the robot stayed on its feet and came, on the mean of its periods, to 0.95 to 1.05 of every goal.
+    #[getter]
+    fn holds(&self) -> bool {
+        self.outcome.holds()
+    }
+
+    /// When the robot fell, s; `None` if it did not.
+    #[getter]
+    fn fell_at_s(&self) -> Option<f64> {
+        self.outcome.fell_at_s
+    }
+
+    /// Planned way of the motion, or of a period: forward, m, to the left, m, turned to the left, rad, shape (3,).
+    #[getter]
+    fn planned_way(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        vector(py, self.outcome.planned.way.values().to_vec())
+    }
+
+    /// Way of the motion, or of each of its C periods: as `planned_way`, shape (C, 3).
+    #[getter]
+    fn ways(&self, py: Python<'_>) -> Py<PyArray2<f64>> {
+        let ways: Vec<_> = self.outcome.cycles.iter().map(|way| way.values()).collect();
+        matrix(py, [ways.len(), 3], |cycle, of| ways[cycle][of])
+    }
+
+    /// By how much each way misses the planned one, m, m, rad, shape (C, 3).
+    #[getter]
+    fn drift(&self, py: Python<'_>) -> Py<PyArray2<f64>> {
+        let planned = self.outcome.planned.way.values();
+        let ways: Vec<_> = self.outcome.cycles.iter().map(|way| way.values()).collect();
+        matrix(py, [ways.len(), 3], |cycle, of| ways[cycle][of] - planned[of])
+    }
+
+    /// Achieved by planned, on the mean of the periods, of forward, left and turn; `None` where the motion has no goal.
+    #[getter]
+    fn ratios(&self) -> [Option<f64>; 3] {
+        [0, 1, 2].map(|of| self.outcome.ratio(of))
+    }
+
+    /// Way that end effectors in contact slid, m, all together.
+    #[getter]
+    fn slid_m(&self) -> f64 {
+        self.outcome.totals.slid_m
+    }
+
+    /// Mechanical work of all motors, J.
+    #[getter]
+    fn work_j(&self) -> f64 {
+        self.outcome.totals.work_j
+    }
+
+    /// Steps in which the robot was not tracked and the servos got setpoints of the plan in open loop; 0 without `tracking`.
+    #[getter]
+    fn untracked_steps(&self) -> u32 {
+        self.outcome.untracked
+    }
+
+    fn __repr__(&self) -> String {
+        let how = match self.outcome.fell_at_s {
+            Some(time_s) => format!("fell after {time_s:.2} s"),
+            None if self.outcome.holds() => "holds".to_owned(),
+            None => "does not come where the plan does".to_owned(),
+        };
+        format!("<Simulation of {:.2} s: {how}>", self.outcome.time_s)
+    }
+}
+
+/// Play a plan on the simulated ground, as `rollwalk simulate` does.
+///
+/// Open loop the servos of the robot file play it, with the planned torques on top. Other threads of the program run meanwhile.
+///
+/// :param plan: what is played.
+/// :param cycles: periods of a motion that repeats, 1 to 10,000.
+/// :param feed_forward: with the planned torques; without, the servos have their own only.
+/// :param tracking: let a controller of the whole body track the plan: it sees the robot at each step.
+/// :param rate_hz: steps of the simulation per second, 30 to 10,000; 120 if it is `None`, 500 with `tracking`.
+/// :param mass_ratio: masses of the simulated robot over those of the plan's, 0.01 to 10.
+/// :param friction: coefficient of friction of all feet, wheels and blades, 0.01 to 10; those of the plan's robot if it is `None`.
+/// :param terrain: a terrain file (TOML); level ground without.
+/// :param progress: called with the share that is done, 0 to 1, at most ten times a second. What it raises ends the run.
+/// :raises RollwalkError: a number out of its range, a wrong terrain file, or a step of the world without a solution.
+/// :raises KeyboardInterrupt: Ctrl-C, within a step.
+#[pyfunction]
+#[pyo3(signature = (
+    plan, *, cycles = 5, feed_forward = true, tracking = false, rate_hz = None,
+    mass_ratio = 1.0, friction = None, terrain = None, progress = None
+))]
+pub fn simulate(
+    py: Python<'_>,
+    plan: &Bound<'_, Plan>,
+    cycles: u32,
+    feed_forward: bool,
+    tracking: bool,
+    rate_hz: Option<u32>,
+    mass_ratio: f64,
+    friction: Option<f64>,
+    terrain: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Simulation> {
+    let plan = &plan.get().inner;
+    let control = match (tracking, feed_forward) {
+        (true, _) => Control::Tracking(Feedback::Gains),
+        (false, false) => Control::Servos,
+        (false, true) => Control::FeedForward,
+    };
+    let rate_hz = rate_hz.unwrap_or(control.usual_rate_hz());
+    within("rate_hz", rate_hz, &RATES_HZ)?;
+    within("cycles", cycles, &CYCLES)?;
+    within("mass_ratio", mass_ratio, &RATIOS)?;
+    friction.map_or(Ok(()), |friction| within("friction", friction, &RATIOS))?;
+    let mut options = Options {
+        cycles: cycles as usize,
+        mismatch: Mismatch { mass: mass_ratio, friction, ..Mismatch::default() },
+        ..Options::new(control, rate_hz)
+    };
+    if let Some(terrain) = terrain {
+        options.ground = Source::Disk.terrain(&terrain)?;
+    }
+    let joints = plan.robot.joints.len();
+    let mut steps = Vec::new();
+    let played = watched(py, progress.as_ref(), |watch| {
+        play(plan, &options, |moment| {
+            steps.push(Step::of(moment, joints));
+            watch.at(moment.done_s / moment.all_s).is_continue()
+        })
+    })?;
+    let outcome = played.map_err(refused)?;
+    let count = steps.len();
+    let of_joint = |what: usize| matrix(py, [count, joints], |at, k| steps[at].joints[k][what]);
+    Ok(Simulation {
+        outcome,
+        time_s: vector(py, steps.iter().map(|step| step.time_s).collect()),
+        motion_time_s: vector(py, steps.iter().map(|step| step.motion_s).collect()),
+        base_position_m: matrix(py, [count, 3], |at, axis| steps[at].base_m[axis]),
+        base_orientation_wxyz: matrix(py, [count, 4], |at, of| steps[at].turned[of]),
+        com_m: matrix(py, [count, 3], |at, axis| steps[at].com_m[axis]),
+        joint_rad: of_joint(0),
+        joint_speed_rad_s: of_joint(1),
+        joint_torque_nm: of_joint(2),
+        contact_force_n: vectors(py, [count, plan.robot.end_effectors.len()], |at, foot, axis| {
+            steps[at].force_n[foot][axis]
+        }),
+    })
+}
+
+/// That a number is in its range.
+fn within<T: PartialOrd + Display>(
+    name: &str,
+    value: T,
+    range: &RangeInclusive<T>,
+) -> PyResult<()> {
+    let (least, most) = (range.start(), range.end());
+    match range.contains(&value) {
+        true => Ok(()),
+        false => Err(refused(format!("{name} is {value}; expected {least} to {most}"))),
+    }
+}

@@ -1,0 +1,108 @@
+//! Long work: off Python's thread and without its lock, so that other threads run, with progress and Ctrl-C.
+//!
+//! The work has a thread of its own and looks, between two iterations, whether it shall stop. The thread that was called waits
+//! for it, looks for signals and calls back ten times a second.
+
+use pyo3::prelude::*;
+use std::ops::ControlFlow;
+use std::panic::resume_unwind;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+/// Between two looks for signals, and two calls of the callback.
+const TICK: Duration = Duration::from_millis(100);
+
+/// What the work and who waits for it say to each other.
+pub struct Watch<P> {
+    stop: AtomicBool,
+    /// The latest state, until the callback has seen it.
+    latest: Mutex<Option<P>>,
+}
+
+impl<P> Watch<P> {
+    /// Notes how far the work is; whether it goes on.
+    pub fn at(&self, state: P) -> ControlFlow<()> {
+        *self.latest() = Some(state);
+        if self.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Whether the work shall stop.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    fn latest(&self) -> MutexGuard<'_, Option<P>> {
+        self.latest.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Calls back, if there is news.
+    fn tell(&self, py: Python<'_>, progress: Option<&Py<PyAny>>) -> PyResult<()>
+    where
+        P: for<'py> IntoPyObject<'py>,
+    {
+        let news = self.latest().take();
+        match (progress, news) {
+            (Some(progress), Some(news)) => progress.call1(py, (news,)).map(drop),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Does `work`, which notes its progress and ends early when the watch is stopped. `progress` is called with the latest note at
+/// most ten times a second, and with the last one at the end.
+///
+/// # Errors
+/// What `progress` raises, and `KeyboardInterrupt`; the work is stopped first.
+pub fn watched<P, T>(
+    py: Python<'_>,
+    progress: Option<&Py<PyAny>>,
+    work: impl FnOnce(&Watch<P>) -> T + Send,
+) -> PyResult<T>
+where
+    P: Send + for<'py> IntoPyObject<'py>,
+    T: Send,
+{
+    let watch = Watch { stop: AtomicBool::new(false), latest: Mutex::new(None) };
+    let done = py.detach(|| {
+        thread::scope(|scope| {
+            let (sender, result) = channel();
+            let watch = &watch;
+            let worker = scope.spawn(move || {
+                // After a stop nobody receives it.
+                let _ = sender.send(work(watch));
+            });
+            let waited = wait(watch, progress, &result);
+            watch.stop.store(true, Ordering::Relaxed);
+            if let Err(panic) = worker.join() {
+                resume_unwind(panic);
+            }
+            waited
+        })
+    })?;
+    watch.tell(py, progress)?;
+    Ok(done.expect("work that did not panic has a result"))
+}
+
+/// Waits for the result; `None` if there will be none.
+fn wait<P, T>(
+    watch: &Watch<P>,
+    progress: Option<&Py<PyAny>>,
+    result: &Receiver<T>,
+) -> PyResult<Option<T>>
+where
+    P: for<'py> IntoPyObject<'py>,
+{
+    loop {
+        match result.recv_timeout(TICK) {
+            Ok(done) => return Ok(Some(done)),
+            Err(RecvTimeoutError::Disconnected) => return Ok(None),
+            Err(RecvTimeoutError::Timeout) => Python::attach(|py| {
+                py.check_signals()?;
+                watch.tell(py, progress)
+            })?,
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! The Python package: its wheel, built by maturin and installed in an environment of its own, where its tests and its tutorial
+//! run, and where its stubs are compared with it.
+
+use crate::{debian, shell, workspace};
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// As `python/pyproject.toml` has it.
+const MATURIN: &str = "maturin==1.16.0";
+/// Compares stubs with what is there (`stubtest`).
+const MYPY: &str = "mypy==2.4.1";
+
+/// Builds the wheel, installs it, and tests it against the command line.
+///
+/// # Errors
+/// A failed build or test, or the command that installs what is missing.
+pub fn check() -> Result<(), String> {
+    let folder = shell::target_folder().join("wheel");
+    let maturin = Environment::new(&folder.join("maturin"), &[MATURIN.as_ref()])?;
+    let wheel = build(&maturin, &folder.join("dist"))?;
+    let python = Environment::new(&folder.join("python"), &[MYPY.as_ref(), wheel.as_ref()])?;
+    let rollwalk = workspace::optimised_program("tests", "rollwalk-under-test")?;
+    let mut tests = python.module("unittest", &["discover", "-v", "-s", "python/tests"]);
+    shell::run(tests.env("ROLLWALK", &rollwalk.path))?;
+    shell::run(&mut python.module("mypy.stubtest", &["rollwalk"]))
+}
+
+/// The wheel, the only file of a folder.
+fn build(maturin: &Environment, dist: &Path) -> Result<PathBuf, String> {
+    let failed = |error: std::io::Error| format!("{}: {error}", dist.display());
+    if dist.exists() {
+        fs::remove_dir_all(dist).map_err(failed)?;
+    }
+    let build = ["build", "--release", "--locked", "-m", "python/Cargo.toml", "--out"];
+    shell::run(maturin.module("maturin", &build).arg(dist))?;
+    let mut files = fs::read_dir(dist).map_err(failed)?.filter_map(Result::ok);
+    let wheel = files.find(|file| file.path().extension().is_some_and(|ending| ending == "whl"));
+    wheel
+        .map(|file| file.path())
+        .ok_or_else(|| format!("maturin left no wheel in {}", dist.display()))
+}
