@@ -84,7 +84,7 @@ impl<'r> View<'r> {
         }
     }
 
-    /// Shows joints of a robot on a bus. Nobody knows where its body is: it stands still.
+    /// Shows joints of a robot on a bus, which does not report where its body is: it stands still.
     pub fn show_joints(&mut self, joints: &Joints) {
         if !self.live.has_clients() {
             return;

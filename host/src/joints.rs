@@ -35,7 +35,7 @@ pub struct Joint {
 /// All joints and driven wheels at one time, by channel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Joints {
-    /// As the motors told: when every channel has reported once more.
+    /// As the motors report: when every channel has reported once more.
     Measured(Vec<Joint>),
     /// As planned: at every status while a known library is played.
     Planned(Vec<Joint>),

@@ -17,7 +17,7 @@ const READERS: [&str; 5] = [
 /// # Errors
 /// The differences, or the command that installs what is missing.
 pub fn check() -> Result<(), String> {
-    let python = Environment::new("exports", &READERS)?;
+    let python = Environment::kept("exports", &READERS)?;
     let programs = workspace::programs()?;
     let consumers = workspace::find(&programs, "interchange", "consumers", true)?;
     let mut robots = consumers.tests(&["--ignored", "--nocapture"])?;

@@ -3,7 +3,7 @@
 
 use crate::{debian, shell};
 use std::env;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -43,30 +43,11 @@ pub fn path(name: &str, requirement: &str, imports: &str) -> Result<OsString, St
 pub struct Environment(PathBuf);
 
 impl Environment {
-    /// One with packages, which is kept for the next time.
+    /// In a new folder, with nothing but some packages, names with versions or files, and what they ask for.
     ///
     /// # Errors
-    /// The command that installs what is missing.
-    pub fn new(name: &str, requirements: &[&str]) -> Result<Self, String> {
-        let folder = shell::target_folder().join(name);
-        // Written last: a folder that an interruption left is made anew.
-        let (made, wanted) = (folder.join("requirements.txt"), requirements.join("\n"));
-        let is_there = || fs::read_to_string(&made).is_ok_and(|there| there == wanted);
-        let _alone = shell::installing()?;
-        if is_there() {
-            return Ok(Self(folder));
-        }
-        let python = Self::empty(&folder)?;
-        python.install(requirements)?;
-        fs::write(&made, wanted).map_err(|error| format!("{}: {error}", made.display()))?;
-        Ok(python)
-    }
-
-    /// A new one, in place of what was in the folder.
-    ///
-    /// # Errors
-    /// The command that installs what is missing.
-    pub fn empty(folder: &Path) -> Result<Self, String> {
+    /// What pip says, or the command that installs what is missing.
+    pub fn new(folder: &Path, packages: &[&OsStr]) -> Result<Self, String> {
         let mut venv = shell::command("python3", &["-m", "venv", "--clear"]);
         venv.arg(folder);
         if !shell::succeeds(&mut venv) {
@@ -75,16 +56,28 @@ impl Environment {
             })?;
             shell::run(&mut venv)?;
         }
-        Ok(Self(folder.to_owned()))
+        let python = Self(folder.to_owned());
+        let _alone = shell::installing()?;
+        let mut pip = python.module("pip", &["install", "--quiet", "--disable-pip-version-check"]);
+        shell::run(pip.args(packages))?;
+        Ok(python)
     }
 
-    /// Installs packages: names with versions, or files.
+    /// Below the target folder, with packages, as an earlier run left it.
     ///
     /// # Errors
-    /// What pip says.
-    pub fn install(&self, requirements: &[&str]) -> Result<(), String> {
-        let args = ["install", "--quiet", "--disable-pip-version-check"];
-        shell::run(self.module("pip", &args).args(requirements))
+    /// As [`new`](Self::new).
+    pub fn kept(name: &str, packages: &[&str]) -> Result<Self, String> {
+        let folder = shell::target_folder().join(name);
+        // Written last: a folder that an interruption left is made anew.
+        let (made, wanted) = (folder.join("packages.txt"), packages.join("\n"));
+        if fs::read_to_string(&made).is_ok_and(|there| there == wanted) {
+            return Ok(Self(folder));
+        }
+        let packages: Vec<_> = packages.iter().map(OsStr::new).collect();
+        let python = Self::new(&folder, &packages)?;
+        fs::write(&made, wanted).map_err(|error| format!("{}: {error}", made.display()))?;
+        Ok(python)
     }
 
     /// The interpreter.
@@ -92,7 +85,7 @@ impl Environment {
         self.0.join("bin/python")
     }
 
-    /// A module as a program.
+    /// A module with arguments, where only what is installed there is found.
     pub fn module(&self, name: &str, args: &[&str]) -> Command {
         let mut command = shell::command(&self.program().to_string_lossy(), &["-m", name]);
         command.args(args).env_remove("PYTHONPATH");

@@ -1,8 +1,8 @@
 //! The Python package: its wheel, built by maturin and installed in an environment of its own, where its tests and its tutorial
 //! run, and where its stubs are compared with it.
 
-use crate::{debian, shell, workspace};
-use std::ffi::OsStr;
+use crate::python::Environment;
+use crate::{shell, workspace};
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -150,7 +150,11 @@ pub enum FileError {
 
 /// Endings of names as they are listed.
 fn dotted(endings: &[&str]) -> String {
-    endings.iter().map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(" or ")
+    let dotted: Vec<_> = endings.iter().map(|ending| format!(".{ending}")).collect();
+    match dotted.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+        _ => dotted.concat(),
+    }
 }
 
 /// The ending of an output's name, which must be one of a format that `what` can be written in, or none.

@@ -56,7 +56,7 @@ impl Live {
         format!("ws://{LOOPBACK}:{}", self.server.port())
     }
 
-    /// Whether anybody looks.
+    /// Whether a program is connected.
     pub fn has_clients(&self) -> bool {
         self.server.client_count() > 0
     }

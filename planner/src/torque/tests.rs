@@ -105,7 +105,7 @@ fn a_wheel_that_speeds_up_takes_the_inertia_of_its_motor() {
     }
     plan.before = added.before.clone();
     let [mut without, mut with] = [&plan, &added].map(InverseDynamics::new);
-    let disc = 0.5 * WHEEL_MASS_PART * LEG_KG * 0.05_f64.powi(2);
+    let disc = 0.5 * WHEEL_MASS_SHARE * LEG_KG * 0.05_f64.powi(2);
     for k in 0..20 {
         let time_s = 0.06 * f64::from(k);
         let [without, with] = [&mut without, &mut with].map(|inverse| inverse.at(time_s));

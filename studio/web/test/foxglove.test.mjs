@@ -6,12 +6,14 @@ import { mkdtemp } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
-import { FoxgloveClient } from "@foxglove/ws-protocol";
+import protocol from "@foxglove/ws-protocol";
 import protobuf from "protobufjs";
 import "protobufjs/ext/descriptor/index.js";
 import WebSocket from "ws";
 import { program, root, said, simulator } from "./programs.mjs";
 
+// A CommonJS module has no named exports here.
+const { FoxgloveClient } = protocol;
 const TOPICS = ["/tf", "/robot", "/joint_states", "/planned_joint_states", "/forces"];
 const SCHEMAS = ["foxglove.FrameTransforms", "foxglove.SceneUpdate", "foxglove.JointStates", "foxglove.JointStates", "foxglove.SceneUpdate"];
 
@@ -72,12 +74,13 @@ describe("robots in Foxglove", { skip: program && simulator ? false : "STUDIO_RO
     const frames = await client.some("/tf", 20);
     assert.deepEqual(TOPICS.map((topic) => client.channels.get(topic)?.schemaName), SCHEMAS);
     assert.equal(client.info.name, "agilebot");
-    // Nobody can command the robot here.
+    // No client can command the robot here.
     assert.deepEqual(client.info.capabilities, []);
-    const names = new Set(frames.flatMap((message) => message.transforms.map((of) => of.childFrameId)));
+    const names = new Set(frames.flatMap((message) => message.transforms.map((of) => of.child_frame_id)));
+    assert.ok(names.has("body") && names.has("planned/body"), [...names].join());
     const solids = await client.some("/robot", 2);
-    for (const entity of solids.flatMap((message) => message.entities)) assert.ok(names.has(entity.frameId), entity.frameId);
-    const body = frames.at(-1).transforms.find((of) => of.parentFrameId === "world");
+    for (const entity of solids.flatMap((message) => message.entities)) assert.ok(names.has(entity.frame_id), entity.frame_id);
+    const body = frames.at(-1).transforms.find((of) => of.parent_frame_id === "world");
     assert.ok(body.translation.z > 0.05 && body.translation.z < 2, JSON.stringify(body));
     const joints = (await client.some("/joint_states", 1))[0].joints;
     assert.equal(joints.length, 20);
