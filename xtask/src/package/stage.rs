@@ -33,6 +33,8 @@ pub fn write(programs: &Programs, stage: &Path) -> Result<(), String> {
     let manual = stage.join("share/man/man1");
     make_folder(&manual)?;
     shell::output(shell::command(&rollwalk, &["man", "--out"]).arg(&manual))?;
+    // As Debian's policy has it; without names and times of files.
+    shell::run(shell::command("gzip", &["-9nr"]).arg(&manual))?;
     for program in PROGRAMS {
         copy(&programs.path(program), &stage.join("bin").join(program))?;
         for (name, folder, before, behind) in SHELLS {
