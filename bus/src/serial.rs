@@ -15,6 +15,14 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 use std::time::Instant;
 
+/// Group of the users who may use serial devices.
+pub const GROUP: &str = "dialout";
+
+/// What a user types who has to be in a group.
+pub fn join(group: &str) -> String {
+    format!("sudo usermod -aG {group} $USER, then log in again")
+}
+
 /// Opens a device.
 ///
 /// # Errors
@@ -49,10 +57,9 @@ fn refused(device: &Path, baud: u32, error: &serialport::Error) -> OpenError {
             what: format!("another program uses `{shown}`"),
             help: format!("end it first; fuser {shown} shows which it is"),
         },
-        ErrorKind::Io(io::ErrorKind::PermissionDenied) => OpenError {
-            what: format!("you may not use `{shown}`"),
-            help: "sudo usermod -aG dialout $USER, then log in again".into(),
-        },
+        ErrorKind::Io(io::ErrorKind::PermissionDenied) => {
+            OpenError { what: format!("you may not use `{shown}`"), help: join(GROUP) }
+        }
         ErrorKind::InvalidInput => OpenError {
             what: format!("`{shown}` cannot run at {baud} bit/s ({error})"),
             help: format!(
@@ -66,13 +73,18 @@ fn refused(device: &Path, baud: u32, error: &serialport::Error) -> OpenError {
     }
 }
 
-/// Serial ports that look like adapters and boards.
-fn devices() -> String {
+/// Serial ports that look like adapters and boards, sorted: `/dev/ttyUSB0`.
+pub fn list() -> Vec<String> {
     let names = fs::read_dir("/dev").into_iter().flatten().flatten();
     let names = names.filter_map(|entry| entry.file_name().into_string().ok());
     let is_adapter = |name: &String| name.starts_with("ttyUSB") || name.starts_with("ttyACM");
     let mut names: Vec<_> = names.filter(is_adapter).map(|name| format!("/dev/{name}")).collect();
     names.sort();
+    names
+}
+
+fn devices() -> String {
+    let names = list();
     if names.is_empty() {
         return "no adapter is plugged in; `sudo dmesg` shows what the kernel sees".into();
     }

@@ -14,6 +14,8 @@ use std::fs;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
+/// Adapters as the kernel's drivers tell of them, a folder each.
+const DEVICES: &str = "/sys/bus/usb-serial/devices";
 /// The longest time that an adapter of FTDI's keeps bytes back, ms. From the factory 16: two control periods.
 const LATENCY_MS: u32 = 1;
 
@@ -25,23 +27,52 @@ pub fn open(device: &Path, baud: u32) -> Result<Port, OpenError> {
     let (reader, writer) = open_device(device, baud)?;
     let complaint = device.file_name().and_then(|name| {
         let name = name.to_string_lossy();
-        hurry(Path::new("/sys/bus/usb-serial/devices"), &name)
+        hurry(Path::new(DEVICES), &name)
     });
     Ok(port(&device.display().to_string(), reader, writer, complaint))
 }
 
-/// Has an adapter of FTDI's pass bytes on at once; returns what to do where that is not allowed. Other adapters have no
-/// such setting.
+/// How long an adapter keeps bytes back.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Latency {
+    /// The setting, a file of the kernel's.
+    pub setting: PathBuf,
+    /// Its value, ms.
+    pub ms: u32,
+}
+
+impl Latency {
+    /// That of a device, such as `ttyUSB0`; `None` for adapters without such a setting, which are all but FTDI's.
+    pub fn of(name: &str) -> Option<Self> {
+        Self::below(Path::new(DEVICES), name)
+    }
+
+    fn below(devices: &Path, name: &str) -> Option<Self> {
+        let setting = devices.join(name).join("latency_timer");
+        let ms = fs::read_to_string(&setting).ok()?.trim().parse().ok()?;
+        Some(Self { setting, ms })
+    }
+
+    /// Whether poses of servos behind it come too late.
+    pub fn is_long(&self) -> bool {
+        self.ms > LATENCY_MS
+    }
+
+    /// Command that makes it short.
+    pub fn shorten(&self) -> String {
+        format!("echo {LATENCY_MS} | sudo tee {}", self.setting.display())
+    }
+}
+
+/// Has an adapter of FTDI's pass bytes on at once; returns what to do where that is not allowed.
 fn hurry(devices: &Path, name: &str) -> Option<String> {
-    let setting = devices.join(name).join("latency_timer");
-    let latency_ms: u32 = fs::read_to_string(&setting).ok()?.trim().parse().ok()?;
-    if latency_ms <= LATENCY_MS || fs::write(&setting, LATENCY_MS.to_string()).is_ok() {
+    let latency = Latency::below(devices, name).filter(Latency::is_long)?;
+    if fs::write(&latency.setting, LATENCY_MS.to_string()).is_ok() {
         return None;
     }
-    let setting = setting.display();
+    let (ms, shorten) = (latency.ms, latency.shorten());
     Some(format!(
-        "the adapter keeps answers back for up to {latency_ms} ms, and poses come too late: \
-         echo {LATENCY_MS} | sudo tee {setting}"
+        "the adapter keeps answers back for up to {ms} ms, and poses come too late: {shorten}"
     ))
 }
 

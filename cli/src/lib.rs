@@ -29,6 +29,7 @@ mod shipped;
 mod signing;
 pub mod sim;
 mod studio;
+mod system;
 mod terrain;
 mod tour;
 mod world_log;

@@ -15,23 +15,37 @@ const FFMPEG: Tool = Tool { program: "ffmpeg", package: "ffmpeg" };
 /// Pixels of a PNG by those of the SVG: sharp on displays of today.
 const ZOOM: &str = "2";
 
+/// Programs without which there are fewer kinds of pictures.
+pub const TOOLS: [Tool; 2] = [RSVG, FFMPEG];
+
 /// A program that is installed or not.
-struct Tool {
-    program: &'static str,
-    package: &'static str,
+#[derive(Clone, Copy, Debug)]
+pub struct Tool {
+    /// Its name on the path.
+    pub program: &'static str,
+    /// Debian's package that has it.
+    pub package: &'static str,
 }
 
 impl Tool {
+    /// Whether the path has it.
+    pub fn is_installed(&self) -> bool {
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        std::env::split_paths(&path).any(|folder| folder.join(self.program).is_file())
+    }
+
+    /// How it is installed.
+    pub fn install(&self) -> String {
+        format!("`sudo apt install {}` on Debian and Ubuntu", self.package)
+    }
+
     /// Runs it in a folder.
     fn run(&self, folder: &Path, args: &[&str]) -> miette::Result<()> {
         let mut command = Command::new(self.program);
         command.args(args).current_dir(folder).stdin(Stdio::null());
         let output = command.output().map_err(|error| {
             miette!(
-                help = format!(
-                    "install it (`sudo apt install {}` on Debian and Ubuntu), or write .svg",
-                    self.package
-                ),
+                help = format!("install it ({}), or write .svg", self.install()),
                 "cannot run {}: {error}",
                 self.program
             )

@@ -11,7 +11,7 @@ fn shipped(name: &str) -> Robot {
 
 #[test]
 fn robots_come_back_from_urdf_with_their_joints_wheels_and_masses() {
-    for name in ["agilebot", "pup", "anymal", "swizzlebot", "creature3"] {
+    for name in ["agilebot", "pup", "anymal_wheels", "swizzlebot", "creature3"] {
         let robot = shipped(name);
         let text = rollwalk_interchange::urdf(&robot, &[]).unwrap();
         let urdf = Text { name, text: &text };

@@ -56,6 +56,17 @@ fn completions_name_the_subcommands() {
 }
 
 #[test]
+fn doctor_looks_at_this_computer_without_a_bus() {
+    let desk = desk();
+    let output = desk.command(&["doctor", "--system", "--json"]).output().unwrap();
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let findings = report["findings"].as_array().unwrap();
+    assert!(!findings.is_empty());
+    let is_wrong = findings.iter().any(|finding| finding["gravity"] == "wrong");
+    assert_eq!(output.status.code(), Some(if is_wrong { 5 } else { 0 }), "{findings:#?}");
+}
+
+#[test]
 fn a_closed_pipe_is_no_error() {
     let desk = desk();
     let mut command = desk.command(&["completions", "bash"]);

@@ -3,8 +3,9 @@
 //! [`steps`] has the steps of `cargo xtask test` and `cargo xtask nightly`, [`quick`] the check of a change in one
 //! crate. [`tidy`] checks the house rules, [`bare_metal`] builds the controller's crates for the Cortex-M4, [`board`]
 //! builds, measures and emulates the board images, [`fuzz`] and [`miri`] test protocol and firmware, [`deny`] and [`sbom`] look
-//! after the crates of others, [`mod@studio`] builds the studio, [`browsers`] tests its page, [`docs`] builds the site of the documents,
-//! [`wheel`] the Python package, [`exports`] has other tools read what is exported, [`vcan`] runs a command on a machine with SocketCAN.
+//! after the crates of others, [`package`] makes what is installed, [`mod@studio`] builds the studio, [`browsers`] tests its page, [`docs`]
+//! builds the site of the documents, [`wheel`] the Python package, [`exports`] has other tools read what is exported, [`vcan`] runs a
+//! command on a machine with SocketCAN.
 
 mod bare_metal;
 mod board;
@@ -21,6 +22,7 @@ mod hostile;
 mod markdown;
 mod miri;
 mod mujoco;
+mod package;
 mod parallel;
 mod programs;
 mod python;
@@ -107,6 +109,9 @@ enum Task {
         #[arg(long, value_name = "FILE")]
         input: Option<std::path::PathBuf>,
     },
+    /// Build what is installed into `package` of the target folder: an archive and a Debian package with static programs for
+    /// Linux on x86-64, manual pages, completions, udev rules and the files that ship; and the notes of the release.
+    Package(package::Options),
     /// Plan and replay every shipped motion in MuJoCo, and motions of robots from URDF files, and write the tables of
     /// docs/replay.md and the numbers of README: about an hour.
     Replay(replay::Options),
@@ -137,6 +142,7 @@ fn main() -> ExitCode {
         Task::Sizes { json } => board::sizes(json),
         Task::Docs(options) => docs::build(&options),
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
+        Task::Package(options) => package::write(&options),
         Task::Sbom { out } => sbom::write(out.as_deref()),
         Task::Replay(options) => replay::document(&options),
         Task::Studio => studio::build(),

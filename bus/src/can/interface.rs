@@ -1,6 +1,7 @@
 //! CAN interfaces of this computer: lists them, and opens one that can be used.
 
 use crate::open::OpenError;
+use socketcan::nl::CanState;
 use socketcan::{CanInterface, CanSocket, Socket};
 use std::fs;
 use std::io;
@@ -10,6 +11,8 @@ use std::path::Path;
 const TYPE_CAN: &str = "280";
 /// `IFF_UP` in `flags` of a network interface.
 const UP: u32 = 1;
+/// Bitrate of the link, unless another is given, bit/s.
+pub const DEFAULT_BITRATE: u32 = 1_000_000;
 
 /// Names of all CAN interfaces, sorted.
 pub fn list() -> Vec<String> {
@@ -18,6 +21,60 @@ pub fn list() -> Vec<String> {
     let mut names: Vec<_> = names.filter(|name| attribute(name, "type") == TYPE_CAN).collect();
     names.sort();
     names
+}
+
+/// An interface as the kernel tells of it, without opening it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Interface {
+    /// Name, as in `can:NAME`.
+    pub name: String,
+    /// Whether it is up.
+    pub is_up: bool,
+    /// Whether it has no hardware of its own: `vcan`, `slcan`.
+    pub is_virtual: bool,
+    /// Bitrate, bit/s; virtual interfaces and some drivers have none.
+    pub bitrate: Option<u32>,
+    /// Whether its controller has left the bus after too many errors.
+    pub is_bus_off: bool,
+}
+
+impl Interface {
+    /// What the kernel tells of the interface `name`.
+    pub fn describe(name: &str) -> Self {
+        let netlink = CanInterface::open(name).ok();
+        let netlink = netlink.as_ref();
+        let state = netlink.and_then(|interface| interface.state().ok().flatten());
+        Self {
+            name: name.to_owned(),
+            is_up: is_up(name),
+            is_virtual: is_virtual(name),
+            bitrate: netlink.and_then(|interface| interface.bit_rate().ok().flatten()),
+            is_bus_off: matches!(state, Some(CanState::BusOff)),
+        }
+    }
+
+    /// Command that brings it up at this bitrate.
+    pub fn set_up(&self, bitrate: u32) -> String {
+        set_up(&self.name, self.is_virtual, bitrate)
+    }
+}
+
+/// Whether this kernel has SocketCAN, and this process may use it.
+///
+/// # Errors
+/// What is missing, and the command that mends it.
+pub fn check_support() -> Result<(), OpenError> {
+    // All interfaces at once: opens if the kernel knows CAN at all.
+    let Err(error) = CanSocket::open_iface(0) else { return Ok(()) };
+    Err(match error.raw_os_error() {
+        Some(UNKNOWN_FAMILY | UNKNOWN_PROTOCOL) => OpenError {
+            what: "this kernel has no SocketCAN".into(),
+            help: "sudo modprobe can_raw; if there is no such module, this kernel was built \
+                   without it: use a serial: or slcan: bus, or sim"
+                .into(),
+        },
+        _ => refused("SocketCAN", &error),
+    })
 }
 
 /// Opens an interface that is up and has the right bitrate. Also returns the bitrate, if the driver reports it.
@@ -33,15 +90,8 @@ pub fn open(name: &str, bitrate: Option<u32>) -> Result<(CanSocket, Option<u32>)
             choices(),
         ));
     }
-    let rate = bitrate.unwrap_or(1_000_000);
-    let set_up = if is_virtual(name) {
-        format!("sudo ip link set {name} up")
-    } else {
-        format!("sudo ip link set {name} up type can bitrate {rate}")
-    };
-    let flags = attribute(name, "flags");
-    let flags = u32::from_str_radix(flags.trim_start_matches("0x"), 16).unwrap_or(UP);
-    if flags & UP == 0 {
+    let set_up = set_up(name, is_virtual(name), bitrate.unwrap_or(DEFAULT_BITRATE));
+    if !is_up(name) {
         return Err(problem(format!("the CAN interface `{name}` is down"), set_up));
     }
     // Virtual interfaces and some drivers have none.
@@ -61,6 +111,20 @@ fn attribute(interface: &str, attribute: &str) -> String {
     fs::read_to_string(path).map(|text| text.trim().to_owned()).unwrap_or_default()
 }
 
+fn is_up(name: &str) -> bool {
+    let flags = attribute(name, "flags");
+    let flags = u32::from_str_radix(flags.trim_start_matches("0x"), 16).unwrap_or(UP);
+    flags & UP != 0
+}
+
+fn set_up(name: &str, is_virtual: bool, bitrate: u32) -> String {
+    if is_virtual {
+        format!("sudo ip link set {name} up")
+    } else {
+        format!("sudo ip link set {name} up type can bitrate {bitrate}")
+    }
+}
+
 fn is_virtual(name: &str) -> bool {
     // Hardware has a device; `vcan` and `slcan` have none.
     !Path::new("/sys/class/net").join(name).join("device").exists()
@@ -68,24 +132,16 @@ fn is_virtual(name: &str) -> bool {
 
 fn missing(name: &str) -> OpenError {
     let what = format!("there is no network interface `{name}`");
-    // All interfaces at once: opens if the kernel knows CAN at all.
-    if let Err(error) = CanSocket::open_iface(0) {
-        return match error.raw_os_error() {
-            Some(UNKNOWN_FAMILY | UNKNOWN_PROTOCOL) => OpenError {
-                what: format!("{what}, and this kernel has no SocketCAN"),
-                help: "sudo modprobe can_raw; if there is no such module, this kernel was built \
-                       without it: use a serial: or slcan: bus, or sim"
-                    .into(),
-            },
-            _ => refused(name, &error),
-        };
+    if let Err(OpenError { what: why, help }) = check_support() {
+        return OpenError { what: format!("{what}, and {why}"), help };
     }
-    let help = if name.starts_with("vcan") {
-        format!("sudo modprobe vcan; sudo ip link add {name} type vcan; sudo ip link set {name} up")
-    } else {
-        choices()
-    };
+    let help = if name.starts_with("vcan") { create_virtual(name) } else { choices() };
     OpenError { what, help }
+}
+
+/// Command that creates a virtual interface and brings it up.
+pub fn create_virtual(name: &str) -> String {
+    format!("sudo modprobe vcan; sudo ip link add {name} type vcan; sudo ip link set {name} up")
 }
 
 /// `EAFNOSUPPORT` and `EPROTONOSUPPORT` of Linux.

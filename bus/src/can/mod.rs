@@ -7,7 +7,7 @@ mod flight;
 mod health;
 mod interface;
 
-pub use interface::list;
+pub use interface::{DEFAULT_BITRATE, Interface, check_support, create_virtual, list};
 
 use crate::link::LinkError;
 use crate::open::OpenError;
@@ -28,7 +28,7 @@ const DEAD_US: u64 = 100_000;
 const WAIT: Duration = Duration::from_millis(50);
 
 /// Interface shared by its inlet and its outlet.
-struct Interface {
+struct Shared {
     name: String,
     bitrate: Option<u32>,
     socket: socketcan::CanSocket,
@@ -63,7 +63,7 @@ pub fn open(name: &str, bitrate: Option<u32>, depth: usize) -> Result<Port, Open
         health: Health::default(),
         reported: BusState::Active,
     };
-    let interface = Interface {
+    let interface = Shared {
         name: name.to_owned(),
         bitrate,
         socket,
@@ -79,7 +79,7 @@ pub fn open(name: &str, bitrate: Option<u32>, depth: usize) -> Result<Port, Open
     Ok(Port { outlet, inlet: Box::new(CanInlet(interface)) })
 }
 
-impl Interface {
+impl Shared {
     fn set_up(&self) -> io::Result<()> {
         self.socket.set_nonblocking(true)?;
         // The kernel echoes our frames once they are transmitted.
@@ -117,7 +117,7 @@ const NO_DEVICE: [i32; 2] = [6, 19];
 /// `ENOBUFS` of Linux: the interface's queue is full.
 const NO_BUFFERS: i32 = 105;
 
-struct CanOutlet(Arc<Interface>);
+struct CanOutlet(Arc<Shared>);
 
 impl Outlet for CanOutlet {
     fn is_free(&self) -> bool {
@@ -153,7 +153,7 @@ impl Outlet for CanOutlet {
     }
 }
 
-struct CanInlet(Arc<Interface>);
+struct CanInlet(Arc<Shared>);
 
 impl Inlet for CanInlet {
     fn next_event(&mut self) -> Result<Option<Event>, LinkError> {

@@ -1,6 +1,7 @@
 //! `rollwalk completions SHELL`: prints a completion script.
 
-use crate::{Exit, output};
+use crate::{Exit, output, sim};
+use clap::ValueEnum;
 use clap_complete::Shell;
 
 /// Print a completion script for your shell.
@@ -9,16 +10,35 @@ use clap_complete::Shell;
 Examples:
   rollwalk completions bash > ~/.local/share/bash-completion/completions/rollwalk
   rollwalk completions zsh > ~/.zfunc/_rollwalk
-  rollwalk completions fish > ~/.config/fish/completions/rollwalk.fish")]
+  rollwalk completions fish > ~/.config/fish/completions/rollwalk.fish
+  rollwalk completions fish --of rollwalk-sim > ~/.config/fish/completions/rollwalk-sim.fish")]
 pub struct Args {
     /// The shell.
     shell: Shell,
+    /// The program whose command line is completed.
+    #[arg(long, value_name = "PROGRAM", default_value = "rollwalk")]
+    of: Program,
+}
+
+/// A program of ours.
+#[derive(Clone, Copy, ValueEnum)]
+enum Program {
+    /// The tools.
+    Rollwalk,
+    /// The simulated robot.
+    RollwalkSim,
 }
 
 /// Prints the script.
-pub fn run(args: &Args, command: &mut clap::Command) -> miette::Result<Exit> {
+pub fn run(args: &Args, root: &mut clap::Command) -> miette::Result<Exit> {
+    let mut simulator = sim::command_line();
+    let command = match args.of {
+        Program::Rollwalk => root,
+        Program::RollwalkSim => &mut simulator,
+    };
+    let name = command.get_name().to_owned();
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, command, "rollwalk", &mut script);
+    clap_complete::generate(args.shell, command, name, &mut script);
     output::print(&String::from_utf8_lossy(&script))?;
     Ok(Exit::Ok)
 }

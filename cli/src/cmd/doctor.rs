@@ -4,10 +4,9 @@ use crate::inputs::Source;
 use crate::link::names::NamesArgs;
 use crate::link::{Interruptible, LinkArgs};
 use crate::output::Table;
-use crate::{Exit, interrupt, output};
+use crate::{Exit, interrupt, output, system};
 use miette::miette;
 use rollwalk_bus::link::LinkBus;
-use rollwalk_bus::priority;
 use rollwalk_host::decode::decode;
 use rollwalk_host::describe::{event_sentence, state_name};
 use rollwalk_host::doctor::{Finding, Findings, Gravity, Traffic};
@@ -23,15 +22,24 @@ const LISTEN_US: u64 = 2_000_000;
 const BITRATE: u32 = 1_000_000;
 
 /// Diagnose a robot: why it cannot be armed, why it stopped, which motors do not answer, how loaded the bus is, and
-/// which commands help.
+/// which commands help. With --system: whether this computer is ready for robots.
 ///
 /// Listens for two seconds, then reads the controller's identity and log. It sends no command to the robot. Exit code 5
 /// when it finds a fault.
+///
+/// With --system it looks at this computer alone: SocketCAN and CAN interfaces, access to serial devices and how long
+/// adapters keep bytes back, real-time priority, gamepads, and programs that make pictures. It opens no bus.
 #[derive(clap::Args)]
+// No bus is opened then, but one belongs to the arguments of a link.
+#[command(mut_arg("bus", |bus| bus
+    .required(false)
+    .required_unless_present("system")
+    .default_value_if("system", "true", "sim")))]
 #[command(after_long_help = "\
 Examples:
   rollwalk doctor --bus can:can0
   rollwalk doctor --bus can:can0 --expect pup.toml    # is it this robot?
+  rollwalk doctor --system                            # is this computer ready?
   rollwalk doctor --bus sim --json | jq '.findings[] | select(.gravity == \"wrong\")'
 
 docs/faults.md has a page for every fault.")]
@@ -43,6 +51,9 @@ pub struct Args {
     /// Robot file (TOML) that the controller's firmware should have been built from.
     #[arg(long = "expect", value_name = "ROBOT.toml")]
     expected: Option<std::path::PathBuf>,
+    /// Look at this computer in place of a robot.
+    #[arg(long, conflicts_with_all = ["node", "expected", "robot", "library"])]
+    system: bool,
     /// Print as JSON.
     #[arg(long)]
     json: bool,
@@ -55,6 +66,12 @@ struct Report {
     log: Vec<Entry>,
     load_percent: f64,
     load: Vec<Load>,
+}
+
+/// Output of `--system --json`.
+#[derive(Serialize)]
+struct SystemReport {
+    findings: Vec<Finding>,
 }
 
 /// An entry of the controller's log.
@@ -77,6 +94,15 @@ struct Load {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
+    if args.system {
+        let report = SystemReport { findings: system::findings() };
+        if args.json {
+            output::print_json(&report)?;
+        } else {
+            output::print(&lines(&report.findings).join("\n"))?;
+        }
+        return Ok(judge(&report.findings));
+    }
     let expected = args.expected.as_deref().map(|path| -> miette::Result<u32> {
         let robot = Source::Disk.robot(path)?;
         let config = robot.controller_config().map_err(|error| miette!("{error}"))?;
@@ -113,8 +139,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     } else {
         output::print(&text(&report))?;
     }
-    let wrong = report.findings.iter().any(|finding| finding.gravity == Gravity::Wrong);
-    Ok(if wrong { Exit::NotDone } else { Exit::Ok })
+    Ok(judge(&report.findings))
+}
+
+fn judge(findings: &[Finding]) -> Exit {
+    let is_wrong = findings.iter().any(|finding| finding.gravity == Gravity::Wrong);
+    if is_wrong { Exit::NotDone } else { Exit::Ok }
 }
 
 /// Listens to the bus: its traffic, one frame of each identifier, and other hosts of the controller.
@@ -180,24 +210,14 @@ fn report(
     });
     let load = load.collect();
     let load_percent = heard.load_percent(bitrate);
-    let findings = findings.diagnose().into_iter().chain(priority_note()).collect();
+    let findings = findings.diagnose().into_iter().chain(system::priority_note()).collect();
     Report { findings, log: log.collect(), load_percent, load }
 }
 
-/// Whether this computer runs us before others when it is busy.
-fn priority_note() -> Option<Finding> {
-    (cfg!(target_os = "linux") && !priority::raise()).then(|| Finding {
-        gravity: Gravity::Note,
-        what: "this computer gives rollwalk no real-time priority: when it is busy, heartbeats may come late, and the \
-               robot returns to SAFE"
-            .into(),
-        help: "the line `YOUR_NAME - rtprio 1` in /etc/security/limits.conf, and a new login".into(),
-    })
-}
-
-fn text(report: &Report) -> String {
+/// Findings, each with what to do below it.
+fn lines(findings: &[Finding]) -> Vec<String> {
     let mut lines = Vec::new();
-    for Finding { gravity, what, help } in &report.findings {
+    for Finding { gravity, what, help } in findings {
         let mark = match gravity {
             Gravity::Fine => '✓',
             Gravity::Note => '·',
@@ -208,6 +228,11 @@ fn text(report: &Report) -> String {
             lines.push(format!("    {help}"));
         }
     }
+    lines
+}
+
+fn text(report: &Report) -> String {
+    let mut lines = lines(&report.findings);
     if !report.log.is_empty() {
         let mut table = Table::new(["what the controller remembers", "s ago", "", ""]);
         for entry in &report.log {

@@ -19,6 +19,7 @@ mod identify;
 mod import;
 mod keys;
 mod library;
+mod man;
 mod monitor;
 mod orders;
 mod plan;
@@ -85,10 +86,11 @@ pub enum Command {
     Dbc(dbc::Args),
     Bench(bench::Args),
     Completions(completions::Args),
+    Man(man::Args),
 }
 
 impl Command {
-    /// Runs the subcommand; `root` is the whole command line, for the completion scripts.
+    /// Runs the subcommand; `root` is the whole command line, for completion scripts and manual pages.
     ///
     /// # Errors
     /// Bad input and files that cannot be read or written, as reports for the terminal.
@@ -125,6 +127,7 @@ impl Command {
             Command::Dbc(args) => dbc::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Completions(args) => completions::run(args, root),
+            Command::Man(args) => man::run(args, root),
         }
     }
 }

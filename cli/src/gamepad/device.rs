@@ -3,6 +3,7 @@
 use super::capabilities;
 use evdev::{AbsoluteAxisCode, Device, EventSummary, KeyCode};
 use miette::miette;
+use rollwalk_bus::serial::join;
 use rollwalk_gamepads::pad::{Event, normal};
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,6 +15,8 @@ use std::time::Duration;
 
 /// Interval between attempts to find a disconnected gamepad.
 const RETRY: Duration = Duration::from_secs(1);
+/// Group of the users who may read them.
+pub const GROUP: &str = "input";
 /// Folder of devices.
 const FOLDER: &str = "/dev/input";
 /// A device with one of these is a gamepad.
@@ -67,11 +70,7 @@ fn is_denied(error: &io::Error) -> bool {
 }
 
 fn denied(path: &Path) -> miette::Report {
-    miette!(
-        help = "sudo usermod -aG input $USER, then log in again",
-        "{} may not be read by this user",
-        path.display()
-    )
+    miette!(help = join(GROUP), "{} may not be read by this user", path.display())
 }
 
 fn listed(all: &[Found]) -> String {
@@ -83,7 +82,7 @@ fn listed(all: &[Found]) -> String {
 }
 
 /// All readable gamepads, and one that is not readable. Keyboards are never readable, for good reason, and left out.
-fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
+pub fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
     let (mut all, mut unreadable) = (Vec::new(), None);
     let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();
     let mut paths: Vec<_> = entries

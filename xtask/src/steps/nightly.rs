@@ -2,8 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    board, browsers, deny, docs, explore, fuzz, hostile, miri, mujoco, replay, sbom, shell, studio,
-    vcan, wheel, workspace,
+    board, browsers, deny, docs, explore, fuzz, hostile, miri, mujoco, package, replay, sbom,
+    shell, studio, vcan, wheel, workspace,
 };
 use clap::ValueEnum;
 
@@ -22,6 +22,8 @@ pub enum NightlyStep {
     Deny,
     /// The site of the documents, with all that comes from the code.
     Docs,
+    /// The Debian package, installed where nothing else is, with the tutorial of README.
+    Package,
     /// AgileBot with its twenty motors on real CAN interfaces, and the emulated board behind `slcand`.
     Vcan,
     /// The whole demo on the emulated board, over its UART, and a robot of other drives.
@@ -62,6 +64,7 @@ impl Step for NightlyStep {
         match self {
             Self::Deny => "advisories, licences and duplicates; bills of materials",
             Self::Docs => "the site of the documents, and its links",
+            Self::Package => "the Debian package on a fresh Debian",
             Self::Vcan => "AgileBot and the emulated board on real CAN interfaces",
             Self::BoardUart => "the whole demo and another robot on the emulated board",
             Self::Sizes => "sizes and instructions of the emulated board's image",
@@ -86,6 +89,7 @@ impl Step for NightlyStep {
         match self {
             Self::Deny => deny::check().and_then(|()| sbom::write(None)),
             Self::Docs => docs::build(&docs::Options { reference: true }),
+            Self::Package => package::check(),
             Self::Vcan => vcan::check(Extent::Full),
             Self::BoardUart => board::demo_over_uart()
                 .and_then(|()| board::other_robot(&shell::workspace_root().join(OTHER_ROBOT))),

@@ -1,0 +1,145 @@
+//! What is installed: one archive and one Debian package with static programs, manual pages, completions of shells, udev rules
+//! and the files that ship; and the notes of the release.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`build`] | static programs in which nothing tells where they were built |
+//! | [`stage`] | the tree of files that both packages have |
+//! | [`notes`] | the notes of a release, from the changelog |
+//! | [`clean`] | the Debian package on a Debian that has nothing else |
+//!
+//! The same commit gives the same bytes: files are sorted, belong to root and have the date of the commit.
+
+mod build;
+mod clean;
+mod notes;
+mod stage;
+
+use crate::{shell, toolchain};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const CARGO_DEB: (&str, &str) = ("cargo-deb", "3.8.0");
+
+/// How to package.
+#[derive(clap::Args)]
+pub struct Options {
+    /// Build all a second time, in a target folder of its own, and compare the bytes.
+    #[arg(long)]
+    twice: bool,
+}
+
+/// What was packaged.
+struct Packages {
+    archive: PathBuf,
+    debian: PathBuf,
+}
+
+/// Writes the packages and the notes of the release into `package` of the target folder.
+///
+/// # Errors
+/// A build that fails, a program that is not static, the command that installs what is missing; with `twice`, bytes that differ.
+pub fn write(options: &Options) -> Result<(), String> {
+    let folder = shell::target_folder().join("package");
+    let first = package(&shell::target_folder(), &folder)?;
+    if options.twice {
+        let target = folder.join("again");
+        let again = package(&target, &target.join("package"))?;
+        for (one, other) in [(&first.archive, &again.archive), (&first.debian, &again.debian)] {
+            same(one, other)?;
+        }
+        eprintln!("built twice: the same bytes");
+    }
+    Ok(())
+}
+
+/// Packages, installs the Debian package where nothing else is, and follows the tutorial of README there.
+///
+/// # Errors
+/// What fails there; those of [`write`].
+pub fn check() -> Result<(), String> {
+    let folder = shell::target_folder().join("package");
+    let packages = package(&shell::target_folder(), &folder)?;
+    clean::check(&packages.debian)
+}
+
+/// Builds below the target folder `target`, and writes into `folder`.
+fn package(target: &Path, folder: &Path) -> Result<Packages, String> {
+    let version = version()?;
+    let programs = build::programs(target)?;
+    let stage = programs.folder.join(stage::FOLDER);
+    stage::write(&programs, &stage)?;
+    make_folder(folder)?;
+    let date = shell::output(&mut shell::command("git", &["log", "-1", "--format=%ct"]))?;
+    let date = date.trim();
+    let packages = Packages {
+        archive: archive(&stage, &format!("rollwalk-{version}-x86_64-linux"), date, folder)?,
+        debian: debian(target, date, folder)?,
+    };
+    let changelog = read(&shell::workspace_root().join("CHANGELOG.md"))?;
+    let notes = folder.join("release-notes.md");
+    let text = notes::newest(&changelog).ok_or("CHANGELOG.md has no section of a release")?;
+    write_file(&notes, &text)?;
+    for file in [&packages.archive, &packages.debian, &notes] {
+        let bytes = fs::metadata(file).map_err(|error| failed(file, &error))?.len();
+        eprintln!("{}: {bytes} bytes", file.display());
+    }
+    Ok(packages)
+}
+
+/// The tree of files as an archive, in which `name` is the folder above them.
+fn archive(stage: &Path, name: &str, date: &str, folder: &Path) -> Result<PathBuf, String> {
+    let path = folder.join(format!("{name}.tar.gz"));
+    let options = ["--sort=name", "--format=ustar", "--owner=0", "--group=0", "--numeric-owner"];
+    let mut tar = shell::command("tar", &options);
+    tar.args(["--mode=u=rwX,go=rX", "--use-compress-program=gzip -9n"]);
+    tar.arg(format!("--mtime=@{date}")).arg(format!("--transform=s,^\\.,{name},"));
+    tar.arg("--directory").arg(stage).arg("--create").arg("--file").arg(&path).arg(".");
+    shell::run(&mut tar)?;
+    Ok(path)
+}
+
+/// The Debian package of the built programs and the tree of files; `cli/Cargo.toml` says what goes where.
+fn debian(target: &Path, date: &str, folder: &Path) -> Result<PathBuf, String> {
+    let deb = toolchain::subcommand(CARGO_DEB)?;
+    let path = folder.join("rollwalk_amd64.deb");
+    let options = ["deb", "--package", "rollwalk", "--no-build", "--no-strip", "--locked"];
+    let mut write = shell::command(&deb, &options);
+    write.args(["--profile", build::PROFILE, "--target", build::TARGET]);
+    write.arg("--output").arg(&path);
+    write.env("CARGO_TARGET_DIR", target).env("SOURCE_DATE_EPOCH", date);
+    shell::run(&mut write)?;
+    Ok(path)
+}
+
+/// Version of the programs.
+fn version() -> Result<String, String> {
+    let id = shell::output(&mut shell::cargo(&["pkgid", "--package", "rollwalk"]))?;
+    let version = id.trim().rsplit(['#', '@']).next().map(str::to_owned);
+    version.ok_or_else(|| format!("`{id}` has no version"))
+}
+
+fn same(one: &Path, other: &Path) -> Result<(), String> {
+    let bytes = |path: &Path| fs::read(path).map_err(|error| failed(path, &error));
+    if bytes(one)? == bytes(other)? {
+        return Ok(());
+    }
+    let (one, other) = (one.display(), other.display());
+    Err(format!("built twice, these differ: {one} and {other}; diffoscope shows where"))
+}
+
+fn read(path: &Path) -> Result<String, String> {
+    fs::read_to_string(path).map_err(|error| failed(path, &error))
+}
+
+fn write_file(path: &Path, text: &str) -> Result<(), String> {
+    fs::write(path, text).map_err(|error| failed(path, &error))
+}
+
+fn make_folder(path: &Path) -> Result<(), String> {
+    fs::create_dir_all(path).map_err(|error| failed(path, &error))
+}
+
+fn failed(path: &Path, error: &std::io::Error) -> String {
+    format!("{}: {error}", path.display())
+}

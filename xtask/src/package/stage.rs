@@ -1,0 +1,88 @@
+//! The tree of files that archive and Debian package have, laid out as below `/usr`.
+
+use super::build::{PROGRAMS, Programs};
+use super::{failed, make_folder, write_file};
+use crate::shell;
+use std::fs;
+use std::path::Path;
+
+/// Folder of the tree, beside the programs.
+pub const FOLDER: &str = "package";
+/// Shells, with the folder in which each looks for completions, and what it puts around the program's name.
+const SHELLS: [(&str, &str, &str, &str); 3] = [
+    ("bash", "share/bash-completion/completions", "", ""),
+    ("zsh", "share/zsh/site-functions", "_", ""),
+    ("fish", "share/fish/vendor_completions.d", "", ".fish"),
+];
+/// Files that ship, as git finds them.
+const SHIPPED: [&str; 4] = ["robots/*.toml", "motions/*.toml", "designs/*.toml", "gamepads/*.toml"];
+/// Documents.
+const DOCUMENTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE-APACHE", "LICENSE-MIT"];
+/// The udev rules.
+const RULES: &str = "packaging/udev/70-rollwalk.rules";
+
+/// Writes the tree into an empty `stage`.
+///
+/// # Errors
+/// A file that cannot be written, or a program that does not run here.
+pub fn write(programs: &Programs, stage: &Path) -> Result<(), String> {
+    if stage.exists() {
+        fs::remove_dir_all(stage).map_err(|error| failed(stage, &error))?;
+    }
+    let rollwalk = programs.path("rollwalk").to_string_lossy().into_owned();
+    let manual = stage.join("share/man/man1");
+    make_folder(&manual)?;
+    shell::output(shell::command(&rollwalk, &["man", "--out"]).arg(&manual))?;
+    // As Debian's policy has it; without names and times of files.
+    shell::run(shell::command("gzip", &["-9nr"]).arg(&manual))?;
+    for program in PROGRAMS {
+        copy(&programs.path(program), &stage.join("bin").join(program))?;
+        for (name, folder, before, behind) in SHELLS {
+            let words = ["completions", name, "--of", program];
+            let script = shell::output(&mut shell::command(&rollwalk, &words))?;
+            make_folder(&stage.join(folder))?;
+            write_file(&stage.join(folder).join(format!("{before}{program}{behind}")), &script)?;
+        }
+    }
+    let root = shell::workspace_root();
+    for path in shipped()? {
+        copy(&root.join(&path), &stage.join("share/rollwalk").join(&path))?;
+    }
+    for path in DOCUMENTS {
+        copy(&root.join(path), &stage.join("share/doc/rollwalk").join(path))?;
+    }
+    let rules = Path::new(RULES);
+    let name = rules.file_name().unwrap_or_default();
+    copy(&root.join(rules), &stage.join("lib/udev/rules.d").join(name))
+}
+
+/// Paths of the robots, motions, designs and mappings of gamepads that ship.
+fn shipped() -> Result<Vec<String>, String> {
+    let mut list = shell::command("git", &["ls-files", "--"]);
+    let paths = shell::output(list.args(SHIPPED))?;
+    let paths = paths.lines().filter(|path| !path.ends_with("Cargo.toml"));
+    Ok(paths.map(str::to_owned).collect())
+}
+
+/// Copies a file into a folder that is made if it is missing.
+fn copy(from: &Path, to: &Path) -> Result<(), String> {
+    to.parent().map_or(Ok(()), make_folder)?;
+    fs::copy(from, to).map(drop).map_err(|error| failed(from, &error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_ships_is_found_in_folders_of_folders_and_no_manifest_with_it() {
+        let shipped = shipped().unwrap();
+        for path in
+            ["robots/pup.toml", "motions/table_2_1/brainbot_turn.toml", "gamepads/xbox.toml"]
+        {
+            assert!(shipped.iter().any(|one| one == path), "{path}");
+        }
+        assert!(shipped.len() > 60, "{} files", shipped.len());
+        assert!(!shipped.iter().any(|one| one.contains("Cargo")));
+    }
+}
