@@ -4,7 +4,7 @@ use crate::arrays::{matrix, vector, vectors};
 use crate::error::refused;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use rollwalk_planner::export::Table;
+use rollwalk_planner::export::{Rate, Table};
 use rollwalk_planner::plan::Plan;
 
 /// A plan at a rate: T rows of J joints and E end effectors. World frame throughout, z up; the motion begins near the origin.
@@ -28,6 +28,10 @@ pub struct Samples {
     base_yaw_pitch_roll_rad: Py<PyArray2<f64>>,
     /// Centre of mass, m, shape (T, 3).
     com_m: Py<PyArray2<f64>>,
+    /// Velocity of the origin of the body, m/s, shape (T, 3).
+    base_velocity_m_s: Py<PyArray2<f64>>,
+    /// Angular velocity of the body in world axes, rad/s, shape (T, 3).
+    base_angular_velocity_rad_s: Py<PyArray2<f64>>,
     /// Setpoints of the joints' angles, rad, shape (T, J).
     joint_rad: Py<PyArray2<f64>>,
     /// Setpoints of the joints' speeds, rad/s, shape (T, J).
@@ -71,13 +75,16 @@ impl Columns<'_> {
 impl Samples {
     /// Of a validated plan.
     pub fn of(py: Python<'_>, plan: &Plan, rate_hz: f64) -> PyResult<Self> {
-        let table = py.detach(|| Table::new(plan, rate_hz)).map_err(refused)?;
+        let rate = Rate::new(rate_hz).map_err(refused)?;
+        let table = py.detach(|| Table::new(plan, rate));
         let mut columns = Columns { table: &table, next: 0 };
         let [time] = columns.all(["time_s"]);
         let position = columns.all(["base_x_m", "base_y_m", "base_z_m"]);
         let angles = columns.all(["base_yaw_rad", "base_pitch_rad", "base_roll_rad"]);
         let turned = columns.all(["base_qw", "base_qx", "base_qy", "base_qz"]);
         let com = columns.all(["com_x_m", "com_y_m", "com_z_m"]);
+        let velocity = columns.all(["base_vx_m_s", "base_vy_m_s", "base_vz_m_s"]);
+        let spin = columns.all(["base_wx_rad_s", "base_wy_rad_s", "base_wz_rad_s"]);
         let joint = |joint: &rollwalk_robot::Joint| {
             let named = ["rad", "rad_s", "nm"].map(|what| format!("{}_{what}", joint.name));
             columns.all(named.each_ref().map(String::as_str))
@@ -117,6 +124,8 @@ impl Samples {
             base_orientation_wxyz: few(&turned),
             base_yaw_pitch_roll_rad: few(&angles),
             com_m: few(&com),
+            base_velocity_m_s: few(&velocity),
+            base_angular_velocity_rad_s: few(&spin),
             joint_rad: of_joint(0),
             joint_speed_rad_s: of_joint(1),
             joint_torque_nm: of_joint(2),

@@ -97,6 +97,8 @@ class CommandLine(unittest.TestCase):
         np.testing.assert_array_equal(samples.base_orientation_wxyz[:, 3], column("base_qz"))
         np.testing.assert_array_equal(samples.base_yaw_pitch_roll_rad[:, 1], column("base_pitch_rad"))
         np.testing.assert_array_equal(samples.com_m[:, 0], column("com_x_m"))
+        np.testing.assert_array_equal(samples.base_velocity_m_s[:, 0], column("base_vx_m_s"))
+        np.testing.assert_array_equal(samples.base_angular_velocity_rad_s[:, 2], column("base_wz_rad_s"))
         for k, joint in enumerate(samples.joint_names):
             np.testing.assert_array_equal(samples.joint_rad[:, k], column(f"{joint}_rad"))
             np.testing.assert_array_equal(samples.joint_speed_rad_s[:, k], column(f"{joint}_rad_s"))
