@@ -1,7 +1,7 @@
 //! Automatic design (thesis 2.5.3): parameters within their bounds with which the motions are best.
 //!
-//! Sequential quadratic programming: gradients of objectives and of what is kept by one adjoint solve each ([`Optimal::gradient`]),
-//! curvature by BFGS, steps within a trust region of a centimetre or two, because plans change smoothly that far only. A step
+//! Sequential quadratic programming: gradients of objectives and of what is kept by one adjoint solve each
+//! ([`Optimal::gradient`](rollwalk_planner::sensitivity::Optimal::gradient)), curvature by BFGS, steps within a trust region of a centimetre or two, because plans change smoothly that far only. A step
 //! is taken if the merit falls,
 //!
 //! ```text

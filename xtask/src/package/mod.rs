@@ -56,7 +56,7 @@ pub fn write(options: &Options) -> Result<(), String> {
 /// Packages, installs the Debian package where nothing else is, and follows the tutorial of README there.
 ///
 /// # Errors
-/// What fails there; those of [`write`].
+/// What fails there; those of [`write()`].
 pub fn check() -> Result<(), String> {
     let folder = shell::target_folder().join("package");
     let packages = package(&shell::target_folder(), &folder)?;
