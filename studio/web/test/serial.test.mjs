@@ -15,9 +15,23 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
   const robots = [];
   /** What the cable leads to. */
   let far;
-  const from = (end) => (bytes) => {
-    // The page may be closed already.
-    if (far && far === end()) studio.page.evaluate((bytes) => globalThis.fakeSerial.arrive(bytes), [...bytes]).catch(() => {});
+  // One message to the browser at a time, with all bytes that came meanwhile: one for each read of the line would queue up, until
+  // bytes are late for the robot.
+  const from = (end) => {
+    let waiting = [];
+    let isPassing = false;
+    return async (bytes) => {
+      waiting.push(...bytes);
+      if (isPassing) return;
+      isPassing = true;
+      while (waiting.length > 0) {
+        const passed = waiting;
+        waiting = [];
+        // The page may be closed already.
+        if (far && far === end()) await studio.page.evaluate((bytes) => globalThis.fakeSerial.arrive(bytes), passed).catch(() => {});
+      }
+      isPassing = false;
+    };
   };
   const until = (wanted, argument) => studio.page.waitForFunction(wanted, { timeout: WAIT_MS }, argument);
   const trouble = (words) => until((words) => document.querySelector(".steps .note").textContent.includes(words), words);
