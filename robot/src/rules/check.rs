@@ -1,38 +1,20 @@
-//! All rules of a robot, item by item; collects every violation.
+//! All rules of a robot, item by item; collects every violation. Those of the robot as a whole are here.
 
 use super::{Place, Violation};
-use crate::contact::{Contact, RollingDrag};
 use crate::controller::Channel;
-use crate::model::{Actuator, EndEffector, Joint, Link, Robot, SoftMaterial};
-use crate::shape::Shape;
-use nalgebra::{Matrix3, Vector3};
-use rollwalk_protocol::actuator;
-use rollwalk_protocol::actuators::bus::MAX_BUSES;
+use crate::model::{Actuator, Robot};
+use nalgebra::Vector3;
 use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::library::MAX_NAME;
 use std::collections::{HashMap, HashSet};
-use std::f64::consts::TAU;
 use std::fmt;
 
 /// Lengths and offsets of a robot that fits on a desk or in a hall, m.
 pub(crate) const LENGTH_MAX_M: f64 = 10.0;
-/// Most of its link that the ball of a soft foot is: the rest carries it.
-const SOFT_SHARE: f64 = 0.75;
 /// Largest radius of a capsule, m.
-const RADIUS_MAX_M: f64 = 1.0;
-/// Most shapes of a link, which bounds the number of pairs.
-const SHAPES_MAX: usize = 16;
+pub(super) const RADIUS_MAX_M: f64 = 1.0;
 /// Most items of a kind: a controller has 24 channels, and what they move is hardly more. Bounds the time of all rules.
 pub(crate) const ITEMS_MAX: usize = 64;
-/// Heaviest link, kg.
-const MASS_MAX_KG: f64 = 1000.0;
-/// Fastest motor, rad/s; larger numbers are usually rev/min. This and the next are the ranges of the
-/// Rollwalk profile's frames.
-const SPEED_MAX_RAD_S: f64 = actuator::MAX_SPEED_RAD_S as f64;
-/// Strongest motor, N·m; larger numbers are usually N·mm.
-const TORQUE_MAX_NM: f64 = actuator::MAX_TORQUE_NM as f64;
-/// Actuator buses of one controller.
-const BUSES: u8 = MAX_BUSES as u8;
 
 /// All rules that `robot` breaks, in the order of its items.
 pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
@@ -96,7 +78,7 @@ impl Check<'_> {
     }
 
     /// `min <(=) value <= max`; `also` adds a guess at the cause.
-    fn range(
+    pub(super) fn range(
         &mut self,
         field: &'static str,
         value: f64,
@@ -127,7 +109,7 @@ impl Check<'_> {
         }
     }
 
-    fn vector(&mut self, field: &'static str, vector: &Vector3<f64>) {
+    pub(super) fn vector(&mut self, field: &'static str, vector: &Vector3<f64>) {
         if !vector.iter().all(|value| value.abs() <= LENGTH_MAX_M) {
             let help = format!(
                 "each coordinate is within ±{LENGTH_MAX_M} m; millimetres need dividing by 1000"
@@ -136,7 +118,7 @@ impl Check<'_> {
         }
     }
 
-    fn unit_axis(&mut self, field: &'static str, axis: &Vector3<f64>) {
+    pub(super) fn unit_axis(&mut self, field: &'static str, axis: &Vector3<f64>) {
         // Axes are normalised when a file is read; 1e-9 allows for rounding there and in JSON.
         if (axis.norm() - 1.0).abs() > 1e-9 || !axis.iter().all(|value| value.is_finite()) {
             let help = "a direction of length 1, such as [0, 1, 0]";
@@ -194,323 +176,6 @@ impl Check<'_> {
         }
     }
 
-    fn link(&mut self, index: usize, link: &Link) {
-        let robot = self.robot;
-        self.range(
-            "mass_kg",
-            link.mass_kg,
-            Bound::Above(0.0),
-            MASS_MAX_KG,
-            "kg",
-            "; grams need dividing by 1000",
-        );
-        self.vector("com_in_link_m", &link.com_in_link_m);
-        self.inertia(&link.inertia_in_link_kg_m2);
-        self.shapes(index, link);
-        let carriers = robot.joints.iter().filter(|joint| joint.child == index).count();
-        if index > 0 && carriers != 1 {
-            let help = "every link but the first is the `child` of exactly one joint";
-            self.violated("name", format_args!("is the child of {carriers} joints"), help);
-        }
-    }
-
-    fn shapes(&mut self, index: usize, link: &Link) {
-        const FIELD: &str = "shapes";
-        if link.shapes.len() > SHAPES_MAX {
-            let help = format!("at most {SHAPES_MAX}: a few capsules around a link are enough");
-            self.violated(FIELD, format_args!("has {} entries", link.shapes.len()), help);
-        }
-        let far = |point: &Vector3<f64>| !point.iter().all(|value| value.abs() <= LENGTH_MAX_M);
-        for (number, shape) in link.shapes.iter().enumerate() {
-            let mut wrong = |key: &str, value: &dyn fmt::Display, help: String| {
-                self.violated(FIELD, format_args!("[{number}].{key} is {value}"), help);
-            };
-            let near = format!("each coordinate is within ±{LENGTH_MAX_M} m");
-            match shape {
-                Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
-                    for (key, end) in [("from_m", from_in_link_m), ("to_m", to_in_link_m)] {
-                        if far(end) {
-                            wrong(key, &show(end), near.clone());
-                        }
-                    }
-                    if !(*radius_m > 0.0 && *radius_m <= RADIUS_MAX_M) {
-                        let help = format!("allowed is above 0 to {RADIUS_MAX_M} m");
-                        wrong("radius_m", &format_args!("{radius_m} m"), help);
-                    }
-                }
-                Shape::Box { center_in_link_m, size_m } => {
-                    if far(center_in_link_m) {
-                        wrong("at_m", &show(center_in_link_m), near);
-                    }
-                    if !size_m.iter().all(|size| *size > 0.0 && *size <= LENGTH_MAX_M) {
-                        let help = format!("sides are above 0 to {LENGTH_MAX_M} m");
-                        wrong("box_m", &show(size_m), help);
-                    }
-                    if index > 0 {
-                        let help = "only the body, the first link, has boxes: give a capsule, \
-                                    `from_m`, `to_m` and `radius_m`";
-                        wrong("box_m", &"a box", help.to_owned());
-                    }
-                }
-            }
-        }
-    }
-
-    /// What is left of a link without the balls of its soft feet.
-    fn rigid_rest(&mut self, index: usize, link: &Link) {
-        let on_link = self.robot.end_effectors.iter().filter(|of| of.link == index);
-        let feet: Vec<_> = on_link
-            .filter_map(|of| Some((of.center_in_link_m, of.soft?.simulated(of.radius_m))))
-            .collect();
-        let rest_kg = link.mass_kg - feet.iter().map(|(_, (foot_kg, _))| foot_kg).sum::<f64>();
-        let is_known = link
-            .inertia_in_link_kg_m2
-            .iter()
-            .chain(&link.com_in_link_m)
-            .all(|value| value.is_finite());
-        if feet.is_empty() || !is_known || !rest_kg.is_finite() {
-            return;
-        }
-        let lighter = "give its soft feet less density or radius, or the link more of its mass where they are";
-        if rest_kg < (1.0 - SOFT_SHARE) * link.mass_kg {
-            let help = format!("{rest_kg:.3} kg of {:.3} kg are rigid: {lighter}", link.mass_kg);
-            self.violated("mass_kg", "is hardly more than that of its soft feet", help);
-            return;
-        }
-        let about = |mass_kg: f64, arm: Vector3<f64>| {
-            (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * mass_kg
-        };
-        let of_feet = feet.iter().map(|(center, (foot_kg, _))| center * *foot_kg);
-        let com = (link.com_in_link_m * link.mass_kg - of_feet.sum::<Vector3<f64>>()) / rest_kg;
-        let mut rest = link.inertia_in_link_kg_m2 + about(link.mass_kg, link.com_in_link_m - com);
-        for (center, (foot_kg, inertia)) in &feet {
-            rest -= inertia + about(*foot_kg, center - com);
-        }
-        // The simulation needs positive moments. That none is above the sum of the others is not asked for: robot files have the mass of a
-        // rigid foot where that is, and not as a ball.
-        let moments = rest.symmetric_eigenvalues();
-        if moments.min() <= 0.0 {
-            let help = format!(
-                "without its soft feet its smallest principal moment is {:.3e} kg·m², and must be above 0: {lighter}",
-                moments.min()
-            );
-            self.violated("inertia_in_link_kg_m2", "does not hold its soft feet", help);
-        }
-    }
-
-    fn inertia(&mut self, inertia: &Matrix3<f64>) {
-        const FIELD: &str = "inertia_in_link_kg_m2";
-        if !inertia.iter().all(|value| value.is_finite()) {
-            self.violated(FIELD, "is not finite", "give finite numbers in kg·m²");
-            return;
-        }
-        let scale = inertia.amax();
-        // Rounding of a product of rotations is far below one part in 10^9.
-        let tolerance = 1e-9 * scale;
-        if (inertia - inertia.transpose()).amax() > tolerance {
-            self.violated(FIELD, "is not symmetric", "an inertia matrix equals its transpose");
-            return;
-        }
-        let mut moments = inertia.symmetric_eigenvalues();
-        moments.as_mut_slice().sort_by(f64::total_cmp);
-        let [small, middle, large] = [moments[0], moments[1], moments[2]];
-        let shown = format!("principal moments are {small:.3e}, {middle:.3e}, {large:.3e} kg·m²");
-        if small <= 0.0 {
-            let help = format!("{shown}; all must be above 0: enlarge the diagonal");
-            self.violated(FIELD, "is not positive definite", help);
-        } else if small + middle < large - tolerance {
-            let help = format!(
-                "{shown}; no body has one above the sum of the others: check units and the \
-                 order xx, yy, zz, xy, xz, yz"
-            );
-            self.violated(FIELD, "breaks the triangle inequality", help);
-        }
-    }
-
-    fn joint(&mut self, index: usize, joint: &Joint) {
-        let robot = self.robot;
-        let earlier = &robot.joints[..index];
-        let links = robot.links.len();
-        for (field, link) in [("parent", joint.parent), ("child", joint.child)] {
-            if link >= links {
-                let help = format!("the robot has links 0 to {}", links.saturating_sub(1));
-                self.violated(field, format_args!("is link {link}"), help);
-            }
-        }
-        if joint.child == 0 {
-            let help = "the first link is the root; let joints lead away from it";
-            self.violated("child", "is the root link", help);
-        } else if joint.parent != 0 && !earlier.iter().any(|other| other.child == joint.parent) {
-            let name = robot.links.get(joint.parent).map_or("?", |link| link.name.as_str());
-            let help = format!(
-                "a parent is the root or the child of an earlier joint: move the joint that \
-                 carries `{name}` up, or break the loop"
-            );
-            self.violated("parent", format_args!("`{name}` is not yet part of the tree"), help);
-        }
-        self.vector("origin_in_parent_m", &joint.parent_from_joint.translation.vector);
-        let rotation = joint.parent_from_joint.rotation.norm();
-        if (rotation - 1.0).abs() > 1e-9 || rotation.is_nan() {
-            let help = "the joint frame is turned by a unit quaternion";
-            self.violated(
-                "origin_rpy_rad",
-                format_args!("has a quaternion of length {rotation}"),
-                help,
-            );
-        }
-        self.unit_axis("axis_in_joint", &joint.axis_in_joint);
-        self.joint_range(joint);
-        self.actuator(&joint.actuator);
-        if joint.actuator.kp_nm_rad <= 0.0 {
-            let help = "a joint holds its position with a stiffness above 0 N·m/rad";
-            self.violated("kp_nm_rad", "is 0", help);
-        }
-    }
-
-    fn joint_range(&mut self, joint: &Joint) {
-        let (min, max) = (joint.position_min_rad, joint.position_max_rad);
-        let nominal = joint.nominal_rad;
-        let mut sound = true;
-        for (field, angle) in
-            [("position_min_rad", min), ("position_max_rad", max), ("nominal_rad", nominal)]
-        {
-            // The comparison is false for NaN.
-            let fits = angle.abs() <= TAU;
-            if !fits {
-                let help = format!(
-                    "allowed is within ±2π; {angle} degrees would be {:.4} rad",
-                    angle.to_radians()
-                );
-                self.violated(field, format_args!("is {angle} rad"), help);
-            }
-            sound &= fits;
-        }
-        if !sound {
-            return;
-        }
-        if min >= max {
-            let help = format!("give a value above `position_min_rad` ({min} rad)");
-            self.violated("position_max_rad", format_args!("is {max} rad"), help);
-        } else if !(min..=max).contains(&nominal) {
-            let help = format!("the nominal pose is within the limits, {min} to {max} rad");
-            self.violated("nominal_rad", format_args!("is {nominal} rad"), help);
-        }
-    }
-
-    fn actuator(&mut self, motor: &Actuator) {
-        if motor.model.is_empty() {
-            self.violated("model", "is empty", "give the motor's model, such as \"XM430-W210-T\"");
-        }
-        let rpm = "; 1 rev/min is 0.10472 rad/s";
-        let zero = Bound::AtLeast(0.0);
-        let positive = Bound::Above(0.0);
-        self.range(
-            "speed_max_rad_s",
-            motor.speed_max_rad_s,
-            positive,
-            SPEED_MAX_RAD_S,
-            "rad/s",
-            rpm,
-        );
-        let mm = "; N·mm need dividing by 1000";
-        self.range("torque_max_nm", motor.torque_max_nm, positive, TORQUE_MAX_NM, "N·m", mm);
-        if let Some(line) = &motor.torque_speed {
-            // The line bounds what the motor can do: limits beyond its ends are no limits.
-            let stall = Bound::AtLeast(motor.torque_max_nm);
-            self.range("stall_torque_nm", line.stall_torque_nm, stall, 1000.0, "N·m", "");
-            let free = Bound::AtLeast(motor.speed_max_rad_s);
-            let speed = line.no_load_speed_rad_s;
-            self.range("no_load_speed_rad_s", speed, free, 1000.0, "rad/s", "");
-        }
-        self.range(
-            "kp_nm_rad",
-            motor.kp_nm_rad,
-            zero,
-            actuator::MAX_KP_NM_RAD.into(),
-            "N·m/rad",
-            "",
-        );
-        self.range(
-            "kd_nm_s_rad",
-            motor.kd_nm_s_rad,
-            zero,
-            actuator::MAX_KD_NM_S_RAD.into(),
-            "N·m·s/rad",
-            "",
-        );
-        self.range("armature_kg_m2", motor.armature_kg_m2, positive, 10.0, "kg·m²", "");
-        if motor.bus >= BUSES {
-            let help = format!("a controller has buses 0 to {}", BUSES - 1);
-            self.violated("bus", format_args!("is {}", motor.bus), help);
-        }
-        if motor.id > actuator::MAX_ID {
-            let help = format!("motor addresses are 0 to {}", actuator::MAX_ID);
-            self.violated("id", format_args!("is {}", motor.id), help);
-        }
-    }
-
-    fn end_effector(&mut self, end_effector: &EndEffector) {
-        let robot = self.robot;
-        if end_effector.link >= robot.links.len() {
-            let help = format!("the robot has links 0 to {}", robot.links.len().saturating_sub(1));
-            self.violated("link", format_args!("is link {}", end_effector.link), help);
-        }
-        self.vector("center_in_link_m", &end_effector.center_in_link_m);
-        let mm = "; millimetres need dividing by 1000";
-        let contact = &end_effector.contact;
-        let blade_length_m = contact.blade_length_m();
-        let largest_m = if blade_length_m.is_some() { LENGTH_MAX_M } else { 1.0 };
-        self.range("radius_m", end_effector.radius_m, Bound::Above(0.0), largest_m, "m", mm);
-        let friction = end_effector.friction_coefficient;
-        self.range("friction_coefficient", friction, Bound::Above(0.0), 2.0, "", "");
-        if let Some(axis_in_link) = contact.axis_in_link() {
-            self.unit_axis("axis_in_link", axis_in_link);
-            if blade_length_m.is_some() && axis_in_link.z.abs() > 0.95 {
-                let help =
-                    "a blade is below its link: the axis across it is no vertical of the link";
-                self.violated("axis_in_link", format_args!("is {}", show(axis_in_link)), help);
-            }
-        }
-        if let Some(actuator) = contact.actuator() {
-            self.actuator(actuator);
-        }
-        if let Some(blade_length_m) = blade_length_m {
-            self.range("blade_length_m", blade_length_m, Bound::Above(0.0), 1.0, "m", mm);
-        }
-        if let Some(drag) = contact.drag() {
-            self.drag(&drag);
-        }
-        if let Some(soft) = &end_effector.soft {
-            self.soft(soft, end_effector);
-        }
-    }
-
-    fn soft(&mut self, soft: &SoftMaterial, end_effector: &EndEffector) {
-        if !matches!(end_effector.contact, Contact::PointFoot | Contact::WeldedWheel { .. }) {
-            let help = "feet and welded wheels can be soft; wheels that turn and blades are rigid";
-            self.violated("soft", "is no foot's", help);
-        }
-        let softer = "; foam has 1e4 to 1e6, rubber 1e6 to 1e7";
-        self.range("young_pa", soft.young_pa, Bound::AtLeast(1e3), 1e9, "Pa", softer);
-        self.range("poisson", soft.poisson, Bound::AtLeast(0.0), 0.49, "", "");
-        self.range("density_kg_m3", soft.density_kg_m3, Bound::AtLeast(1.0), 5000.0, "kg/m³", "");
-        self.range("viscosity_pa_s", soft.viscosity_pa_s, Bound::AtLeast(0.0), 1e5, "Pa·s", "");
-        let ball_kg = soft.ball_kg(end_effector.radius_m);
-        let link_kg = self.robot.links.get(end_effector.link).map_or(0.0, |link| link.mass_kg);
-        if ball_kg > SOFT_SHARE * link_kg {
-            let help = format!(
-                "its ball weighs {ball_kg:.3} kg, part of the {link_kg:.3} kg of its link: at most three quarters of that"
-            );
-            self.violated("density_kg_m3", format_args!("is {} kg/m³", soft.density_kg_m3), help);
-        }
-    }
-
-    fn drag(&mut self, drag: &RollingDrag) {
-        let zero = Bound::AtLeast(0.0);
-        self.range("rolling_resistance", drag.rolling_resistance, zero, 0.5, "", "");
-        self.range("rolling_drag_s_m", drag.rolling_drag_s_m, zero, 1.0, "s/m", "");
-    }
-
     fn drivable(&mut self) {
         for (place, what, channel) in motors(self.robot) {
             self.at(place, what);
@@ -549,12 +214,14 @@ fn motors(robot: &Robot) -> impl Iterator<Item = (Place, String, Channel<'_>)> {
     joints.chain(wheels)
 }
 
+/// The lower end of a range.
 #[derive(Clone, Copy)]
-enum Bound {
+pub(super) enum Bound {
     AtLeast(f64),
     Above(f64),
 }
 
-fn show(vector: &Vector3<f64>) -> String {
+/// A vector as robot files have it.
+pub(super) fn show(vector: &Vector3<f64>) -> String {
     format!("[{}, {}, {}]", vector.x, vector.y, vector.z)
 }

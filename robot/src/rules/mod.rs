@@ -6,6 +6,9 @@
 
 mod buses;
 mod check;
+mod end_effectors;
+mod joints;
+mod links;
 mod upright;
 
 use check::Check;

@@ -1,0 +1,140 @@
+//! Rules of joints and of motors, those of wheels included.
+
+use super::Check;
+use super::check::Bound;
+use crate::model::{Actuator, Joint};
+use rollwalk_protocol::actuator;
+use rollwalk_protocol::actuators::bus::MAX_BUSES;
+use std::f64::consts::TAU;
+
+/// Fastest motor, rad/s; larger numbers are usually rev/min. This and the next are the ranges of the
+/// Rollwalk profile's frames.
+const SPEED_MAX_RAD_S: f64 = actuator::MAX_SPEED_RAD_S as f64;
+/// Strongest motor, N·m; larger numbers are usually N·mm.
+const TORQUE_MAX_NM: f64 = actuator::MAX_TORQUE_NM as f64;
+/// Actuator buses of one controller.
+const BUSES: u8 = MAX_BUSES as u8;
+
+impl Check<'_> {
+    pub(super) fn joint(&mut self, index: usize, joint: &Joint) {
+        let robot = self.robot;
+        let earlier = &robot.joints[..index];
+        let links = robot.links.len();
+        for (field, link) in [("parent", joint.parent), ("child", joint.child)] {
+            if link >= links {
+                let help = format!("the robot has links 0 to {}", links.saturating_sub(1));
+                self.violated(field, format_args!("is link {link}"), help);
+            }
+        }
+        if joint.child == 0 {
+            let help = "the first link is the root; let joints lead away from it";
+            self.violated("child", "is the root link", help);
+        } else if joint.parent != 0 && !earlier.iter().any(|other| other.child == joint.parent) {
+            let name = robot.links.get(joint.parent).map_or("?", |link| link.name.as_str());
+            let help = format!(
+                "a parent is the root or the child of an earlier joint: move the joint that \
+                 carries `{name}` up, or break the loop"
+            );
+            self.violated("parent", format_args!("`{name}` is not yet part of the tree"), help);
+        }
+        self.vector("origin_in_parent_m", &joint.parent_from_joint.translation.vector);
+        let rotation = joint.parent_from_joint.rotation.norm();
+        if (rotation - 1.0).abs() > 1e-9 || rotation.is_nan() {
+            let help = "the joint frame is turned by a unit quaternion";
+            self.violated(
+                "origin_rpy_rad",
+                format_args!("has a quaternion of length {rotation}"),
+                help,
+            );
+        }
+        self.unit_axis("axis_in_joint", &joint.axis_in_joint);
+        self.joint_range(joint);
+        self.actuator(&joint.actuator);
+        if joint.actuator.kp_nm_rad <= 0.0 {
+            let help = "a joint holds its position with a stiffness above 0 N·m/rad";
+            self.violated("kp_nm_rad", "is 0", help);
+        }
+    }
+
+    fn joint_range(&mut self, joint: &Joint) {
+        let (min, max) = (joint.position_min_rad, joint.position_max_rad);
+        let nominal = joint.nominal_rad;
+        let mut sound = true;
+        for (field, angle) in
+            [("position_min_rad", min), ("position_max_rad", max), ("nominal_rad", nominal)]
+        {
+            // The comparison is false for NaN.
+            let fits = angle.abs() <= TAU;
+            if !fits {
+                let help = format!(
+                    "allowed is within ±2π; {angle} degrees would be {:.4} rad",
+                    angle.to_radians()
+                );
+                self.violated(field, format_args!("is {angle} rad"), help);
+            }
+            sound &= fits;
+        }
+        if !sound {
+            return;
+        }
+        if min >= max {
+            let help = format!("give a value above `position_min_rad` ({min} rad)");
+            self.violated("position_max_rad", format_args!("is {max} rad"), help);
+        } else if !(min..=max).contains(&nominal) {
+            let help = format!("the nominal pose is within the limits, {min} to {max} rad");
+            self.violated("nominal_rad", format_args!("is {nominal} rad"), help);
+        }
+    }
+
+    pub(super) fn actuator(&mut self, motor: &Actuator) {
+        if motor.model.is_empty() {
+            self.violated("model", "is empty", "give the motor's model, such as \"XM430-W210-T\"");
+        }
+        let rpm = "; 1 rev/min is 0.10472 rad/s";
+        let zero = Bound::AtLeast(0.0);
+        let positive = Bound::Above(0.0);
+        self.range(
+            "speed_max_rad_s",
+            motor.speed_max_rad_s,
+            positive,
+            SPEED_MAX_RAD_S,
+            "rad/s",
+            rpm,
+        );
+        let mm = "; N·mm need dividing by 1000";
+        self.range("torque_max_nm", motor.torque_max_nm, positive, TORQUE_MAX_NM, "N·m", mm);
+        if let Some(line) = &motor.torque_speed {
+            // The line bounds what the motor can do: limits beyond its ends are no limits.
+            let stall = Bound::AtLeast(motor.torque_max_nm);
+            self.range("stall_torque_nm", line.stall_torque_nm, stall, 1000.0, "N·m", "");
+            let free = Bound::AtLeast(motor.speed_max_rad_s);
+            let speed = line.no_load_speed_rad_s;
+            self.range("no_load_speed_rad_s", speed, free, 1000.0, "rad/s", "");
+        }
+        self.range(
+            "kp_nm_rad",
+            motor.kp_nm_rad,
+            zero,
+            actuator::MAX_KP_NM_RAD.into(),
+            "N·m/rad",
+            "",
+        );
+        self.range(
+            "kd_nm_s_rad",
+            motor.kd_nm_s_rad,
+            zero,
+            actuator::MAX_KD_NM_S_RAD.into(),
+            "N·m·s/rad",
+            "",
+        );
+        self.range("armature_kg_m2", motor.armature_kg_m2, positive, 10.0, "kg·m²", "");
+        if motor.bus >= BUSES {
+            let help = format!("a controller has buses 0 to {}", BUSES - 1);
+            self.violated("bus", format_args!("is {}", motor.bus), help);
+        }
+        if motor.id > actuator::MAX_ID {
+            let help = format!("motor addresses are 0 to {}", actuator::MAX_ID);
+            self.violated("id", format_args!("is {}", motor.id), help);
+        }
+    }
+}

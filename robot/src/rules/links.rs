@@ -1,0 +1,149 @@
+//! Rules of links: masses and inertias of bodies that exist, shapes, and what is left of a link beside its soft feet.
+
+use super::Check;
+use super::check::{Bound, LENGTH_MAX_M, RADIUS_MAX_M, show};
+use super::end_effectors::SOFT_SHARE;
+use crate::model::Link;
+use crate::shape::Shape;
+use nalgebra::{Matrix3, Vector3};
+use std::fmt;
+
+/// Most shapes of a link, which bounds the number of pairs.
+const SHAPES_MAX: usize = 16;
+/// Heaviest link, kg.
+const MASS_MAX_KG: f64 = 1000.0;
+
+impl Check<'_> {
+    pub(super) fn link(&mut self, index: usize, link: &Link) {
+        let robot = self.robot;
+        self.range(
+            "mass_kg",
+            link.mass_kg,
+            Bound::Above(0.0),
+            MASS_MAX_KG,
+            "kg",
+            "; grams need dividing by 1000",
+        );
+        self.vector("com_in_link_m", &link.com_in_link_m);
+        self.inertia(&link.inertia_in_link_kg_m2);
+        self.shapes(index, link);
+        let carriers = robot.joints.iter().filter(|joint| joint.child == index).count();
+        if index > 0 && carriers != 1 {
+            let help = "every link but the first is the `child` of exactly one joint";
+            self.violated("name", format_args!("is the child of {carriers} joints"), help);
+        }
+    }
+
+    fn shapes(&mut self, index: usize, link: &Link) {
+        const FIELD: &str = "shapes";
+        if link.shapes.len() > SHAPES_MAX {
+            let help = format!("at most {SHAPES_MAX}: a few capsules around a link are enough");
+            self.violated(FIELD, format_args!("has {} entries", link.shapes.len()), help);
+        }
+        let far = |point: &Vector3<f64>| !point.iter().all(|value| value.abs() <= LENGTH_MAX_M);
+        for (number, shape) in link.shapes.iter().enumerate() {
+            let mut wrong = |key: &str, value: &dyn fmt::Display, help: String| {
+                self.violated(FIELD, format_args!("[{number}].{key} is {value}"), help);
+            };
+            let near = format!("each coordinate is within ±{LENGTH_MAX_M} m");
+            match shape {
+                Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+                    for (key, end) in [("from_m", from_in_link_m), ("to_m", to_in_link_m)] {
+                        if far(end) {
+                            wrong(key, &show(end), near.clone());
+                        }
+                    }
+                    if !(*radius_m > 0.0 && *radius_m <= RADIUS_MAX_M) {
+                        let help = format!("allowed is above 0 to {RADIUS_MAX_M} m");
+                        wrong("radius_m", &format_args!("{radius_m} m"), help);
+                    }
+                }
+                Shape::Box { center_in_link_m, size_m } => {
+                    if far(center_in_link_m) {
+                        wrong("at_m", &show(center_in_link_m), near);
+                    }
+                    if !size_m.iter().all(|size| *size > 0.0 && *size <= LENGTH_MAX_M) {
+                        let help = format!("sides are above 0 to {LENGTH_MAX_M} m");
+                        wrong("box_m", &show(size_m), help);
+                    }
+                    if index > 0 {
+                        let help = "only the body, the first link, has boxes: give a capsule, \
+                                    `from_m`, `to_m` and `radius_m`";
+                        wrong("box_m", &"a box", help.to_owned());
+                    }
+                }
+            }
+        }
+    }
+
+    /// What is left of a link without the balls of its soft feet.
+    pub(super) fn rigid_rest(&mut self, index: usize, link: &Link) {
+        let on_link = self.robot.end_effectors.iter().filter(|of| of.link == index);
+        let feet: Vec<_> = on_link
+            .filter_map(|of| Some((of.center_in_link_m, of.soft?.simulated(of.radius_m))))
+            .collect();
+        let rest_kg = link.mass_kg - feet.iter().map(|(_, (foot_kg, _))| foot_kg).sum::<f64>();
+        let is_known = link
+            .inertia_in_link_kg_m2
+            .iter()
+            .chain(&link.com_in_link_m)
+            .all(|value| value.is_finite());
+        if feet.is_empty() || !is_known || !rest_kg.is_finite() {
+            return;
+        }
+        let lighter = "give its soft feet less density or radius, or the link more of its mass where they are";
+        if rest_kg < (1.0 - SOFT_SHARE) * link.mass_kg {
+            let help = format!("{rest_kg:.3} kg of {:.3} kg are rigid: {lighter}", link.mass_kg);
+            self.violated("mass_kg", "is hardly more than that of its soft feet", help);
+            return;
+        }
+        let about = |mass_kg: f64, arm: Vector3<f64>| {
+            (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * mass_kg
+        };
+        let of_feet = feet.iter().map(|(center, (foot_kg, _))| center * *foot_kg);
+        let com = (link.com_in_link_m * link.mass_kg - of_feet.sum::<Vector3<f64>>()) / rest_kg;
+        let mut rest = link.inertia_in_link_kg_m2 + about(link.mass_kg, link.com_in_link_m - com);
+        for (center, (foot_kg, inertia)) in &feet {
+            rest -= inertia + about(*foot_kg, center - com);
+        }
+        // The simulation needs positive moments. That none is above the sum of the others is not asked for: robot files have the mass of a
+        // rigid foot where that is, and not as a ball.
+        let moments = rest.symmetric_eigenvalues();
+        if moments.min() <= 0.0 {
+            let help = format!(
+                "without its soft feet its smallest principal moment is {:.3e} kg·m², and must be above 0: {lighter}",
+                moments.min()
+            );
+            self.violated("inertia_in_link_kg_m2", "does not hold its soft feet", help);
+        }
+    }
+
+    fn inertia(&mut self, inertia: &Matrix3<f64>) {
+        const FIELD: &str = "inertia_in_link_kg_m2";
+        if !inertia.iter().all(|value| value.is_finite()) {
+            self.violated(FIELD, "is not finite", "give finite numbers in kg·m²");
+            return;
+        }
+        let scale = inertia.amax();
+        // Rounding of a product of rotations is far below one part in 10^9.
+        let tolerance = 1e-9 * scale;
+        if (inertia - inertia.transpose()).amax() > tolerance {
+            self.violated(FIELD, "is not symmetric", "an inertia matrix equals its transpose");
+            return;
+        }
+        let mut moments = inertia.symmetric_eigenvalues();
+        moments.as_mut_slice().sort_by(f64::total_cmp);
+        let [small, middle, large] = [moments[0], moments[1], moments[2]];
+        let shown = format!("principal moments are {small:.3e}, {middle:.3e}, {large:.3e} kg·m²");
+        if small <= 0.0 {
+            let help = format!("{shown}; all must be above 0: enlarge the diagonal");
+            self.violated(FIELD, "is not positive definite", help);
+        } else if small + middle < large - tolerance {
+            let help = format!(
+                "{shown}; no body has one above the sum of the others: check units and the \
+                 order xx, yy, zz, xy, xz, yz"
+            );
+            self.violated(FIELD, "breaks the triangle inequality", help);
+        }
+    }
+}
