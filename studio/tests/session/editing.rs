@@ -1,0 +1,171 @@
+//! Edits, and plans that follow them.
+
+use crate::*;
+
+#[test]
+fn an_edit_plans_again_from_the_plan_at_hand() {
+    let mut page = Page::default();
+    let text = page.walk();
+    let first = page.plan(&text, "scratch", None);
+    let text = page.amended(
+        &text,
+        json!({ "edit": "number", "table": ["goal"], "key": "forward_m", "value": 0.125 }),
+    );
+    let step = page.plan(&text, "good", Some(2));
+    // What is dragged is shown, is no good plan, and cannot be taken for one that holds.
+    assert_eq!((&step.json["good"], &step.json["converged"]), (&json!(false), &json!(false)));
+    assert!(step.json["solve"]["iterations"].as_u64().unwrap() <= 2);
+    assert!(!step.json["solve"]["words"].as_str().unwrap().contains("played"));
+    let last = page.plan(&text, "good", None);
+    assert_eq!(last.json["good"], true);
+    let iterations = |answer: &Answer| answer.json["solve"]["iterations"].as_u64().unwrap();
+    assert!(iterations(&last) < iterations(&first));
+    let fresh = Page::default().plan(&text, "scratch", None);
+    let energy = |answer: &Answer| answer.json["solve"]["energy"].as_f64().unwrap();
+    // Both stop when a step gains less than a thousandth.
+    assert!((energy(&last) / energy(&fresh) - 1.0).abs() < 5e-3);
+}
+
+#[test]
+fn a_request_that_cannot_be_met_says_who_is_to_blame_and_its_fix_works() {
+    let mut page = Page::default();
+    let good = page.walk();
+    page.plan(&good, "scratch", None);
+    let edit = json!({ "edit": "number", "table": ["goal"], "key": "forward_m", "value": 1.2 });
+    let text = page.amended(&good, edit);
+    let broken = page.plan(&text, "good", None).json;
+    assert_eq!(
+        (&broken["solve"]["status"], &broken["good"]),
+        (&json!("infeasible"), &json!(false))
+    );
+    let culprits = broken["solve"]["culprits"].as_array().unwrap();
+    let fix = culprits.iter().find_map(|culprit| culprit["fix"].as_object()).expect("a fix");
+    assert!(fix["label"].as_str().unwrap().starts_with("Set "), "{fix:?}");
+    assert_eq!(fix["path"], WALK);
+    let text = page.amended(&text, fix["edit"].clone());
+    let mended = page.plan(&text, "good", None).json;
+    assert_eq!(mended["converged"], true, "{fix:?}: {}", mended["solve"]);
+    // The plan that failed was no start for the next.
+    assert_eq!(page.plan(&good, "good", None).json["converged"], true);
+}
+
+#[test]
+fn edits_change_one_thing_and_keep_comments() {
+    let mut page = Page::default();
+    let text = page.walk();
+    let mut check = |edit: Value, expected: &[&str]| {
+        let new = page.amended(&text, edit);
+        assert_eq!(new_lines(&new, &text), expected);
+        new
+    };
+    check(
+        json!({ "edit": "number", "table": [], "key": "samples", "value": 40 }),
+        &["samples = 40"],
+    );
+    check(
+        json!({ "edit": "number", "table": ["goal"], "key": "left_m", "value": 0.1 + 0.2 }),
+        &["left_m = 0.3"],
+    );
+    check(json!({ "edit": "number", "table": ["goal"], "key": "left_m", "value": null }), &[]);
+    check(json!({ "edit": "gait", "gait": "trot", "duty": null }), &["gait = \"trot\""]);
+    check(json!({ "edit": "gait", "gait": "stance", "duty": null }), &["all = \"stance\""]);
+    let target = json!({ "of": "body", "at_s": 0.8, "left_m": 0.01 });
+    let with_target = check(
+        json!({ "edit": "target", "index": null, "target": target }),
+        &["[[target]]", "at_s = 0.8", "left_m = 0.01", "of = \"body\""],
+    );
+    let opened = page.done(json!({ "kind": "open", "files": walk(&with_target), "motion": WALK }));
+    assert_eq!(opened["motion"]["targets"], json!([target]));
+    let without =
+        page.amended(&with_target, json!({ "edit": "target", "index": 0, "target": null }));
+    assert_eq!(without, text);
+}
+
+#[test]
+fn painted_swings_are_rows_and_may_pass_the_end_of_a_period() {
+    let mut page = Page::default();
+    let text = page.walk();
+    let edit = |from: usize, to: usize, stance: bool| json!({ "edit": "swing", "end_effector": 0, "from": from, "to": to, "stance": stance });
+    // Front left swings at 9 to 15.
+    let longer = page.amended(&text, edit(16, 17, false));
+    let rows = new_lines(&longer, &text);
+    assert_eq!(rows[0], "front_left = \"#########.........##############\"");
+    assert_eq!(rows.len(), 4, "{rows:?}");
+    let landed = page.amended(&longer, edit(9, 17, true));
+    let wrapped = page.amended(&landed, edit(30, 1, false));
+    assert!(wrapped.contains("front_left = \"..############################..\""), "{wrapped}");
+    // What no foot can do is refused with the reason.
+    let refused = page.amend(&text, edit(11, 15, true));
+    assert_eq!(refused["kind"], "faults");
+    assert!(
+        refused["faults"][0]["help"].as_str().unwrap().contains("a swing needs 3 samples"),
+        "{refused}"
+    );
+    let beyond = page.amend(&text, edit(30, 32, true));
+    assert!(beyond["help"].as_str().unwrap().contains("samples 0 to 31"), "{beyond}");
+}
+
+#[test]
+fn an_edit_leads_out_of_a_document_with_faults() {
+    let mut page = Page::default();
+    let broken = page.walk().replace("duration_s = 1.6", "duration_s = 99.0");
+    let edit = json!({ "edit": "number", "table": [], "key": "duration_s", "value": 1.6 });
+    assert_eq!(page.amended(&broken, edit), page.walk());
+    let edit = json!({ "edit": "number", "table": [], "key": "samples", "value": 30 });
+    let still = page.amend(&broken, edit);
+    assert_eq!(still["kind"], "done");
+    assert!(still["faults"][0]["message"].as_str().unwrap().contains("duration_s"), "{still}");
+}
+
+/// A slider of every robot that ships, moved up by a tenth: the file says so, the robot is valid, and comments stay.
+#[test]
+fn every_slider_of_every_shipped_robot_moves() {
+    let mut page = Page::default();
+    let examples = page.done(json!({ "kind": "examples" }))["examples"].clone();
+    let mut seen = Vec::new();
+    for example in examples.as_array().unwrap() {
+        let (motion, Some(robot)) = (example["path"].as_str().unwrap(), example["robot"].as_str())
+        else {
+            continue;
+        };
+        if example["of"] != "motion" || seen.contains(&robot.to_owned()) {
+            continue;
+        }
+        seen.push(robot.to_owned());
+        let text = page.text(motion);
+        let mut files = json!([{ "path": motion, "text": text }]);
+        let opened = page.done(json!({ "kind": "open", "files": files, "motion": motion }));
+        let path = opened["read"][1].as_str().unwrap().to_owned();
+        let robot_text = page.text(&path);
+        files.as_array_mut().unwrap().push(json!({ "path": path, "text": robot_text }));
+        let parameters = opened["scene"]["parameters"].as_array().unwrap().clone();
+        assert!(parameters.len() >= 3, "{path}: {parameters:?}");
+        for parameter in &parameters {
+            let value = parameter["value"].as_f64().unwrap();
+            assert!(
+                parameter["min"].as_f64().unwrap() < value
+                    && value < parameter["max"].as_f64().unwrap()
+            );
+            let edit =
+                json!({ "edit": "parameter", "name": parameter["name"], "value": 1.1 * value });
+            let amend = json!({ "kind": "amend", "files": files, "motion": motion, "path": path, "edit": edit });
+            let amended = page.done(amend);
+            let text = amended["text"].as_str().unwrap();
+            let comments = |text: &str| text.matches('#').count();
+            assert_eq!(comments(text), comments(&robot_text), "{path}: {parameter}");
+            let files = json!([files[0], { "path": path, "text": text }]);
+            let opened = page.ask(json!({ "kind": "open", "files": files, "motion": motion })).json;
+            if opened["kind"] == "faults" {
+                // A motor that is beyond its torque-speed line, for one.
+                assert_eq!(opened["faults"], amended["faults"]);
+                continue;
+            }
+            let all = opened["scene"]["parameters"].as_array().unwrap();
+            let moved = all.iter().find(|other| other["name"] == parameter["name"]).unwrap();
+            let off = moved["value"].as_f64().unwrap() / (1.1 * value) - 1.0;
+            // Files have twelve digits.
+            assert!(off.abs() < 1e-10, "{path}: {parameter} became {moved}");
+        }
+    }
+    assert!(seen.len() > 12, "{seen:?}");
+}

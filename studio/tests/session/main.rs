@@ -1,0 +1,89 @@
+//! The engine as a page talks to it: requests as JSON, answers as JSON and bytes.
+
+mod editing;
+mod files;
+mod libraries;
+mod opening;
+
+use rollwalk_studio::Session;
+use serde_json::{Value, json};
+use std::ops::ControlFlow;
+
+/// A session whose answers are kept.
+#[derive(Default)]
+struct Page {
+    session: Session,
+    seq: u64,
+}
+
+/// The last answer to a request, its bytes, and how many came before it.
+struct Answer {
+    json: Value,
+    bytes: Vec<u8>,
+    progress: usize,
+}
+
+impl Page {
+    fn ask(&mut self, request: Value) -> Answer {
+        self.ask_with(request, &[])
+    }
+
+    fn ask_with(&mut self, mut request: Value, binary: &[u8]) -> Answer {
+        self.seq += 1;
+        request["seq"] = json!(self.seq);
+        let mut answers: Vec<(Value, Vec<u8>)> = Vec::new();
+        self.session.request(&request.to_string(), binary, &mut |json, bytes| {
+            answers.push((serde_json::from_str(json).unwrap(), bytes.to_vec()));
+            ControlFlow::Continue(())
+        });
+        let (json, bytes) = answers.pop().expect("every request is answered");
+        assert!(answers.iter().all(|(json, _)| json["kind"] == "progress"), "{answers:?}");
+        assert_eq!(json["seq"], self.seq);
+        assert_eq!(json["binary"], !bytes.is_empty());
+        Answer { json, bytes, progress: answers.len() }
+    }
+
+    fn done(&mut self, request: Value) -> Value {
+        let answer = self.ask(request).json;
+        assert_eq!(answer["kind"], "done", "{answer}");
+        answer
+    }
+
+    fn text(&mut self, path: &str) -> String {
+        let example = self.done(json!({ "kind": "example", "path": path }));
+        example["text"].as_str().unwrap().to_owned()
+    }
+
+    fn walk(&mut self) -> String {
+        self.text(WALK)
+    }
+
+    fn plan(&mut self, text: &str, from: &str, iterations: Option<usize>) -> Answer {
+        self.ask(json!({
+            "kind": "plan", "files": walk(text), "motion": WALK, "from": from, "iterations": iterations, "frames_hz": 60.0,
+        }))
+    }
+
+    fn amend(&mut self, text: &str, edit: Value) -> Value {
+        self.ask(json!({ "kind": "amend", "files": walk(text), "motion": WALK, "path": WALK, "edit": edit })).json
+    }
+
+    /// The text after an edit that brings no faults.
+    fn amended(&mut self, text: &str, edit: Value) -> String {
+        let answer = self.amend(text, edit);
+        assert_eq!(answer["kind"], "done", "{answer}");
+        assert_eq!(answer["faults"], json!([]));
+        answer["text"].as_str().unwrap().to_owned()
+    }
+}
+
+const WALK: &str = "motions/walk.toml";
+
+fn walk(text: &str) -> Value {
+    json!([{ "path": WALK, "text": text }])
+}
+
+/// Lines of a text that are not in another one.
+fn new_lines<'t>(text: &'t str, before: &str) -> Vec<&'t str> {
+    text.lines().filter(|line| !before.lines().any(|other| other == *line)).collect()
+}
