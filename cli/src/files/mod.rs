@@ -176,8 +176,13 @@ pub fn ending(
         "webm" | "avi" | "mov" if endings.contains(&"mp4") => {
             Some("write .mp4, which ffmpeg turns into others")
         }
-        "gif" | "mp4" if endings.contains(&"svg") => {
-            Some("only what moves is a film: add --animate")
+        "gif" | "mp4" if what == "a figure" => Some("add --animate: figures do not move"),
+        "mjcf" if endings.contains(&"xml") => Some("models for MuJoCo end in .xml"),
+        "sdf" if endings.contains(&"urdf") => {
+            Some("write .urdf; Gazebo reads it, and `gz sdf -p FILE.urdf` makes an SDF of it")
+        }
+        "stl" | "obj" | "dae" if endings.contains(&"urdf") => {
+            Some("robots are written with simple solids, not with meshes")
         }
         "xlsx" | "ods" if endings.contains(&"csv") => Some("write .csv, which spreadsheets open"),
         _ => None,
@@ -230,6 +235,8 @@ mod tests {
             "cannot write a figure as x.pdf: a figure can be written as .svg"
         );
         assert!(error.help().unwrap().to_string().contains("rsvg-convert"));
+        let robot = |name: &str| super::ending(Path::new(name), "a robot", &["urdf", "xml"]);
+        assert!(robot("x.mjcf").unwrap_err().help().unwrap().to_string().contains(".xml"));
         let error = super::ending(Path::new("x.pdf"), "a table", &["csv"]).unwrap_err();
         assert!(error.help().is_none());
     }

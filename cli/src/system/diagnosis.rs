@@ -1,4 +1,4 @@
-//! What the facts about a computer mean for robots at it, and the one command that mends what is wrong.
+//! Findings about a computer: which facts keep robots from working on it, and the command that mends each.
 
 use crate::gamepad::device;
 use crate::picture::Tool;

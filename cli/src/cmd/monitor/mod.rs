@@ -96,6 +96,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     let config = packed.as_ref().map(|packed| packed.robot.controller_config()).transpose();
     let config = config.map_err(|error| miette!("{error}"))?;
+    let shown = shown_robot(args, packed.as_ref())?;
     let place = |path: &Option<PathBuf>| path.as_deref().map(Output::at).transpose();
     let (log, mcap) = (place(&args.log)?, place(&args.mcap)?);
     if let (Some(log), Some(mcap)) = (&log, &mcap) {
@@ -125,7 +126,6 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     let known = known(catalog.as_ref(), packed.as_ref(), config.as_ref());
     let mcap = mcap.map(|output| Recording::begin(&output, rotation, args.link.node, known));
-    let shown = shown_robot(args, packed.as_ref())?;
     let live = match &shown {
         Some((robot, parts)) => args.live.begin(robot, parts)?,
         None => None,
