@@ -1,8 +1,8 @@
 //! Automatic design (thesis 2.5.3): parameters within their bounds with which the motions are best.
 //!
-//! Sequential quadratic programming: gradients of objectives and of what is kept by one adjoint solve each
-//! ([`Optimal::gradient`](rollwalk_planner::sensitivity::Optimal::gradient)), curvature by BFGS, steps within a trust region of a centimetre or two, because plans change smoothly that far only. A step
-//! is taken if the merit falls,
+//! Sequential quadratic programming. One adjoint solve gives the gradient of each objective and of each kept quantity
+//! ([`Optimal::gradient`](rollwalk_planner::sensitivity::Optimal::gradient)), BFGS the curvature. Steps stay within a trust region of a
+//! centimetre or two, because plans change smoothly that far only. A step is taken if the merit falls,
 //!
 //! ```text
 //! Σ_motions Σ_objectives w q(p) / q(p₀) + Σ_parameters w p / p₀ + pull ‖Δp‖² + μ Σ max(0, kept / bound − 1),    μ = 10

@@ -27,7 +27,7 @@ const WEIGHT_ARROW_M: f64 = 0.5;
 const NO_FORCE: f64 = 1e-3;
 /// Diameter of the shaft of a force's arrow, m.
 const SHAFT_M: f64 = 0.008;
-/// Width of a tyre as it is drawn, by its radius: what touches the ground is thinner than can be seen.
+/// Drawn width of a tyre, as a multiple of its radius: the ellipsoid that touches the ground is too thin to be seen.
 const TYRE_WIDTH: f64 = 0.3;
 
 /// A robot whose messages these are.

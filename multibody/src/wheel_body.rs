@@ -1,6 +1,6 @@
-//! Wheels that spin as bodies of their own, and what is left of the link that a robot file counts them to.
+//! Splits links into wheels that spin and the rest: robot files count a wheel to its link, simulators need two bodies.
 //!
-//! Simulators need both; robot files do not tell which part of a link turns with its wheel.
+//! Robot files do not give the share of a link that turns with its wheel, so that it is assumed here.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_robot::Robot;

@@ -1,7 +1,7 @@
 //! `rollwalk` for Python: robots, motions, plans, libraries, designs and runs as objects, numbers as NumPy arrays.
 //!
 //! A front end beside the command line, on the same crates and with no logic of its own. The package `python/python/rollwalk`
-//! re-exports what is here, and has the exceptions and the type stubs; `docs/python.md` is its tutorial.
+//! re-exports these classes and functions, and defines the exceptions and the type stubs. `docs/python.md` is its tutorial.
 //!
 //! | module | is |
 //! |---|---|
@@ -10,9 +10,10 @@
 //! | `documents` | files, and the files that they name |
 //! | `error` | the exceptions, in the words of the command line |
 //! | `library` | motion libraries |
-//! | `motion`, `robot` | what is planned |
+//! | `motion` | motion goals |
+//! | `robot` | robots, with forward kinematics |
 //! | `plan` | plans, and how they are found |
-//! | `report` | what plans are worth |
+//! | `report` | residuals of plans |
 //! | `samples` | plans at any rate |
 //! | `simulate` | plans on the simulated ground |
 //! | `watch` | long work: progress, Ctrl-C, other threads |

@@ -192,7 +192,7 @@ struct Moment {
 struct Run {
     figure: Figure,
     moments: Vec<Moment>,
-    /// Duration of the motion as it is shown, with all its periods, s.
+    /// Shown duration, all periods included, s.
     shown_s: f64,
     /// Duration of one period, s; of a motion that does not repeat, its duration.
     period_s: f64,
