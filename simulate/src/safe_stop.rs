@@ -95,6 +95,7 @@ mod tests {
 
     /// Two feet of a flying trot are on the ground at most.
     #[test]
+    #[ignore = "minutes: cargo xtask nightly --only long"]
     fn a_stop_is_where_most_end_effectors_stand() {
         let plan = plan("flying_trot");
         let (body, script) = (WholeBody::new(&plan), Script::new(&plan, true));

@@ -89,6 +89,7 @@ fn legs_that_are_too_short_for_a_target_are_made_longer() {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn the_other_legs_follow_to_keep_the_pitch() {
     let desk = desk();
     let args = ["design", "keep", "designs/legs.toml", "front_thigh+=0.01", "--feature", "pitch"];
@@ -126,6 +127,7 @@ fn requests_that_make_no_sense_are_refused_with_what_would() {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn a_car_that_cannot_drive_is_repaired_or_what_it_misses_is_named() {
     let desk = desk();
     let design = "designs/car_tilted.toml";

@@ -4,6 +4,7 @@ use crate::desk_with_shipped_files;
 use serde_json::Value;
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn a_walk_too_far_is_told_how_far_works_and_that_works() {
     let desk = desk_with_shipped_files();
     desk.edit("motions/walk.toml", "forward_m = 0.12", "forward_m = 1.5");

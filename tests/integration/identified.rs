@@ -72,6 +72,7 @@ fn measured(log: &str, seed: u64) -> String {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn a_robot_is_identified_from_what_it_measures() {
     let desk = desk_with_shipped_files();
     desk.run(&["plan", "motions/slalom.toml", "-o", "plan.json"]).succeeds();
@@ -174,6 +175,7 @@ fn keys(of: &Value) -> BTreeSet<&str> {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn several_runs_are_fitted_each_alone_and_together() {
     let desk = desk_with_shipped_files();
     desk.run(&["plan", "motions/slalom.toml", "-o", "plan.json"]).succeeds();

@@ -1,6 +1,6 @@
 //! Other programs read the logs: python-can with cantools, and an MCAP reader.
 
-use crate::bench::{every_state, log, results, suite};
+use crate::bench::{every_state, log, results};
 use crate::board;
 use rollwalk_protocol::wire::State;
 use rollwalk_tests::checkout;
@@ -161,7 +161,7 @@ fn the_difference_of_two_logs_is_what_one_of_them_has() {
 fn cantools_decodes_every_frame_of_the_actuator_buses() {
     for log in ["actuators1.log", "actuators2.log"] {
         let frames = decoded(log, "rollwalk-actuators.dbc");
-        assert!(frames.len() > suite().least_actuator_frames, "{log}: {}", frames.len());
+        assert!(frames.len() > 10_000, "{log}: {}", frames.len());
     }
 }
 

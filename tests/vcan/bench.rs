@@ -17,42 +17,6 @@ const ROLLWALK_SIM: &str = env!("CARGO_BIN_EXE_rollwalk-sim-under-test");
 /// Longest wait for a program that ends by itself, by the clock of the interfaces, which no load disturbs.
 pub const LONG: Duration = Duration::from_secs(120);
 
-/// Robot and lengths of a run of the tests: `cargo xtask test` runs the short one, `cargo xtask nightly` and
-/// `cargo xtask vcan` the full one. Both libraries have the same codes: 1 and 2 end at rest, 3 and 4 loop.
-pub struct Suite {
-    /// Robot file, below the checkout.
-    pub robot: &'static str,
-    /// Motions 4 and 3, with the seconds that each is played.
-    pub loops: [&'static str; 2],
-    /// Blocks of the library's transfer before its adapter is unplugged.
-    pub blocks_before_unplugging: usize,
-    /// Least frames in the log of each actuator bus.
-    pub least_actuator_frames: usize,
-}
-
-const SHORT: Suite = Suite {
-    robot: "tests/vcan/leg/robot.toml",
-    loops: ["4:1", "3:1"],
-    blocks_before_unplugging: 40,
-    least_actuator_frames: 2_000,
-};
-
-const FULL: Suite = Suite {
-    robot: "robots/agilebot.toml",
-    loops: ["4:3", "3:3"],
-    blocks_before_unplugging: 300,
-    least_actuator_frames: 10_000,
-};
-
-/// The suite that `cargo xtask` asks for.
-pub fn suite() -> &'static Suite {
-    match std::env::var("ROLLWALK_SUITE").as_deref() {
-        Ok("short") => &SHORT,
-        Ok("full") => &FULL,
-        other => panic!("ROLLWALK_SUITE is {other:?}: `cargo xtask vcan` sets it"),
-    }
-}
-
 /// Folder of the logs that are kept.
 pub fn results() -> PathBuf {
     std::env::var_os("ROLLWALK_RESULTS").expect("`cargo xtask vcan` names the folder").into()
@@ -76,14 +40,14 @@ pub fn keep(name: &str) {
 
 const LIBRARY: &str = "library.rwl";
 
-/// The suite's motion library.
+/// The motion library.
 pub fn library() -> PathBuf {
     desk().join(LIBRARY)
 }
 
-/// The suite's robot file.
+/// The demo's robot with its twenty motors.
 fn robot() -> PathBuf {
-    checkout().join(suite().robot)
+    checkout().join("robots/agilebot.toml")
 }
 
 /// Reads programs into the page cache, so that nothing waits for a disk later.
@@ -108,7 +72,7 @@ pub fn rollwalk(args: &[&str]) -> Outcome {
     ours(args).output().expect("the command starts").into()
 }
 
-/// `rollwalk flash` of the suite's library, run to its end.
+/// `rollwalk flash` of the library, run to its end.
 #[track_caller]
 pub fn flash(bus: &str) -> Outcome {
     flash_command(bus).output().expect("the command starts").into()
@@ -234,7 +198,7 @@ impl Beside {
         Self::piped(ours(args))
     }
 
-    /// `rollwalk flash` of the suite's library.
+    /// `rollwalk flash` of the library.
     pub fn flash(bus: &str) -> Self {
         Self::piped(flash_command(bus))
     }

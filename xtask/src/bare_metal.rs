@@ -26,12 +26,11 @@ pub struct Build {
     pub artefacts: PathBuf,
 }
 
-/// Builds the controller's crates for the Cortex-M4F, without keys and with them.
+/// Builds the controller's crates for the Cortex-M4F with keys; the emulated board has them without.
 ///
 /// # Errors
 /// The compiler's errors, or the command that installs a toolchain.
 pub fn check() -> Result<(), String> {
-    shell::run(build(CORTEX_M4F)?.cargo.args(CRATES))?;
     shell::run(build(CORTEX_M4F)?.cargo.args(CRATES).args(KEYS))
 }
 

@@ -5,16 +5,13 @@
 //! the command that repeats it.
 
 use crate::shell::{self, command, workspace_root};
-use crate::steps::Extent;
 use crate::{debian, fuzz_log, parallel};
 use clap::ValueEnum;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Seconds of each target in `cargo xtask test`, after its seeds.
-const SHORT_SECONDS: u32 = 5;
-/// Seconds of each target otherwise.
+/// Seconds of each target, after its seeds.
 pub const FULL_SECONDS: u32 = 600;
 /// Longest time until the planted bug is found, seconds; it takes one.
 const PLANTED_SECONDS: u32 = 60;
@@ -89,14 +86,13 @@ pub fn run(target: Option<Target>, seconds: u32, input: Option<&Path>) -> Result
 ///
 /// # Errors
 /// The findings with their inputs; or the planted bug was not found.
-pub fn check(extent: Extent) -> Result<(), String> {
+pub fn check() -> Result<(), String> {
     let fuzz = Fuzz::build()?;
     let mut clippy = shell::cargo(&["clippy", "--manifest-path", "fuzz/Cargo.toml"]);
     clippy.arg("--target-dir").arg(&fuzz.folder).args(["--", "-D", "warnings"]);
     shell::run(&mut clippy)?;
     fuzz.find_planted_bug()?;
-    let seconds = if extent == Extent::Short { SHORT_SECONDS } else { FULL_SECONDS };
-    fuzz.all(&real_targets(), seconds)
+    fuzz.all(&real_targets(), FULL_SECONDS)
 }
 
 fn real_targets() -> Vec<Target> {

@@ -4,7 +4,6 @@
 //! times slower than a processor: random tests draw once, exhaustive ones take samples (`cfg(miri)`), and tests that
 //! simulate minutes of a robot are left out. It is isolated from the machine, so every run is the same.
 
-use crate::steps::Extent;
 use crate::{parallel, shell, toolchain};
 use std::time::Instant;
 
@@ -22,16 +21,14 @@ struct Run {
     skip: &'static [&'static str],
 }
 
-/// Formats that must not depend on the machine: what `cargo xtask test` runs.
-const SHORT: [Run; 1] = [Run {
-    name: "golden bytes, big-endian",
-    cargo: &["-p", "rollwalk-protocol", "--test", "protocol", "--target", BIG_ENDIAN],
-    only: &["golden"],
-    skip: &[],
-}];
-
-/// What `cargo xtask nightly` runs besides.
-const LONG: [Run; 4] = [
+const RUNS: [Run; 5] = [
+    // Formats that must not depend on the machine.
+    Run {
+        name: "golden bytes, big-endian",
+        cargo: &["-p", "rollwalk-protocol", "--test", "protocol", "--target", BIG_ENDIAN],
+        only: &["golden"],
+        skip: &[],
+    },
     Run {
         name: "firmware",
         // On x86, libm takes its square roots in assembly, which Miri does not know.
@@ -89,15 +86,11 @@ const LONG: [Run; 4] = [
 ///
 /// # Errors
 /// Miri's messages about the runs that fail; or the command that installs Miri.
-pub fn check(extent: Extent) -> Result<(), String> {
+pub fn check() -> Result<(), String> {
     toolchain::need_nightly(&["miri", "rust-src"])?;
-    let long: &[Run] = if extent == Extent::Full { &LONG } else { &[] };
-    if extent == Extent::Full {
-        shell::run(&mut toolchain::nightly_cargo(&["miri", "setup"]))?;
-    }
+    shell::run(&mut toolchain::nightly_cargo(&["miri", "setup"]))?;
     shell::run(&mut toolchain::nightly_cargo(&["miri", "setup", "--target", BIG_ENDIAN]))?;
-    let runs: Vec<&Run> = long.iter().chain(&SHORT).collect();
-    let failures = parallel::each(&runs, |run| run_tests(run));
+    let failures = parallel::each(&RUNS, run_tests);
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
 }
 

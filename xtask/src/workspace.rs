@@ -99,7 +99,10 @@ pub fn optimised_programs() -> Result<Vec<Program>, String> {
 }
 
 fn build(profile: &[&str]) -> Result<Vec<Program>, String> {
-    let mut build = cargo(&["test", "--no-run", "--message-format", "json-render-diagnostics"]);
+    // Without examples, which clippy checks.
+    let json = ["--message-format", "json-render-diagnostics"];
+    let mut build = cargo(&["test", "--no-run", "--tests"]);
+    build.args(json);
     build.args(profile);
     let messages = shell::output(build.stderr(Stdio::inherit()))?;
     Ok(messages.lines().filter_map(of_message).collect())

@@ -12,6 +12,7 @@ fn read(path: &str) -> NamedText {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn the_drift_is_taken_back_and_grows_with_the_sign_that_is_printed() {
     let design = "name = \"legs\"\nrobot = \"agilebot.toml\"\n\
         [[parameter]]\nname = \"front\"\nlength_of = \"leg/*_thigh\"\nlimbs = [\"front_left\", \"front_right\"]\nmin_m = 0.09\nmax_m = 0.16\n\

@@ -229,6 +229,7 @@ fn walker(lengths_m: &[f64], up_m: f64) -> Made {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn legs_grow_until_the_body_reaches_its_target() {
     // Legs of 0.23 m that stretch to 0.229, for 0.26 m.
     let names = ["front thigh", "front shank", "rear thigh", "rear shank"];

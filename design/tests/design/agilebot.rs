@@ -53,6 +53,7 @@ fn pitched(before: &Plans, after: &Plans) -> [f64; 2] {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn longer_front_legs_pitch_the_body_by_hand_and_not_with_the_others_following() {
     let designed = legs(&["motions/trot.toml"]);
     let before = planned(&designed);
@@ -71,6 +72,7 @@ fn longer_front_legs_pitch_the_body_by_hand_and_not_with_the_others_following() 
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn optimised_legs_are_better_within_their_bounds_and_what_is_kept() {
     let designed = legs(&["motions/trot.toml", "motions/drive_1m.toml"]);
     let before = planned(&designed);

@@ -361,6 +361,7 @@ fn skaterbot_has_derivatives_by_its_targets_gains_and_ground() {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn legbot_on_soft_feet_has_derivatives() {
     let material =
         SoftMaterial { young_pa: 2e5, poisson: 0.3, density_kg_m3: 100.0, viscosity_pa_s: 5.0 };

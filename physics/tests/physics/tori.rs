@@ -105,6 +105,7 @@ fn thrown(model: Model) -> (System, Range<usize>, Range<usize>) {
 
 /// All steps converge, and the momentum changes by what gravity and the contacts give, whose friction is within its cones.
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn tori_bounce_off_a_slope_and_a_wall_under_every_model_of_friction() {
     let step_s = 5e-3;
     let mut outcomes = Vec::new();

@@ -113,6 +113,7 @@ fn a_number_that_is_none_is_refused_wherever_it_stands() {
 type Change = (&'static str, fn(&mut Sample));
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn what_changes_outside_the_motion_is_noticed() {
     let everywhere: [Change; 11] = [
         ("time", |state| state.time_s += 0.001),

@@ -145,6 +145,7 @@ fn plans_on_free_wheels_whose_phase_is_free_change_as_they_are_optimised_again()
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn plans_on_feet_and_skates_change_as_they_are_optimised_again() {
     compare("table_2_1/creature3_fast_walk.toml", &[length]);
     compare("table_2_1/skatebot_skating.toml", &[length]);

@@ -131,6 +131,7 @@ fn a_walk_too_far_names_the_distance_and_the_legs() {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn feet_that_cannot_be_lifted_so_high_names_the_height() {
     let (robot, motion) = walk(|motion| motion.swing_height_m = 0.5);
     let diagnosis = impossible(&plan(&robot, &motion), &long_walk());
@@ -176,6 +177,7 @@ fn a_second_on_one_foot_names_the_balance() {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn servos_too_weak_to_stand_names_the_torque() {
     weak_servos_are_named(&[0.25]);
 }
@@ -294,6 +296,7 @@ fn a_side_step_that_standing_sees_no_way_to_is_found_by_way_of_a_shorter_one() {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn a_limit_of_iterations_holds_for_probes_as_well() {
     let (robot, motion) = walk(|motion| motion.goal.forward_m = Some(1.5));
     for iterations in 1..16 {

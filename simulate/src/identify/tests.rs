@@ -111,6 +111,7 @@ fn friction() -> Quantity {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn a_slipping_robot_tells_its_friction_and_its_gains() {
     let robot = agilebot();
     let joint = |channel: &Channel<'_>| matches!(channel, Channel::Joint(_));
@@ -317,6 +318,7 @@ fn soft_feet_have_derivatives_by_all_but_their_links_masses() {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn motors_alone_tell_gains() {
     let robot = agilebot();
     let gain = of(

@@ -12,6 +12,7 @@ use std::ops::ControlFlow;
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn a_step_takes_few_iterations_and_none_is_taken_in_parts() {
     for (robot, motion) in [
         ("agilebot", "pace"),

@@ -10,7 +10,21 @@ use clap::ValueEnum;
 /// A robot of MIT drives and an ODrive.
 const OTHER_ROBOT: &str = "robots/test_leg.toml";
 /// Programs with ignored tests that only take long, by folder and name.
-const LONG: [(&str, &str); 2] = [("planner", "rollwalk_planner"), ("planner", "planner")];
+const LONG: [(&str, &str); 11] = [
+    ("cli", "rollwalk"),
+    ("design", "design"),
+    ("design", "rollwalk_design"),
+    ("firmware", "rollwalk_firmware"),
+    ("physics", "physics"),
+    ("planner", "planner"),
+    ("planner", "rollwalk_planner"),
+    ("simulate", "rollwalk_simulate"),
+    ("simulate", "simulate"),
+    ("studio", "session"),
+    ("tests", "integration"),
+];
+/// Tests that [`NightlyStep::Load`] runs.
+const LOAD: &str = "load::";
 /// Random seeds of the fault campaign on a stand, and on the ground: of each scenario and loss, a thousand runs.
 const CAMPAIGN_SEEDS: &str = "1000";
 const GROUND_CAMPAIGN_SEEDS: &str = "9";
@@ -90,13 +104,13 @@ impl Step for NightlyStep {
             Self::Deny => deny::check().and_then(|()| sbom::write(None)),
             Self::Docs => docs::build(&docs::Options { reference: true }),
             Self::Package => package::check(),
-            Self::Vcan => vcan::check(Extent::Full),
+            Self::Vcan => vcan::check(),
             Self::BoardUart => board::demo_over_uart()
                 .and_then(|()| board::other_robot(&shell::workspace_root().join(OTHER_ROBOT))),
             Self::Sizes => board::sizes(false)
                 .and_then(|()| board::other_boards())
                 .and_then(|()| board::planted_panics()),
-            Self::Miri => miri::check(Extent::Full),
+            Self::Miri => miri::check(),
             Self::Multibody => mujoco::check(Extent::Full),
             Self::Physics => {
                 let programs = workspace::optimised_programs()?;
@@ -111,7 +125,7 @@ impl Step for NightlyStep {
                 let programs = workspace::programs()?;
                 let all = LONG.map(|(folder, name)| {
                     let tests = workspace::find(&programs, folder, name, true)?;
-                    shell::run(&mut tests.tests(&["--ignored"])?)
+                    shell::run(&mut tests.tests(&["--ignored", "--skip", LOAD])?)
                 });
                 let failures: Vec<_> = all.into_iter().filter_map(Result::err).collect();
                 if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
@@ -120,10 +134,10 @@ impl Step for NightlyStep {
                 let programs = workspace::programs()?;
                 let tests = workspace::find(&programs, "tests", "integration", true)?;
                 // One after the other: each has the cores busy by itself.
-                let load = ["load::", "--ignored", "--test-threads=1", "--nocapture"];
+                let load = [LOAD, "--ignored", "--test-threads=1", "--nocapture"];
                 shell::run(&mut tests.command(&load))
             }
-            Self::Fuzz => fuzz::check(Extent::Full),
+            Self::Fuzz => fuzz::check(),
             Self::Studio => {
                 let wasm = studio::engine()?;
                 let programs = workspace::optimised_programs()?;

@@ -2,8 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    bare_metal, board, browsers, cantools, debian, exports, fuzz, hostile, miri, mujoco, programs,
-    replay, shell, tidy, toolchain, vcan, workspace,
+    bare_metal, board, browsers, cantools, debian, exports, hostile, mujoco, programs, replay,
+    shell, tidy, toolchain, workspace,
 };
 use clap::ValueEnum;
 
@@ -16,22 +16,14 @@ pub enum TestStep {
     Tidy,
     /// Clippy over every target, warnings denied.
     Clippy,
-    /// Documentation of every crate, warnings denied.
-    Doc,
     /// Every program and test of the workspace, built for the steps that follow.
     Build,
-    /// Tools and a simulated robot with three motors on real CAN interfaces.
-    Vcan,
     /// The studio's page in Chromium and Firefox, without robots.
     Studio,
     /// `rollwalk-protocol` and `rollwalk-firmware` for the Cortex-M4, without std.
     NoStd,
     /// Board images: size, no panics, and the emulated one against the host simulation.
     Board,
-    /// Every fuzz target for a few seconds; a planted bug.
-    Fuzz,
-    /// Golden bytes in Miri, on a big-endian machine.
-    Miri,
     /// DBC files as cantools reads them.
     Dbc,
     /// Kinematics and dynamics of every robot against MuJoCo.
@@ -57,14 +49,10 @@ impl Step for TestStep {
             Self::Fmt => "formatting",
             Self::Tidy => "house rules",
             Self::Clippy => "clippy, warnings denied",
-            Self::Doc => "documentation, warnings denied",
             Self::Build => "programs and tests of the workspace",
-            Self::Vcan => "tools and a small robot on real CAN interfaces",
             Self::Studio => "the studio's page in real browsers",
             Self::NoStd => "protocol and firmware for the Cortex-M4 (no_std)",
             Self::Board => "board images, one of them emulated",
-            Self::Fuzz => "fuzz targets, a few seconds each",
-            Self::Miri => "golden bytes in Miri, big-endian",
             Self::Dbc => "DBC files as cantools reads them",
             Self::Multibody => "kinematics and dynamics against MuJoCo",
             Self::Exports => "exports as other tools read them",
@@ -80,17 +68,10 @@ impl Step for TestStep {
             Self::Fmt => format(),
             Self::Tidy => tidy::check(&shell::workspace_root()),
             Self::Clippy => clippy(),
-            Self::Doc => {
-                let mut doc = workspace::cargo(&["doc", "--no-deps"]);
-                shell::run(doc.env("RUSTDOCFLAGS", "-D warnings"))
-            }
             Self::Build => workspace::programs().map(drop),
-            Self::Vcan => vcan::check(Extent::Short),
             Self::Studio => browsers::check(Extent::Short),
             Self::NoStd => bare_metal::check(),
             Self::Board => board::check(),
-            Self::Fuzz => fuzz::check(Extent::Short),
-            Self::Miri => miri::check(Extent::Short),
             Self::Dbc => cantools::check(),
             Self::Multibody => mujoco::check(Extent::Short),
             Self::Exports => exports::check(),
@@ -108,9 +89,9 @@ impl Step for TestStep {
         }
     }
 
-    /// The virtual machine has one processor, and a clock that does not see the load. Browsers wait for the page, not for time.
+    /// Browsers wait for the page, not for time.
     fn is_beside(&self) -> bool {
-        *self == Self::Studio || *self == Self::Vcan && vcan::in_virtual_machine()
+        *self == Self::Studio
     }
 
     /// Simulated robots at pages and serial lines play in real time.

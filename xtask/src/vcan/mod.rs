@@ -17,7 +17,6 @@ mod status;
 mod suite;
 
 use crate::shell;
-use crate::steps::Extent;
 use guest::Guest;
 use place::Place;
 use std::fs;
@@ -60,8 +59,8 @@ impl Options {
 ///
 /// # Errors
 /// The tests that failed, or the command that installs what is missing.
-pub fn check(extent: Extent) -> Result<(), String> {
-    suite::run(place::decide()?, extent)
+pub fn check() -> Result<(), String> {
+    suite::run(place::decide()?)
 }
 
 /// Runs the command, or the full tests, where there is SocketCAN, and returns its exit status.
@@ -73,7 +72,7 @@ pub fn run(options: &Options) -> Result<ExitCode, String> {
         .map_err(|error| format!("no handler for Ctrl-C: {error}"))?;
     let command = &options.command;
     if command.is_empty() {
-        return suite::run(options.place()?, Extent::Full).map(|()| ExitCode::SUCCESS);
+        return suite::run(options.place()?).map(|()| ExitCode::SUCCESS);
     }
     let results = options.results.as_deref().map(absolute).transpose()?;
     let timeout = Duration::from_secs(options.timeout);

@@ -296,6 +296,7 @@ fn large_units() {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn a_second_cut_during_recovery() {
     torture::<8, 256>(60, 1, 13);
 }

@@ -56,6 +56,7 @@ fn the_iteration_limit_is_kept_and_told() {
 }
 
 #[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
 fn methods_agree_on_the_optimum() {
     let robot = &test_robots::all()[0];
     let motion = Motion {
