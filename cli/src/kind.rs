@@ -29,7 +29,7 @@ pub enum Kind {
     Plan,
     /// A problem file.
     Problem,
-    /// A URDF.
+    /// A URDF, or an MJCF model.
     Urdf,
     /// A side file of a URDF.
     Side,
@@ -65,7 +65,7 @@ impl fmt::Display for Kind {
             Self::Sweep => "sweep file (TOML)",
             Self::Plan => "plan (JSON)",
             Self::Problem => "problem file (JSON)",
-            Self::Urdf => "URDF file (XML)",
+            Self::Urdf => "URDF or MJCF file (XML)",
             Self::Side => "side file (TOML)",
             Self::Gamepad => "gamepad mapping (TOML)",
             Self::Terrain => "terrain file (TOML)",
@@ -90,7 +90,7 @@ impl Kind {
             return marks.into_iter().find(|(format, _)| has(format)).map(|(_, kind)| kind);
         }
         let beginning = text.trim_start().get(..5);
-        if beginning.is_some_and(|start| start == "<?xml" || start == "<robo") {
+        if beginning.is_some_and(|start| ["<?xml", "<robo", "<mujo"].contains(&start)) {
             return Some(Self::Urdf);
         }
         let has = |header: &str| text.lines().any(|line| line.trim_start().starts_with(header));

@@ -9,6 +9,16 @@
 //!
 //! Formats go out here and nothing comes in: `rollwalk_robot::urdf` imports. Texts are values; the same robot or plan gives the
 //! same text.
+//!
+//! ```
+//! use rollwalk_robot::Robot;
+//!
+//! let text = std::fs::read_to_string("../robots/agilebot.toml")?;
+//! let (robot, parts) = Robot::with_parts_from_toml("agilebot.toml", &text)?;
+//! assert!(rollwalk_interchange::urdf(&robot, &parts)?.contains("<robot name="));
+//! assert!(rollwalk_interchange::mjcf(&robot, &parts)?.contains("<mujoco model="));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod bodies;
 pub mod foxglove;

@@ -1,6 +1,7 @@
 """Exported robots as MuJoCo, Pinocchio and urdf_parser_py read them, against poses of the project's own kinematics.
 
-Usage: consumers.py FOLDER, with NAME.urdf, NAME.xml and NAME.poses.json of each robot. Exit code 1 with the first difference.
+Usage: consumers.py FOLDER, with NAME.urdf, NAME.xml and NAME.poses.json of each exported robot, and NAME.xml and NAME.imported.json of
+each that was imported from a model. Exit code 1 with the first difference.
 """
 
 import json
@@ -23,8 +24,14 @@ class Different(Exception):
 def main(folder):
     """Compares every robot of a folder."""
     files = sorted(pathlib.Path(folder).glob("*.poses.json"))
-    if not files:
-        raise Different(f"{folder} has no *.poses.json")
+    models = sorted(pathlib.Path(folder).glob("*.imported.json"))
+    if not files and not models:
+        raise Different(f"{folder} has no *.poses.json and no *.imported.json")
+    for file in models:
+        expected = json.loads(file.read_text(encoding="utf-8"))
+        stem = file.name.removesuffix(".imported.json")
+        worst = imported(file.with_name(f"{stem}.xml"), expected)
+        print(f"{stem}, imported: {len(expected['poses'])} poses, largest difference {worst:.1e}")
     for file in files:
         expected = json.loads(file.read_text(encoding="utf-8"))
         stem = file.name.removesuffix(".poses.json")
@@ -74,6 +81,29 @@ def in_mujoco(path, expected):
         worst = max(worst, compare(f"{path}: pose {number}, com", data.subtree_com[1], pose["com_m"]))
         inertia = about_com(model, data)
         worst = max(worst, compare(f"{path}: pose {number}, inertia", inertia, pose["inertia_kg_m2"]))
+    return worst
+
+
+def imported(path, expected):
+    """The model that a robot was imported from: mass, limits from where joints begin, poses of feet, centre of mass, inertia."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    worst = compare(f"{path}: mass", model.body_subtreemass[1], expected["mass_kg"])
+    begins = {name: model.qpos0[model.joint(name).qposadr[0]] for name in expected["joints"]}
+    for name, limit in zip(expected["joints"], expected["limits"]):
+        compare(f"{path}: range of {name}", model.joint(name).range - begins[name], limit["position_rad"])
+    for number, pose in enumerate(expected["poses"]):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
+        for name, angle in zip(expected["joints"], pose["joint_rad"]):
+            data.joint(name).qpos[:] = begins[name] + angle
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        where = f"{path}: pose {number}"
+        for foot, center in zip(expected["end_effectors"], pose["centers_m"]):
+            worst = max(worst, compare(f"{where}, {foot['name']}", data.geom(foot["name"]).xpos, center))
+        worst = max(worst, compare(f"{where}, com", data.subtree_com[1], pose["com_m"]))
+        worst = max(worst, compare(f"{where}, inertia", about_com(model, data), pose["inertia_kg_m2"]))
     return worst
 
 

@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::{Configuration, Frames, Tree};
 use rollwalk_robot::Robot;
+use rollwalk_robot::urdf::{Text, import};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -37,9 +38,32 @@ fn robots_have_the_same_poses_elsewhere() {
         write("xml", rollwalk_interchange::mjcf(&robot, &parts).unwrap());
         write("poses.json", poses(&robot).to_string());
     }
+    in_python(&folder);
+}
+
+#[test]
+#[ignore = "needs MuJoCo and Pinocchio: cargo xtask test --only exports"]
+fn an_imported_model_has_the_poses_of_mujoco() {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
+    let read = |name: &str| fs::read_to_string(tests.join(name)).unwrap();
+    let (model, side) = (read("quadruped.xml"), read("quadruped.side.toml"));
+    let model = Text { name: "quadruped.xml", text: &model };
+    let side = Text { name: "quadruped.side.toml", text: &side };
+    let imported =
+        import(model, side).unwrap_or_else(|why| panic!("{:?}", miette::Report::new(why)));
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("imported");
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join("quadruped.xml"), model.text).unwrap();
+    let poses = poses(&imported.robot).to_string();
+    fs::write(folder.join("quadruped.imported.json"), poses).unwrap();
+    in_python(&folder);
+}
+
+/// Runs the comparison on a folder.
+fn in_python(folder: &Path) {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/consumers.py");
     let python = env::var_os("PYTHON").unwrap_or_else(|| "python3".into());
-    let output = Command::new(python).arg(script).arg(&folder).output().expect("Python runs");
+    let output = Command::new(python).arg(script).arg(folder).output().expect("Python runs");
     println!("{}", String::from_utf8_lossy(&output.stdout));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }

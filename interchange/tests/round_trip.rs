@@ -47,3 +47,24 @@ fn a_link_and_a_wheel_of_one_name_are_two_bodies() {
     assert_eq!(text.matches(&format!("<body name=\"{name}\"")).count(), 1);
     assert_eq!(text.matches(&format!("<body name=\"{name}_wheel\"")).count(), 1);
 }
+
+#[test]
+fn robots_come_back_from_mjcf_with_their_joints_wheels_and_masses() {
+    for name in ["agilebot", "pup", "anymal_wheels", "legbot"] {
+        let robot = shipped(name);
+        let text = rollwalk_interchange::mjcf(&robot, &[]).unwrap();
+        let model = Text { name, text: &text };
+        let side = survey(model).unwrap().template;
+        let back = import(model, Text { name: "side", text: &side }).unwrap().robot;
+        assert!((back.total_mass_kg() - robot.total_mass_kg()).abs() < 1e-9, "{name}");
+        assert_eq!(back.joints.len(), robot.joints.len(), "{name}");
+        for joint in &robot.joints {
+            let found = back.joints.iter().find(|other| other.name == joint.name);
+            let found = found.unwrap_or_else(|| panic!("{name} has no {}", joint.name));
+            let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{name} {}", joint.name);
+            near(found.position_min_rad, joint.position_min_rad);
+            near(found.position_max_rad, joint.position_max_rad);
+            near(found.actuator.torque_max_nm, joint.actuator.torque_max_nm);
+        }
+    }
+}

@@ -3,6 +3,18 @@
 //! First station of the data flow: `robots/*.toml` becomes a validated [`Robot`], which the planner,
 //! the simulated robot and (as [`rollwalk_protocol::config::RobotConfig`]) the firmware share.
 //! Frames, units and orders: `docs/conventions.md`.
+//!
+//! ```
+//! let text = std::fs::read_to_string("../robots/pup.toml")?;
+//! let robot = rollwalk_robot::Robot::from_toml("pup.toml", &text)?;
+//! assert_eq!(robot.joints.len() + robot.end_effectors.len(), 12);
+//!
+//! // What is wrong is said with its place and what would be right.
+//! let wrong = text.replacen("mass_kg = ", "mass_kg = -", 1);
+//! let error = rollwalk_robot::Robot::from_toml("pup.toml", &wrong).unwrap_err();
+//! assert!(error.to_string().contains("pup.toml"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod contact;
 mod controller;

@@ -1,4 +1,4 @@
-//! `rollwalk robot import`: converts a URDF and a side file to a robot file.
+//! `rollwalk robot import`: converts a URDF, or an MJCF model, and a side file to a robot file.
 
 use super::robot::describe;
 use super::standing::StandingReport;
@@ -12,9 +12,9 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Convert a URDF to a robot file; a side file adds what a URDF lacks.
+/// Convert a URDF or an MJCF model to a robot file; a side file adds what they lack.
 ///
-/// Without a side file it prints the joints of the URDF, links that look like feet and wheels, and a standing pose.
+/// Without a side file it prints the joints, links that look like feet and wheels, and a standing pose.
 /// `--template` writes them to a first side file, to be checked and completed.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
@@ -22,11 +22,12 @@ Examples:
   rollwalk robot import a1.urdf                                      what is in it?
   rollwalk robot import a1.urdf --template a1.side.toml              a side file to fill in
   rollwalk robot import a1.urdf --with a1.side.toml -o a1.toml
+  rollwalk robot import go1.xml --template go1.side.toml             a model of MuJoCo
 
 Side files are described in docs/urdf-import.md, robot files in docs/robot-files.md.")]
 pub struct Args {
-    /// The URDF (XML, xacro expanded).
-    #[arg(value_name = "ROBOT.urdf")]
+    /// The URDF (XML, xacro expanded), or the MJCF model (XML, without <include>).
+    #[arg(value_name = "ROBOT.urdf|ROBOT.xml")]
     urdf: PathBuf,
     /// The side file.
     #[arg(long, value_name = "SIDE.toml", requires = "output", conflicts_with = "template")]

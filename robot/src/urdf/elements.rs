@@ -17,7 +17,7 @@ pub(super) struct Reader<'n, 't> {
 }
 
 /// The start tag of an element.
-fn tag(node: Node<'_, '_>) -> Span {
+pub(super) fn tag(node: Node<'_, '_>) -> Span {
     let range = node.range();
     let text = &node.document().input_text()[range.clone()];
     let end = text.find('>').map_or(text.len(), |at| at + 1);

@@ -1,6 +1,6 @@
-//! URDF import: a URDF and a side file with what URDF lacks become the text of a robot file.
+//! Import of URDF and MJCF: either, and a side file with what both lack, become the text of a robot file.
 //!
-//! Text in, text and warnings out. Six steps: `xml` reads the URDF, `tree` makes a tree of it, `side`
+//! Text in, text and warnings out. Six steps: `xml` reads the URDF, or `mjcf` a model of MuJoCo as one, `tree` makes a tree of it, `side`
 //! reads the side file, `bodies` merges what is rigid, `convert` drafts the robot file and `emit`
 //! writes it. The result passes every rule of robot files. [`survey`] lists the contents of a URDF and
 //! writes a first side file. Described in `docs/urdf-import.md`.
@@ -13,6 +13,7 @@ mod emit;
 mod guess;
 mod joints;
 mod loads;
+mod mjcf;
 mod motors;
 mod names;
 mod notes;

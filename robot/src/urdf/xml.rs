@@ -5,6 +5,7 @@
 //! tell an absent limit from 0.
 
 use super::elements::Reader;
+use super::mjcf;
 use super::notes::Notes;
 use crate::document::{DocumentError, Fault, Span};
 use crate::file::parts::MassProperties;
@@ -17,7 +18,7 @@ pub const TEXT_MAX: usize = 16 << 20;
 const NODES_MAX: u32 = 1 << 20;
 /// Most links, and most joints: humanoids with hands have a few hundred. What is done with them takes time with the square
 /// of their number.
-const ITEMS_MAX: usize = 2000;
+pub(super) const ITEMS_MAX: usize = 2000;
 /// Namespace of prefixes that the file uses without declaring them.
 const UNDECLARED: &str = "urn:undeclared";
 
@@ -146,12 +147,14 @@ pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
         }
     };
     let root = document.root_element();
+    if root.has_tag_name("mujoco") {
+        return mjcf::read(root, notes);
+    }
     let mut reader = Reader { notes };
     if root.tag_name().name() != "robot" {
         let name = root.tag_name().name();
         let help = match name {
             "sdf" | "world" | "model" => "this is SDF: export the robot as URDF",
-            "mujoco" => "this is MJCF: export the robot as URDF",
             _ => "a URDF file has one root element, <robot name=\"…\">",
         };
         reader.fault(root, format!("the root element is <{name}>, not <robot>"), help);

@@ -54,7 +54,7 @@ fn what_is_no_urdf() {
     refused("", SIDE, &["not XML"]);
     refused("<robot name=\"r\"><link name=\"a\">", SIDE, &["not XML"]);
     refused("<sdf version=\"1.9\"/>", SIDE, &["<sdf>", "SDF"]);
-    refused("<mujoco/>", SIDE, &["MJCF"]);
+    refused("<mujoco/>", SIDE, &["has no <body>"]);
     refused("<robot name=\"r\"/>", SIDE, &["no <link>"]);
     refused("name = \"agilebot\"", SIDE, &["not XML", "<robot"]);
     urdf(

@@ -4,6 +4,7 @@
 mod faults;
 mod hostile;
 mod large;
+mod mjcf;
 mod oracle;
 mod physics;
 mod repairs;

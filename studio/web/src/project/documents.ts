@@ -146,7 +146,7 @@ export type Kind = "robot" | "motion" | "library" | "design" | "plan" | "urdf" |
 /** What a file seems to be, from the tables that only such files have. The engine has the last word. */
 export function kindOf(file: File): Kind {
   if (/^\s*\{/.test(file.text)) return file.text.includes('"rollwalk-plan"') ? "plan" : "other";
-  if (/^\s*</.test(file.text)) return file.text.includes("<robot") ? "urdf" : "other";
+  if (/^\s*</.test(file.text)) return /<(robot|mujoco)[\s>]/.test(file.text) ? "urdf" : "other";
   if (/^\s*\[\[link\]\]/m.test(file.text)) return "robot";
   if (/^\s*\[\[motion\]\]/m.test(file.text)) return "library";
   if (/^\s*duration_s\s*=/m.test(file.text) && /^\s*robot\s*=/m.test(file.text)) return "motion";

@@ -1,0 +1,287 @@
+//! `<body>`: links and joints, the joints of an actuator with its limits, and what equalities couple.
+
+use super::model::FromGeoms;
+use super::numbers::{Element, Reader, called};
+use crate::file::parts::sum;
+use crate::urdf::elements::tag;
+use crate::urdf::xml::{ITEMS_MAX, Joint, Kind, Limit, Link, Solid, Urdf};
+use nalgebra::{Isometry3, Translation3, Unit, Vector3};
+use roxmltree::Node;
+use std::collections::HashMap;
+
+/// The world as a link, where a joint or a fixed body needs it.
+const WORLD: &str = "world";
+
+/// A body that is still to be read, with its place in the link that carries it.
+struct Open<'a, 'i> {
+    of: Element<'a, 'i>,
+    /// None in the world.
+    parent: Option<String>,
+    parent_from_here: Isometry3<f64>,
+}
+
+/// Something in a body, with the frame that it is in.
+type Item<'a, 'i> = (Element<'a, 'i>, Isometry3<f64>);
+
+/// What actuators and equalities say of joints, by their name.
+struct Drives<'a> {
+    /// Largest torque or force, N·m or N.
+    effort: HashMap<&'a str, f64>,
+    /// The joint that one follows.
+    follows: HashMap<&'a str, String>,
+}
+
+/// Links and joints of a model.
+pub fn read<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -> Urdf {
+    let name = root.attribute("model").unwrap_or("robot").to_owned();
+    let mut urdf = Urdf { name, ..Urdf::default() };
+    let drives = drives(root, reader);
+    let mut open = Vec::new();
+    for world in root.children().filter(|node| node.has_tag_name("worldbody")) {
+        let items = items(reader, Element { node: world, class: None });
+        let bodies = items.into_iter().filter(|(of, _)| of.node.has_tag_name("body"));
+        open.extend(bodies.map(|(of, pose)| Open { of, parent: None, parent_from_here: pose }));
+    }
+    open.reverse();
+    while let Some(next) = open.pop() {
+        if urdf.links.len() >= ITEMS_MAX {
+            let help = format!("at most {ITEMS_MAX} are read: is this the right file?");
+            reader.fault(next.of.node, "the model has too many bodies", &help);
+            break;
+        }
+        let mut inner = body(next, &drives, reader, &mut urdf);
+        inner.reverse();
+        open.extend(inner);
+    }
+    urdf
+}
+
+/// What is in a body or the world itself, through `<frame>`s, in the order of the file.
+fn items<'a, 'i>(
+    reader: &mut Reader<'_, '_, '_, 'a, 'i>,
+    of: Element<'a, 'i>,
+) -> Vec<Item<'a, 'i>> {
+    let inside = |of: Element<'a, 'i>, pose: Isometry3<f64>| {
+        let class = of.node.attribute("childclass").or(of.class);
+        let children = of.node.children().filter(|node| node.is_element());
+        let items = children.map(move |node| (Element { node, class }, pose));
+        items.collect::<Vec<_>>()
+    };
+    reader.check_class(of.node, "childclass");
+    let mut found = Vec::new();
+    let mut open = inside(of, Isometry3::identity());
+    open.reverse();
+    while let Some((of, pose)) = open.pop() {
+        if of.node.has_tag_name("frame") {
+            reader.check_class(of.node, "childclass");
+            let mut inner = inside(of, pose * reader.pose(of));
+            inner.reverse();
+            open.extend(inner);
+        } else {
+            reader.check_class(of.node, "class");
+            found.push((of, pose));
+        }
+    }
+    found
+}
+
+/// Adds a body and its joints; the bodies in it.
+fn body<'a, 'i>(
+    open: Open<'a, 'i>,
+    drives: &Drives<'_>,
+    reader: &mut Reader<'_, '_, '_, 'a, 'i>,
+    urdf: &mut Urdf,
+) -> Vec<Open<'a, 'i>> {
+    let Open { of, parent, parent_from_here } = open;
+    let node = of.node;
+    let count = urdf.links.len();
+    let name = node.attribute("name").map_or_else(|| format!("body_{count}"), str::to_owned);
+    let parent_from_body = parent_from_here * reader.pose(of);
+    let items = items(reader, of);
+
+    let is_free = |of: &Element<'a, 'i>| {
+        of.node.has_tag_name("freejoint")
+            || of.node.has_tag_name("joint") && of.node.attribute("type") == Some("free")
+    };
+    let joints: Vec<_> =
+        items.iter().filter(|(of, _)| of.node.has_tag_name("joint") && !is_free(of)).collect();
+    let mut anchor = Vector3::zeros();
+    let mut carrier = parent.clone();
+    if parent.is_none() && !joints.is_empty() {
+        if !urdf.links.iter().any(|link| link.name == WORLD) {
+            urdf.links.push(Link {
+                name: WORLD.to_owned(),
+                span: tag(node),
+                mass: None,
+                shapes: Vec::new(),
+            });
+        }
+        carrier = Some(WORLD.to_owned());
+    }
+    for (k, (joint, body_from_joint)) in joints.iter().enumerate() {
+        let at = reader.vector(*joint, "pos").unwrap_or_default();
+        let next = (body_from_joint * nalgebra::Point3::from(at)).coords;
+        let is_last = k + 1 == joints.len();
+        let child = if is_last { name.clone() } else { format!("{name}_{}", k + 1) };
+        let from = if k == 0 { parent_from_body } else { Isometry3::identity() };
+        let parent_from_joint = from * Translation3::from(next - anchor);
+        anchor = next;
+        let parent = carrier.replace(child.clone()).unwrap_or_default();
+        if !is_last {
+            urdf.links.push(Link {
+                name: child.clone(),
+                span: tag(node),
+                mass: None,
+                shapes: Vec::new(),
+            });
+        }
+        let default_name = || format!("{child}_joint");
+        let name = joint.node.attribute("name").map_or_else(default_name, str::to_owned);
+        let ends = Ends { name, parent, child, parent_from_joint };
+        urdf.joints.extend(read_joint(reader, *joint, body_from_joint, ends, drives));
+    }
+    if let (Some(parent), true) = (parent, joints.is_empty()) {
+        urdf.joints.push(Joint {
+            name: format!("{name}_fixed"),
+            span: tag(node),
+            kind: Kind::Fixed,
+            parent,
+            child: name.clone(),
+            parent_from_joint: parent_from_body,
+            axis: Vector3::x_axis(),
+            mimics: None,
+            limit: Limit::default(),
+        });
+    }
+
+    let link_from_body = Isometry3::from(-anchor);
+    let mut link = Link { name: name.clone(), span: tag(node), mass: None, shapes: Vec::new() };
+    let (mut masses, mut meshes) = (Vec::new(), false);
+    let mut inner = Vec::new();
+    for (of, body_from_item) in &items {
+        let link_from_item = link_from_body * body_from_item;
+        match of.node.tag_name().name() {
+            "inertial" => link.mass = reader.inertial(*of, &link_from_item),
+            "geom" => {
+                if let Some(geom) = reader.geom(*of, &link_from_item) {
+                    meshes |= geom.shape.solid == Solid::Mesh;
+                    masses.extend(geom.mass);
+                    link.shapes.push(geom.shape);
+                }
+            }
+            "body" => inner.push(Open {
+                of: *of,
+                parent: Some(name.clone()),
+                parent_from_here: link_from_item,
+            }),
+            _ => {}
+        }
+    }
+    // As of a URDF: collision geometry first.
+    link.shapes.sort_by_key(|shape| !shape.collision);
+    let is_given = items.iter().any(|(of, _)| of.node.has_tag_name("inertial"));
+    let follows = match reader.model.from_geoms {
+        FromGeoms::Never => false,
+        FromGeoms::Missing => !is_given,
+        FromGeoms::Always => true,
+    };
+    if follows {
+        link.mass = (!masses.is_empty()).then(|| sum(&masses));
+        if meshes {
+            reader.notes.warn(&link.span, format_args!("body `{name}` has no <inertial>: its mass follows from its geoms but the meshes, whose files are not read; give it an <inertial>, or have MuJoCo write the whole model"));
+        }
+    }
+    urdf.links.push(link);
+    inner
+}
+
+/// A joint's name and place.
+struct Ends {
+    name: String,
+    parent: String,
+    child: String,
+    parent_from_joint: Isometry3<f64>,
+}
+
+fn read_joint<'a, 'i>(
+    reader: &mut Reader<'_, '_, '_, 'a, 'i>,
+    of: Element<'a, 'i>,
+    body_from_joint: &Isometry3<f64>,
+    ends: Ends,
+    drives: &Drives<'_>,
+) -> Option<Joint> {
+    let Ends { name, parent, child, parent_from_joint } = ends;
+    let written = reader.word(of, "type").unwrap_or("hinge");
+    let axis = reader.vector(of, "axis").unwrap_or_else(Vector3::z);
+    let Some(axis) = Unit::try_new(axis, 1e-9) else {
+        let message = format!("{}: the axis has no direction", called(of.node));
+        reader.fault(of.node, message, "an axis is a direction such as \"0 1 0\"");
+        return None;
+    };
+    let turns = written == "hinge";
+    let range = reader.range(of, "range", "limited");
+    let kind = match (written, range) {
+        ("hinge", None) => Kind::Continuous,
+        ("hinge", Some(_)) => Kind::Revolute,
+        ("slide", _) => Kind::Prismatic,
+        ("ball", _) => Kind::Floating,
+        _ => {
+            let message = format!("{}: `type` is \"{written}\"", called(of.node));
+            reader.fault(of.node, message, "a joint is hinge, slide, ball or free");
+            return None;
+        }
+    };
+    let scaled = |reader: &Reader<'_, '_, '_, 'a, 'i>, value: f64| {
+        if turns { reader.angle(value) } else { value }
+    };
+    let reference = reader.number(of, "ref").unwrap_or_default();
+    // Angles count from where the body is as written.
+    let ends = range.map(|range| range.map(|end| scaled(reader, end - reference)));
+    let own = reader.range(of, "actuatorfrcrange", "actuatorfrclimited");
+    let own = own.map(|[low, high]| low.abs().max(high.abs()));
+    let effort = own.into_iter().chain(drives.effort.get(&*name).copied()).reduce(f64::min);
+    let limit =
+        Limit { lower: ends.map(|e| e[0]), upper: ends.map(|e| e[1]), velocity: None, effort };
+    Some(Joint {
+        span: tag(of.node),
+        kind,
+        parent,
+        child,
+        parent_from_joint,
+        axis: body_from_joint.rotation * axis,
+        mimics: drives.follows.get(&*name).cloned(),
+        limit,
+        name,
+    })
+}
+
+/// Limits of actuators, and joints that follow others.
+fn drives<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -> Drives<'a> {
+    let mut drives = Drives { effort: HashMap::new(), follows: HashMap::new() };
+    let of_kind = |kind: &'static str| {
+        let lists = root.children().filter(move |node| node.has_tag_name(kind));
+        lists.flat_map(|list| list.children()).filter(|node| node.is_element())
+    };
+    for node in of_kind("actuator") {
+        reader.check_class(node, "class");
+        let of = Element { node, class: None };
+        let Some(joint) = node.attribute("joint").or(node.attribute("jointinparent")) else {
+            continue;
+        };
+        let gear = reader.numbers(of, "gear", 1, 6).and_then(|gear| gear.first().copied());
+        let gear = gear.unwrap_or(1.0).abs();
+        let mut range = reader.range(of, "forcerange", "forcelimited");
+        if range.is_none() && node.has_tag_name("motor") {
+            range = reader.range(of, "ctrlrange", "ctrllimited");
+        }
+        if let Some([low, high]) = range {
+            drives.effort.insert(joint, gear * low.abs().max(high.abs()));
+        }
+    }
+    for node in of_kind("equality").filter(|node| node.has_tag_name("joint")) {
+        if let (Some(one), Some(other)) = (node.attribute("joint1"), node.attribute("joint2")) {
+            drives.follows.insert(one, other.to_owned());
+        }
+    }
+    drives
+}

@@ -1,0 +1,44 @@
+//! MJCF, the models of MuJoCo, as the links and joints of a URDF: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
+//!
+//! `model` has the settings and classes of defaults, `numbers` reads attributes and poses, `geoms` solids and their masses, `bodies` the
+//! tree. As in URDF a link's frame is that of its joint, so that a body is moved to the anchor of its joint. Meshes and included files
+//! are not read.
+
+mod bodies;
+mod geoms;
+mod model;
+mod numbers;
+
+use super::notes::Notes;
+use super::xml::Urdf;
+use crate::document::DocumentError;
+use model::Model;
+use numbers::Reader;
+use roxmltree::Node;
+
+/// Elements that stand for others, which MuJoCo puts in their place.
+const MACROS: [&str; 5] = ["include", "attach", "replicate", "composite", "flexcomp"];
+const SAVE: &str = "have MuJoCo write the whole model: \
+                    `mujoco.mj_saveLastXML(\"whole.xml\", mujoco.MjModel.from_xml_path(\"robot.xml\"))`";
+
+/// Reads the elements of a model whose root is `<mujoco>`.
+pub(super) fn read(root: Node<'_, '_>, notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
+    let model = Model::new(root);
+    let mut reader = Reader { notes, model: &model };
+    for node in root.descendants().filter(|node| MACROS.contains(&node.tag_name().name())) {
+        reader.fault(node, format!("<{}> stands for other elements", node.tag_name().name()), SAVE);
+    }
+    if let Some(compiler) = model.global {
+        let help =
+            "MuJoCo 2.3.3 and later read local coordinates only: convert it with an older one";
+        reader.fault(compiler, "the model has global coordinates", help);
+    }
+    reader.notes.check()?;
+    let urdf = bodies::read(root, &mut reader);
+    reader.notes.check()?;
+    if urdf.links.is_empty() {
+        reader.fault(root, "the model has no <body>", "a robot is a <body> of <worldbody>");
+    }
+    reader.notes.check()?;
+    Ok(urdf)
+}

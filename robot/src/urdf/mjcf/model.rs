@@ -1,0 +1,141 @@
+//! What holds for a whole model: the settings of `<compiler>`, and classes of defaults.
+
+use roxmltree::{Attribute, Node};
+use std::collections::HashMap;
+
+/// Class of elements that name none.
+const MAIN: &str = "main";
+/// Elements of actuators have their defaults in common.
+const ACTUATORS: [&str; 5] = ["general", "motor", "position", "velocity", "intvelocity"];
+/// Longest chain of classes that is followed.
+const DEPTH_MAX: usize = 64;
+
+/// When masses follow from geoms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FromGeoms {
+    Never,
+    /// Where a body has no `<inertial>`.
+    Missing,
+    Always,
+}
+
+/// A class of defaults.
+struct Class<'a, 'i> {
+    parent: Option<&'a str>,
+    nodes: Vec<Node<'a, 'i>>,
+}
+
+/// Settings and defaults of a model.
+pub struct Model<'a, 'i> {
+    /// Angles are in degrees.
+    pub degrees: bool,
+    /// Axes of Euler angles: small letters turn with the body, capital ones do not.
+    pub euler: &'a str,
+    pub from_geoms: FromGeoms,
+    /// A range is a limit unless it is said not to be.
+    pub autolimits: bool,
+    /// Groups of geoms from which masses follow.
+    pub groups: [f64; 2],
+    /// The `<compiler>` that asks for global coordinates.
+    pub global: Option<Node<'a, 'i>>,
+    classes: HashMap<&'a str, Class<'a, 'i>>,
+}
+
+impl<'a, 'i> Model<'a, 'i> {
+    /// Settings and defaults of the model below `root`.
+    pub fn new(root: Node<'a, 'i>) -> Self {
+        let mut model = Self {
+            degrees: true,
+            euler: "xyz",
+            from_geoms: FromGeoms::Missing,
+            autolimits: true,
+            groups: [0.0, 5.0],
+            global: None,
+            classes: HashMap::new(),
+        };
+        for compiler in root.children().filter(|node| node.has_tag_name("compiler")) {
+            model.set(compiler);
+        }
+        for default in root.children().filter(|node| node.has_tag_name("default")) {
+            model.add_classes(default);
+        }
+        model
+    }
+
+    fn set(&mut self, compiler: Node<'a, 'i>) {
+        let is = |name: &str, value: &str| compiler.attribute(name) == Some(value);
+        if let Some(angle) = compiler.attribute("angle") {
+            self.degrees = angle != "radian";
+        }
+        if let Some(order) = compiler.attribute("eulerseq") {
+            self.euler = order;
+        }
+        match compiler.attribute("inertiafromgeom") {
+            Some("true") => self.from_geoms = FromGeoms::Always,
+            Some("false") => self.from_geoms = FromGeoms::Never,
+            _ => {}
+        }
+        if is("autolimits", "false") {
+            self.autolimits = false;
+        }
+        if let Some(range) = compiler.attribute("inertiagrouprange") {
+            let mut words = range.split_whitespace().filter_map(|word| word.parse().ok());
+            if let (Some(from), Some(to)) = (words.next(), words.next()) {
+                self.groups = [from, to];
+            }
+        }
+        if is("coordinate", "global") {
+            self.global = Some(compiler);
+        }
+    }
+
+    /// Adds a class and those inside it.
+    fn add_classes(&mut self, outermost: Node<'a, 'i>) {
+        let mut open = vec![(outermost, None)];
+        while let Some((node, parent)) = open.pop() {
+            let name = node.attribute("class").unwrap_or(MAIN);
+            let class = Class { parent, nodes: Vec::new() };
+            self.classes.entry(name).or_insert(class).nodes.push(node);
+            let inner = node.children().filter(|child| child.has_tag_name("default"));
+            open.extend(inner.map(|child| (child, Some(name))));
+        }
+    }
+
+    /// Whether there is such a class.
+    pub fn has_class(&self, name: &str) -> bool {
+        name == MAIN || self.classes.contains_key(name)
+    }
+
+    /// Names of all classes, in the order of letters.
+    pub fn classes(&self) -> Vec<&'a str> {
+        let mut names: Vec<_> = self.classes.keys().copied().collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// An attribute of an element, else that of its class, which is its own or that of the bodies around it.
+    pub fn attribute(
+        &self,
+        node: Node<'a, 'i>,
+        around: Option<&'a str>,
+        name: &str,
+    ) -> Option<Attribute<'a, 'i>> {
+        if let Some(attribute) = node.attribute_node(name) {
+            return Some(attribute);
+        }
+        let tag = node.tag_name().name();
+        let is_same =
+            |other: &str| other == tag || ACTUATORS.contains(&tag) && ACTUATORS.contains(&other);
+        let mut class = Some(node.attribute("class").or(around).unwrap_or(MAIN));
+        for _ in 0..DEPTH_MAX {
+            let here = self.classes.get(class?)?;
+            let defaults = here.nodes.iter().rev().flat_map(|node| node.children());
+            let mut same = defaults.filter(|node| is_same(node.tag_name().name()));
+            if let Some(attribute) = same.find_map(|node| node.attribute_node(name)) {
+                return Some(attribute);
+            }
+            class = here.parent;
+        }
+        None
+    }
+}

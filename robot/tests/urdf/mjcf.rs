@@ -1,0 +1,123 @@
+//! Models of MuJoCo: what is not as in a URDF. Poses and masses are compared with MuJoCo's in `interchange/tests/consumers.rs`.
+
+use rollwalk_robot::urdf::{Survey, Text, survey};
+
+fn surveyed(text: &str) -> Result<Survey, String> {
+    survey(Text { name: "robot.xml", text }).map_err(|error| {
+        let faults: Vec<String> =
+            error.faults().map(|fault| format!("{}; {}", fault.message, fault.help)).collect();
+        faults.join("\n")
+    })
+}
+
+/// A model with this in its root.
+fn model(inside: &str) -> String {
+    format!("<mujoco model=\"m\">{inside}</mujoco>")
+}
+
+/// A trunk of 2 kg with this in it.
+fn trunk(inside: &str) -> String {
+    let ball = "<geom size=\"0.1\" mass=\"2\"/>";
+    model(&format!("<worldbody><body name=\"trunk\"><freejoint/>{ball}{inside}</body></worldbody>"))
+}
+
+#[test]
+fn a_body_with_two_joints_has_a_link_between_them() {
+    let leg = "<body name=\"leg\"><joint name=\"roll\" axis=\"1 0 0\" range=\"-30 30\"/>\
+               <joint name=\"pitch\" axis=\"0 1 0\" range=\"-60 60\"/><geom size=\"0.05\" mass=\"1\"/></body>";
+    let survey = surveyed(&trunk(leg)).unwrap();
+    assert_eq!(survey.links, ["trunk", "leg_1", "leg"]);
+    let names: Vec<_> = survey.joints.iter().map(|joint| joint.name.as_str()).collect();
+    assert_eq!(names, ["roll", "pitch"]);
+    let limits = survey.joints[1].limits.map(|limit| limit.unwrap().to_degrees().round());
+    assert_eq!(limits, [-60.0, 60.0]);
+}
+
+#[test]
+fn joints_without_range_turn_without_end_and_radians_are_asked_for() {
+    let leg = |compiler: &str, joint: &str| {
+        trunk(&format!("<body name=\"leg\"><joint {joint}/><geom size=\"0.05\"/></body>"))
+            .replace("<worldbody>", &format!("{compiler}<worldbody>"))
+    };
+    let radian = "<compiler angle=\"radian\"/>";
+    let of = |text: String| surveyed(&text).unwrap().joints.remove(0);
+    let endless = of(leg(radian, ""));
+    assert_eq!((endless.kind.as_str(), endless.limits), ("continuous", [None, None]));
+    assert_eq!(endless.name, "leg_joint");
+    let limited = of(leg(radian, "name=\"j\" range=\"-1 1.5\""));
+    assert_eq!((limited.kind.as_str(), limited.limits), ("revolute", [Some(-1.0), Some(1.5)]));
+    let unlimited = of(leg("<compiler autolimits=\"false\"/>", "range=\"-1 1.5\""));
+    assert_eq!(unlimited.kind, "continuous");
+    assert_eq!(of(leg("", "range=\"-1 1\" limited=\"false\"")).kind, "continuous");
+}
+
+#[test]
+fn a_robot_on_a_rail_is_the_body_behind_it() {
+    let text = model(
+        "<worldbody><body name=\"cart\"><joint name=\"rail\" type=\"slide\" range=\"-1 1\"/><geom size=\"0.1\"/></body></worldbody>",
+    );
+    assert_eq!(surveyed(&text).unwrap().root, "cart");
+}
+
+#[test]
+fn what_stands_for_other_elements_is_named_with_what_writes_them() {
+    for (inside, name) in [
+        ("<include file=\"legs.xml\"/>", "include"),
+        ("<worldbody><replicate count=\"4\"/></worldbody>", "replicate"),
+    ] {
+        let why = surveyed(&model(inside)).unwrap_err();
+        assert!(
+            why.contains(&format!("<{name}> stands for")) && why.contains("mj_saveLastXML"),
+            "{why}"
+        );
+    }
+}
+
+#[test]
+fn faults_name_the_element_the_value_and_what_would_be_right() {
+    let cases = [
+        ("<body name=\"leg\" pos=\"0 0\"/>", "body `leg`: `pos` is \"0 0\"; 3 numbers"),
+        ("<body name=\"leg\" quat=\"0 0 0 0\"/>", "its orientation is none"),
+        (
+            "<body name=\"leg\"><joint name=\"j\" type=\"screw\"/></body>",
+            "`type` is \"screw\"; a joint is hinge",
+        ),
+        (
+            "<body name=\"leg\"><joint name=\"j\" axis=\"0 0 0\"/></body>",
+            "the axis has no direction",
+        ),
+        ("<body name=\"leg\"><inertial pos=\"0 0 0\"/></body>", "`mass` is missing"),
+        ("<body name=\"leg\" childclass=\"lag\"/>", "class `lag` does not exist"),
+        ("<body name=\"leg\"><geom size=\"nan\"/></body>", "`size` is \"nan\"; 1 to 3 numbers"),
+    ];
+    for (inside, expected) in cases {
+        let why = surveyed(&trunk(inside)).unwrap_err();
+        assert!(why.contains(expected), "{why}\n{expected}");
+    }
+    assert!(surveyed(&model("")).unwrap_err().contains("has no <body>"));
+    let global = model("<compiler coordinate=\"global\"/><worldbody><body/></worldbody>");
+    assert!(surveyed(&global).unwrap_err().contains("global coordinates"));
+}
+
+#[test]
+fn the_mass_of_meshes_is_said_to_be_missing() {
+    let leg = "<body name=\"leg\"><joint/><geom size=\"0.05\" mass=\"1\"/><geom type=\"mesh\" mesh=\"shell\"/></body>";
+    let survey = surveyed(&trunk(leg)).unwrap();
+    assert!((survey.mass_kg - 3.0).abs() < 1e-12);
+    assert!(
+        survey.warnings.iter().any(|warning| warning.contains("but the meshes")),
+        "{:?}",
+        survey.warnings
+    );
+}
+
+#[test]
+fn deep_and_broken_models_end() {
+    let deep = 20_000;
+    let text = trunk(&("<body>".repeat(deep) + &"</body>".repeat(deep)));
+    assert!(surveyed(&text).is_err());
+    let nested = "<default class=\"a\">".repeat(300) + &"</default>".repeat(300);
+    let text = trunk("<body name=\"leg\" childclass=\"a\"><geom/></body>");
+    assert!(surveyed(&text.replace("<worldbody>", &format!("{nested}<worldbody>"))).is_ok());
+    assert!(surveyed("<mujoco").is_err());
+}
