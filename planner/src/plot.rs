@@ -1,13 +1,16 @@
 //! SVG pictures of a plan: one figure of all quantities over time, strips of the robot, and the robot in motion; and of a robot without
 //! a plan.
 //!
-//! The figure has four columns over one time axis: motion of the body with the feet in stance, joint angles of every
-//! limb with their limits, torques of its motors, ground force of every foot with its friction cone. Lines are the motion as played, dots
-//! the planned samples.
+//! The figure has five columns over one time axis: motion of the body with swing heights and support; joint angles of every
+//! limb, or of every joint, with their limits; their speeds; torques of their motors; ground force of every foot with its friction cone.
+//! Lines are the motion as played, dots the planned samples.
 
 mod animation;
 mod axes;
 mod camera;
+mod ground;
+mod hull;
+mod limbs;
 mod panels;
 mod robot;
 mod still;
@@ -36,9 +39,19 @@ const MARGIN: f64 = 20.0;
 /// Least height of a panel with its title and axis.
 const PANEL_HEIGHT: f64 = 150.0;
 
+/// What has a panel of angles, speeds and torques of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum JointPanels {
+    /// A limb: its joints can be compared.
+    #[default]
+    Limb,
+    /// A joint: with an axis of its own, small motions beside large ones are seen.
+    Joint,
+}
+
 /// SVG text of the figure of a validated plan.
-pub fn figure(plan: &Plan) -> String {
-    page(&panels::columns(plan), title(plan))
+pub fn figure(plan: &Plan, panels: JointPanels) -> String {
+    page(&panels::columns(plan, panels), title(plan))
 }
 
 /// Columns of panels below a heading and a line of facts.
@@ -62,8 +75,8 @@ fn page(columns: &[Vec<panels::Panel>], texts: [String; 2]) -> String {
 
 /// SVG text of a figure of two plans of one motion and the same limbs: full lines are `after`, dashed ones `before`.
 pub fn comparison(before: &Plan, after: &Plan) -> String {
-    let mut columns = panels::columns(after);
-    for (column, before) in columns.iter_mut().zip(panels::columns(before)) {
+    let mut columns = panels::columns(after, JointPanels::Limb);
+    for (column, before) in columns.iter_mut().zip(panels::columns(before, JointPanels::Limb)) {
         for panel in column {
             if let Some(other) = before.iter().find(|other| other.title == panel.title) {
                 panel.compare(other);
@@ -127,7 +140,7 @@ mod tests {
     #[test]
     fn the_figure_shows_every_foot_joint_and_wheel() {
         let plan = test_plans::cruise();
-        let svg = figure(&plan);
+        let svg = figure(&plan, JointPanels::Limb);
         for end_effector in &plan.robot.end_effectors {
             assert!(svg.contains(&end_effector.name), "{}", end_effector.name);
         }
@@ -139,27 +152,56 @@ mod tests {
             "base orientation (rad)",
             "wheel motors (rad/s)",
             "rr-wheel joints (rad)",
+            "rr-wheel speeds (rad/s)",
             "rr-wheel torques (N·m)",
+            "centre of mass inside support (m)",
             "rr-wheel force (N)",
             "time (s)",
         ] {
             assert!(svg.contains(label), "{label}");
         }
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
-        assert_eq!(figure(&plan), svg, "the same plan gives the same picture");
+        assert_eq!(figure(&plan, JointPanels::Limb), svg, "the same plan gives the same picture");
+    }
+
+    #[test]
+    fn every_joint_has_an_axis_of_its_own_where_it_is_asked_for() {
+        let plan = test_plans::cruise();
+        let svg = figure(&plan, JointPanels::Joint);
+        for joint in &plan.robot.joints {
+            for quantity in ["joints (rad)", "speeds (rad/s)", "torques (N·m)"] {
+                assert!(svg.contains(&format!("{} {quantity}", joint.name)), "{}", joint.name);
+            }
+        }
+        for j in crate::sample::driven_wheels(&plan.robot) {
+            assert!(svg.contains(&format!("{} torques", plan.robot.end_effectors[j].name)));
+        }
+        assert!(!svg.contains("NaN"));
+    }
+
+    #[test]
+    fn swings_are_drawn_where_there_are_any() {
+        assert!(!figure(&test_plans::cruise(), JointPanels::Limb).contains("swing height"));
+        let mut plan = test_plans::cruise();
+        for sample in &mut plan.samples {
+            sample.base_position_m[2] += 0.01;
+        }
+        assert!(figure(&plan, JointPanels::Limb).contains("swing height (m)"));
     }
 
     #[test]
     fn targets_and_heights_are_marked() {
-        let asked = |plan: &Plan| figure(plan).matches("stroke-opacity=\"0.45\"").count();
+        let asked = |plan: &Plan| {
+            figure(plan, JointPanels::Limb).matches("stroke-opacity=\"0.45\"").count()
+        };
         let mut plan = test_plans::start_stop();
         assert_eq!(asked(&plan), 0);
-        assert!(!figure(&plan).contains("crosses and bars"));
+        assert!(!figure(&plan, JointPanels::Limb).contains("crosses and bars"));
         plan.motion.targets = crate::test_robots::targets();
         plan.motion.heights = crate::test_robots::heights();
         let bounds = plan.motion.heights.iter().flat_map(|limit| [limit.above_m, limit.below_m]);
         assert_eq!(asked(&plan), bounds.flatten().count());
-        let svg = figure(&plan);
+        let svg = figure(&plan, JointPanels::Limb);
         assert!(svg.contains("crosses and bars") && !svg.contains("NaN"));
         let foot = plan.motion.targets.iter().find_map(|target| match target.of {
             crate::motion::Subject::EndEffector(j) => Some(j),

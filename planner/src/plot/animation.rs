@@ -32,6 +32,8 @@ const CHART_HEIGHT: f64 = 72.0;
 /// Ground around the robot, and what its lines are thicker than those that join its points, as parts of its diameter.
 const GROUND: f64 = 0.35;
 const AROUND: f64 = 0.1;
+/// Room on the right for numbers of the ground's marks, px.
+const MARK_WIDTH: f64 = 34.0;
 /// Least distance of marks on the ground, px.
 const MARKS_PX: f64 = 55.0;
 
@@ -299,11 +301,13 @@ impl View {
             [(low - around).min(ground_low), (high + around).max(ground_high)]
         });
         let [width, height] = [x, y].map(|[low, high]| high - low);
-        let px_per_m = ((WIDTH - 2.0 * MARGIN) / width).min(PICTURE_HEIGHT / height);
+        let px_per_m = ((WIDTH - 2.0 * MARGIN - MARK_WIDTH) / width).min(PICTURE_HEIGHT / height);
         // The ground's marks are written below its lower edge.
         let height = px_per_m * height + 18.0;
-        let origin =
-            [0.5 * WIDTH - px_per_m * 0.5 * (x[0] + x[1]), HEADER_HEIGHT - px_per_m * y[0]];
+        let origin = [
+            0.5 * (WIDTH - MARK_WIDTH - px_per_m * (x[0] + x[1])),
+            HEADER_HEIGHT - px_per_m * y[0],
+        ];
         Self { camera: Camera { target_m: Vector3::zeros(), origin, px_per_m }, height, ground_m }
     }
 

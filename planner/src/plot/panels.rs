@@ -1,32 +1,27 @@
-//! Panels of the figure in four columns, from the motion as played and the planned samples.
+//! Panels of the figure in columns, from the motion as played and the planned samples: those of the body and of the ground's forces.
 
+use super::JointPanels;
 use super::axes::Series;
 pub(super) use super::axes::{Content, Panel};
 use crate::motion::{Ends, Subject};
 use crate::plan::{EndEffectorSample, Plan, Sample};
 use crate::sample::{PlanSpline, Setpoints, driven_wheels};
 use crate::torque::{Actuation, InverseDynamics};
-use rollwalk_multibody::euler::JOINTS;
 
 /// Points per line.
 const POINTS: usize = 240;
 
-/// Distance from the motion within which a joint limit is drawn, rad.
-const LIMIT_SHOWN_WITHIN_RAD: f64 = 0.6;
-/// Part of a motor's largest torque from which on its limit is drawn.
-const LIMIT_SHOWN_FROM_PART: f64 = 0.6;
-
 /// A plan with its motion evaluated along the time axis.
 pub(super) struct Played<'a> {
     pub(super) plan: &'a Plan,
-    spline: PlanSpline,
-    states: Vec<(f64, Sample, Setpoints)>,
+    pub(super) spline: PlanSpline,
+    pub(super) states: Vec<(f64, Sample, Setpoints)>,
     /// Torques in the same moments.
-    actuations: Vec<Actuation>,
+    pub(super) actuations: Vec<Actuation>,
 }
 
 /// The panels of the figure, column by column.
-pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
+pub fn columns(plan: &Plan, panels: JointPanels) -> Vec<Vec<Panel>> {
     let spline = PlanSpline::new(plan);
     let duration_s = plan.motion.duration_s;
     let states: Vec<_> = (0..=POINTS)
@@ -44,11 +39,15 @@ pub fn columns(plan: &Plan) -> Vec<Vec<Panel>> {
         footfalls(plan),
         played.horizontal(),
         played.heights(),
+        played.swing_heights(),
+        played.support(),
         played.orientation(),
         played.wheels(),
     ];
     let body = body.into_iter().flatten().chain(played.ways()).collect();
-    vec![body, played.joints(), played.torques(), played.forces()]
+    let groups = played.groups(panels);
+    let [angles, speeds] = [played.angles(&groups), played.speeds(&groups)];
+    vec![body, angles, speeds, played.torques(&groups), played.forces()]
         .into_iter()
         .filter(|c: &Vec<Panel>| !c.is_empty())
         .collect()
@@ -90,7 +89,7 @@ impl Played<'_> {
         self.limited(title, series, Vec::new(), Vec::new())
     }
 
-    fn limited(
+    pub(super) fn limited(
         &self,
         title: impl Into<String>,
         series: Vec<Series>,
@@ -113,7 +112,7 @@ impl Played<'_> {
         Series { name: name.to_owned(), color, line, dots, dash: "" }
     }
 
-    fn foot(
+    pub(super) fn foot(
         &self,
         name: &str,
         color: usize,
@@ -187,108 +186,6 @@ impl Played<'_> {
         some.then(|| self.limited("wheel motors (rad/s)", series, limits, Vec::new()))
     }
 
-    /// One panel per limb, and one for joints that move no end effector.
-    fn joints(&self) -> Vec<Panel> {
-        self.limbs().iter().map(|(name, joints)| self.limb(name, joints)).collect()
-    }
-
-    /// The same limbs: what their motors do.
-    fn torques(&self) -> Vec<Panel> {
-        let limbs = self.limbs();
-        let panels = limbs.iter().map(|(name, joints)| {
-            let robot = &self.plan.robot;
-            let names = distinct(joints.iter().map(|&k| robot.joints[k].name.as_str()));
-            let mut limits = Vec::new();
-            let mut series = Vec::new();
-            for (color, &k) in joints.iter().enumerate() {
-                let of = |a: &Actuation| a.joint_nm[k];
-                series.push(self.torque(&names[color], color, of, |s| s.joint_torque_nm[k]));
-                limits.push(robot.joints[k].actuator.torque_max_nm);
-            }
-            for j in driven_wheels(robot).filter(|&j| self.joints_to(j) == *joints) {
-                let foot = &robot.end_effectors[j];
-                let of = |a: &Actuation| a.motor_nm[j].unwrap_or_default();
-                let planned = |s: &Sample| s.end_effectors[j].motor_torque_nm.unwrap_or_default();
-                series.push(self.torque(
-                    &format!("{} wheel", foot.name),
-                    series.len(),
-                    of,
-                    planned,
-                ));
-                limits.extend(foot.contact.actuator().map(|motor| motor.torque_max_nm));
-            }
-            let shown = |(limit, curve): (&f64, &Series)| {
-                let most = curve.line.iter().map(|[_, torque]| torque.abs()).fold(0.0, f64::max);
-                let near = most > LIMIT_SHOWN_FROM_PART * limit;
-                near.then(|| [(*limit, curve.color), (-limit, curve.color)])
-            };
-            let limits = limits.iter().zip(&series).filter_map(shown).flatten().collect();
-            self.limited(format!("{name} torques (N·m)"), series, limits, Vec::new())
-        });
-        panels.collect()
-    }
-
-    /// Curve of a torque, and its dots at the samples.
-    fn torque(
-        &self,
-        name: &str,
-        color: usize,
-        of: impl Fn(&Actuation) -> f64,
-        planned: impl Fn(&Sample) -> f64,
-    ) -> Series {
-        let times = self.states.iter().map(|(t, ..)| *t);
-        let line = times.zip(&self.actuations).map(|(t, actuation)| [t, of(actuation)]).collect();
-        let dots = self.plan.samples.iter().map(|s| [s.time_s, planned(s)]).collect();
-        Series { name: name.to_owned(), color, line, dots, dash: "" }
-    }
-
-    /// Joints that move an end effector, base first.
-    fn joints_to(&self, end_effector: usize) -> Vec<usize> {
-        let dofs = &self.spline.model().chain(end_effector).dofs;
-        dofs.iter().filter(|&&dof| dof >= JOINTS).map(|dof| dof - JOINTS).collect()
-    }
-
-    /// Limbs with their joints, and the joints that move no end effector.
-    fn limbs(&self) -> Vec<(String, Vec<usize>)> {
-        let robot = &self.plan.robot;
-        let mut limbs: Vec<(String, Vec<usize>)> = Vec::new();
-        for (j, end_effector) in robot.end_effectors.iter().enumerate() {
-            let joints = self.joints_to(j);
-            match limbs.iter_mut().find(|(_, known)| *known == joints) {
-                Some((name, _)) => *name = format!("{name}, {}", end_effector.name),
-                None if joints.is_empty() => {}
-                None => limbs.push((end_effector.name.clone(), joints)),
-            }
-        }
-        let free = |k: &usize| !limbs.iter().any(|(_, joints)| joints.contains(k));
-        let rest: Vec<usize> = (0..robot.joints.len()).filter(free).collect();
-        if !rest.is_empty() {
-            limbs.push(("others".to_owned(), rest));
-        }
-        limbs
-    }
-
-    fn limb(&self, name: &str, joints: &[usize]) -> Panel {
-        let robot = &self.plan.robot;
-        let names = distinct(joints.iter().map(|&k| robot.joints[k].name.as_str()));
-        let series: Vec<Series> = joints
-            .iter()
-            .enumerate()
-            .map(|(color, &k)| self.series(&names[color], color, |s| s.joint_rad[k]))
-            .collect();
-        // Limits far from the curve would flatten it.
-        let near = |limit: f64, curve: &Series| {
-            curve.line.iter().any(|[_, angle]| (angle - limit).abs() < LIMIT_SHOWN_WITHIN_RAD)
-        };
-        let limits = joints.iter().zip(&series).flat_map(|(&k, curve)| {
-            let joint = &robot.joints[k];
-            let both = [joint.position_min_rad, joint.position_max_rad].into_iter();
-            both.filter(|limit| near(*limit, curve)).map(|limit| (limit, curve.color))
-        });
-        let limits = limits.collect();
-        self.limited(format!("{name} joints (rad)"), series, limits, Vec::new())
-    }
-
     /// One panel per foot: its force and its friction cone, shaded in stance.
     fn forces(&self) -> Vec<Panel> {
         let feet = self.plan.robot.end_effectors.iter().enumerate();
@@ -317,7 +214,7 @@ impl Played<'_> {
 }
 
 /// Names without the words with which all of them begin or end, for short legends.
-fn distinct<'n>(names: impl Iterator<Item = &'n str>) -> Vec<String> {
+pub(super) fn distinct<'n>(names: impl Iterator<Item = &'n str>) -> Vec<String> {
     let mut words: Vec<Vec<&str>> = names.map(|name| name.split(['_', '-']).collect()).collect();
     let shared = |words: &[Vec<&str>], pick: fn(&Vec<&str>) -> Option<String>| {
         let first = words.first().and_then(pick);

@@ -2,6 +2,7 @@
 //! stance.
 
 use super::camera::Camera;
+use super::hull::convex_hull;
 use super::px;
 use crate::plan::Sample;
 use crate::problem::state::ContactFrame;
@@ -220,39 +221,4 @@ pub fn closed_path(points: &[[f64; 2]]) -> Path {
     let corners: Vec<String> =
         points.iter().map(|[x, y]| format!("{} {}", px(*x), px(*y))).collect();
     Path::new().set("d", format!("M{}Z", corners.join("L")))
-}
-
-/// Convex hull of page points, counter-clockwise on the page (Andrew's monotone chain).
-fn convex_hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
-    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    let turns_right = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
-        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) <= 0.0
-    };
-    let half = |points: &mut dyn Iterator<Item = [f64; 2]>| {
-        let mut chain: Vec<[f64; 2]> = Vec::new();
-        for p in points {
-            while chain.len() >= 2 && turns_right(chain[chain.len() - 2], chain[chain.len() - 1], p)
-            {
-                chain.pop();
-            }
-            chain.push(p);
-        }
-        chain.pop();
-        chain
-    };
-    let mut hull = half(&mut points.iter().copied());
-    hull.extend(half(&mut points.iter().rev().copied()));
-    if hull.is_empty() { points } else { hull }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_hull_of_a_square_with_inner_points_is_the_square() {
-        let points = vec![[0.0, 0.0], [1.0, 1.0], [0.5, 0.5], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0]];
-        assert_eq!(convex_hull(points), [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
-        assert_eq!(convex_hull(vec![[2.0, 3.0]]), [[2.0, 3.0]]);
-    }
 }

@@ -15,7 +15,7 @@ use crate::{Exit, interrupt, output, shipped, tour};
 use miette::IntoDiagnostic;
 use outcome::Outcome;
 use rollwalk_bus::candump;
-use rollwalk_planner::plot;
+use rollwalk_planner::plot::{self, JointPanels};
 use std::path::{Path, PathBuf};
 
 /// Plan, pack, flash and play a motion library on a simulated robot, and measure every stage.
@@ -132,7 +132,7 @@ fn write_plans(out: &Path, plans: &Plans) -> miette::Result<()> {
         let name = file_name(&planned.plan.motion.name);
         let plan = planned.plan.to_json();
         files::write(&out.join("plans").join(format!("{name}.json")), plan.as_bytes())?;
-        let figure = plot::figure(&planned.plan);
+        let figure = plot::figure(&planned.plan, JointPanels::default());
         files::write(&out.join("plots").join(format!("{name}.svg")), figure.as_bytes())?;
     }
     let motions: Vec<_> = plans.motions.iter().map(|planned| &planned.plan).collect();

@@ -9,11 +9,12 @@ use rollwalk_design::made::Kept;
 use rollwalk_design::optimise::Step;
 use rollwalk_design::plans::Plans;
 use rollwalk_design::repair;
+use rollwalk_planner::Weights;
 use rollwalk_planner::plan::Plan;
+use rollwalk_planner::plot::{self, JointPanels};
 use rollwalk_planner::report::Report;
 use rollwalk_planner::sample::resample;
 use rollwalk_planner::sensitivity::Feature;
-use rollwalk_planner::{Weights, plot};
 use rollwalk_simulate::Control;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -101,8 +102,10 @@ impl Place<'_> {
             self.plans().zip(&self.motions).zip(after.plans()).zip(&before)
         {
             write(&file, &after.to_json())?;
-            let figure =
-                before.map_or_else(|| plot::figure(after), |of| plot::comparison(of, after));
+            let figure = before.map_or_else(
+                || plot::figure(after, JointPanels::default()),
+                |of| plot::comparison(of, after),
+            );
             write(&format!("{name}.svg"), &figure)?;
         }
         for (name, text) in self.motions.iter().zip(&after.variant.motion_texts) {

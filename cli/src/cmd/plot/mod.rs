@@ -5,18 +5,19 @@ mod world;
 use crate::files::{self, Output};
 use crate::{Exit, inputs, picture};
 use rollwalk_planner::plan::Plan;
-use rollwalk_planner::plot::{self, Extras};
+use rollwalk_planner::plot::{self, Extras, JointPanels};
 use std::path::{Path, PathBuf};
 
 /// Pictures of a motion in a strip.
 pub const STRIP_MOMENTS: usize = 6;
 
-/// Draw a plan: footfalls, centre of mass, joint angles, wheel speeds, ground forces; or a log of the simulated world: way,
+/// Draw a plan: footfalls, centre of mass, swing heights, support, angles, speeds and torques of joints, wheel speeds, ground forces; or a log of the simulated world: way,
 /// height, tilt, speed, forces of the ground, slip, torques.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk plot walk.plan.json -o walk.svg
+  rollwalk plot --each-joint walk.plan.json -o joints.svg
   rollwalk plot --strip drive.plan.json walk.plan.json -o robot.svg
   rollwalk plot --animate walk.plan.json -o moving.svg   # plays in browsers and in READMEs
   rollwalk plot --animate --forces --footfalls walk.plan.json -o moving.svg
@@ -26,6 +27,9 @@ pub struct Args {
     /// Plan (JSON), or log of the simulated world (CSV); several plans with --strip.
     #[arg(value_name = "PLAN.json|RUN.csv", required = true)]
     plans: Vec<PathBuf>,
+    /// Give every joint panels of its own, in which small motions beside large ones are seen; else a limb has them.
+    #[arg(long, conflicts_with_all = ["strip", "animate"])]
+    each_joint: bool,
     /// Draw the robot itself instead, at six moments of each plan.
     #[arg(long)]
     strip: bool,
@@ -53,9 +57,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
     };
     if let Some(log) = args.plans.iter().find(is_log) {
-        if args.strip || args.animate || args.plans.len() > 1 {
+        if args.strip || args.animate || args.each_joint || args.plans.len() > 1 {
             return Err(miette::miette!(
-                help = "draw it by itself, without --strip or --animate",
+                help = "draw it by itself, without --strip, --animate or --each-joint",
                 "{} is a log of a world, and does not fit into one figure with others",
                 log.display()
             ));
@@ -75,7 +79,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             }
             plot::animation(plan, extras)
         }
-        [plan] => plot::figure(plan),
+        [plan] => {
+            plot::figure(plan, if args.each_joint { JointPanels::Joint } else { JointPanels::Limb })
+        }
         _ => {
             return Err(miette::miette!(
                 help = match args.animate {

@@ -1,0 +1,58 @@
+//! Panels of the robot over the ground: how high its end effectors swing, and the centre of mass over those that stand.
+
+use super::axes::{Content, Series};
+use super::hull::{convex_hull, depth};
+use super::panels::{Panel, Played, distinct};
+use crate::plan::Sample;
+
+/// Height from which on an end effector counts as lifted, m.
+const LIFTED_M: f64 = 1e-3;
+
+impl Played<'_> {
+    /// Heights of contact points above the ground; none of a robot that lifts nothing.
+    pub(super) fn swing_heights(&self) -> Option<Panel> {
+        let feet = &self.plan.robot.end_effectors;
+        let names = distinct(feet.iter().map(|foot| foot.name.as_str()));
+        let series = names.iter().enumerate();
+        let series: Vec<Series> =
+            series.map(|(j, name)| self.foot(name, j, j, |foot| foot.position_m[2])).collect();
+        let heights = series.iter().flat_map(|curve| &curve.line);
+        let lifts = heights.map(|[_, height]| *height).any(|height| height > LIFTED_M);
+        lifts.then(|| self.limited("swing height (m)", series, Vec::new(), vec![0.0]))
+    }
+
+    /// How far inside the support polygon the centre of mass is, seen from above: the convex hull of the contact points in stance. Negative
+    /// outside, and where fewer than three stand; no line in flight.
+    pub(super) fn support(&self) -> Option<Panel> {
+        let line = self.states.iter().map(|(t, state, _)| (*t, inside_m(state)));
+        let dots = self.plan.samples.iter();
+        let dots = dots.filter_map(|s| inside_m(s).map(|inside_m| [s.time_s, inside_m]));
+        let mut stretches: Vec<Vec<[f64; 2]>> = vec![Vec::new()];
+        for (time_s, inside_m) in line {
+            match (inside_m, stretches.last_mut()) {
+                (Some(inside_m), Some(stretch)) => stretch.push([time_s, inside_m]),
+                (None, Some(stretch)) if !stretch.is_empty() => stretches.push(Vec::new()),
+                _ => {}
+            }
+        }
+        stretches.retain(|stretch| !stretch.is_empty());
+        let curve =
+            |line| Series { name: String::new(), color: 0, line, dots: Vec::new(), dash: "" };
+        let mut series: Vec<Series> = stretches.into_iter().map(curve).collect();
+        series.first_mut()?.dots = dots.collect();
+        let mut panel =
+            self.limited("centre of mass inside support (m)", series, Vec::new(), vec![0.0]);
+        // Less than a centimetre of change is none to look at.
+        if let Content::Curves { include, .. } = &mut panel.content {
+            include.push(0.01);
+        }
+        Some(panel)
+    }
+}
+
+/// Distance of the centre of mass from the edge of the support polygon, m; none in flight.
+fn inside_m(state: &Sample) -> Option<f64> {
+    let standing = state.end_effectors.iter().filter(|foot| foot.contact);
+    let hull = convex_hull(standing.map(|foot| [foot.position_m[0], foot.position_m[1]]).collect());
+    depth(&hull, [state.com_m[0], state.com_m[1]])
+}
