@@ -13,6 +13,18 @@
 //! | [`sim`] | a simulated robot's link on this computer |
 //! | [`lossy`] | a link that loses frames, for tests |
 //! | [`candump`] | logs in the format of can-utils |
+//!
+//! ```
+//! use rollwalk_bus::candump::{self, LogEntry};
+//! use rollwalk_bus::name::BusName;
+//!
+//! let bus: BusName = "can:can0@1000000".parse()?;
+//! assert_eq!(bus, BusName::Can { interface: "can0".into(), bitrate: Some(1_000_000) });
+//!
+//! let log: Vec<LogEntry> = candump::parse("(1700000000.123456) can0 123#DEADBEEF")?;
+//! assert_eq!(log[0].to_string(), "(1700000000.123456) can0 123#DEADBEEF");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #[cfg(target_os = "linux")]
 pub mod can;

@@ -18,6 +18,19 @@
 //! | [`repair`](mod@repair) | the least change after which motions can be done that cannot be done as it is |
 //! | [`sweep`] | sweeps over designs, in parts that know nothing of each other |
 //! | [`text`] | a robot file in which parameters change numbers |
+//!
+//! ```
+//! use rollwalk_design::parameter::Place;
+//! use rollwalk_design::text::RobotText;
+//!
+//! let text = std::fs::read_to_string("../robots/agilebot.toml")?;
+//! let catalog = rollwalk_design::catalog::Catalog::shipped();
+//! assert!(!catalog.servos().is_empty());
+//! // Numbers change, comments stay.
+//! let robot = RobotText::new(&text)?;
+//! assert_eq!(robot.to_string(), text);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod catalog;
 pub mod designed;

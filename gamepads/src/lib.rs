@@ -7,6 +7,13 @@
 //! | [`mod@file`] | mapping files |
 //! | [`pad`] | state machine from events to operator requests: motion only with the deadman held, emergency stop always |
 //! | [`standard`] | gamepads as browsers show them, as those events |
+//!
+//! ```
+//! let mapping = rollwalk_gamepads::shipped_for("Xbox Wireless Controller").expect("it ships");
+//! let pad = rollwalk_gamepads::pad::Pad::new(mapping);
+//! // Until it is found, nothing moves.
+//! assert_eq!(pad.words(), "GAMEPAD GONE");
+//! ```
 
 pub mod file;
 pub mod inputs;

@@ -19,6 +19,23 @@
 //! | [`transfer`] | transfer of a library: answers in, requests out |
 //! | [`describe`] | states, events and faults in words, and what to do next |
 //! | [`refusal`] | the controller's refusals in sentences |
+//!
+//! ```
+//! use rollwalk_host::session::Session;
+//! use rollwalk_protocol::wire::Node;
+//!
+//! /// Flashes a library and plays the motion with code 2 for three seconds, on any bus with a controller.
+//! fn play(bus: impl rollwalk_bus::link::LinkBus, node: Node, library: &[u8]) -> Result<(), Box<dyn std::error::Error>> {
+//!     let mut session = Session::connect_alone(bus, node)?;
+//!     session.flash(library, |progress| eprintln!("{} of {} bytes", progress.done, progress.total))?;
+//!     session.arm()?;
+//!     session.select(2)?;
+//!     session.run_for(3_000_000)?;
+//!     session.return_to_safe()?;
+//!     session.disarm()?;
+//!     Ok(())
+//! }
+//! ```
 
 pub mod authentication;
 pub mod catalog;

@@ -16,6 +16,25 @@
 //!
 //! The caller's vectors and matrices have the tree's size: [`Tree::dofs`], one angle for each joint. Loops of
 //! controllers reuse them, so nothing here returns an error for a wrong size; it panics.
+//!
+//! ```
+//! use nalgebra::Vector3;
+//! use rollwalk_multibody::{Kinematics, LINEAR, State, Tree};
+//!
+//! let text = std::fs::read_to_string("../robots/agilebot.toml")?;
+//! let robot = rollwalk_robot::Robot::from_toml("agilebot.toml", &text)?;
+//! let tree = Tree::new(&robot);
+//! let state = State::nominal(&tree);
+//! let mut kinematics = Kinematics::new(&tree, &state.configuration());
+//! kinematics.update(&tree, &state.configuration(), &state.velocity);
+//! kinematics.accelerate(&tree, &vec![0.0; tree.dofs()]);
+//!
+//! // At rest, the ground must carry the weight.
+//! let mut force = vec![0.0; tree.dofs()];
+//! kinematics.inverse_dynamics(&tree, &Vector3::new(0.0, 0.0, -9.806_65), &mut force);
+//! assert!((force[LINEAR + 2] - 9.806_65 * tree.total_mass_kg()).abs() < 1e-9);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod centroidal;
 mod clearance;

@@ -21,6 +21,23 @@
 //! | [`curve`] | curves of time through knots, which motors' targets follow |
 //! | `newton`, `residual`, `matrix`, `block_lu`, `sticking` | how a step is solved: the method, the equations, their matrix and its factors, what friction holds |
 //! | [`world`] | a robot from its description |
+//!
+//! ```
+//! use rollwalk_physics::ground::{Ground, Plane};
+//! use rollwalk_physics::World;
+//! use rollwalk_physics::world::Parameters;
+//! use std::sync::Arc;
+//!
+//! let text = std::fs::read_to_string("../robots/test_leg.toml")?;
+//! let robot = rollwalk_robot::Robot::from_toml("test_leg.toml", &text)?;
+//! let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+//! let mut world = World::standing(&robot, &ground, &Parameters::new(&robot));
+//! for _ in 0..10 {
+//!     world.step(0.002)?;
+//! }
+//! assert!((world.system().time_s() - 0.02).abs() < 1e-12);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod anchor;
 pub mod assembly;

@@ -6,6 +6,22 @@
 //! The optimiser is built in layers, each of which knows those before it only (`tests/layers.rs`): [`families`],
 //! `problem`, `formulation`, `solve`, then `start` and `diagnose`, on top of them `planning`, and [`sensitivity`], which says how plans
 //! change with the robot.
+//!
+//! ```
+//! use rollwalk_planner::{Options, motion::Motion, optimise, report::Report};
+//! use std::ops::ControlFlow;
+//!
+//! let read = |path: &str| std::fs::read_to_string(format!("../{path}"));
+//! let robot = rollwalk_robot::Robot::from_toml("car.toml", &read("robots/car.toml")?)?;
+//! let motion = Motion::from_toml("car_drive.toml", &read("motions/car_drive.toml")?, &robot)?;
+//!
+//! let plan = optimise(&robot, &motion, &Options::default(), &mut |_| ControlFlow::Continue(()));
+//! assert!((plan.samples.last().unwrap().com_m[0] - plan.samples[0].com_m[0] - 0.5).abs() < 1e-3);
+//! // Every equation anew, from the plan alone.
+//! let report = Report::new(&plan);
+//! println!("{}", report.words(&plan.solve));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod building;
 mod diagnose;

@@ -19,6 +19,15 @@
 //!
 //! No std, no alloc, no `unsafe`, no panics whatever the input. Everything that decodes takes
 //! arbitrary bytes and answers with a value or a refusal, in bounded time.
+//!
+//! ```
+//! use rollwalk_protocol::wire::{Action, Command, Node};
+//!
+//! let node = Node::new(1).expect("nodes are 1 to 14");
+//! let play = Command { seq: 3, action: Action::Play { code: 2, speed_64ths: 64 }, valid_until_ms: 500 };
+//! let frame = play.encode(node);
+//! assert_eq!(Command::decode(&frame), Ok((node, play)));
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 

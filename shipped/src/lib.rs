@@ -1,5 +1,10 @@
 //! The robots, motions, designs and mappings of gamepads that ship with rollwalk: their texts, carried in the programs, so that
 //! `rollwalk demo` runs in any folder and the studio opens without a server.
+//!
+//! ```
+//! let robots = rollwalk_shipped::FILES.iter().filter(|(path, _)| path.starts_with("robots/"));
+//! assert!(robots.clone().any(|(path, text)| *path == "robots/agilebot.toml" && text.contains("name")));
+//! ```
 
 /// Declares the files, by their path in the checkout.
 macro_rules! shipped {

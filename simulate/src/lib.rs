@@ -17,6 +17,21 @@
 //! | [`judgement`] | whether a way is what the plan says |
 //!
 //! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
+//!
+//! ```
+//! use rollwalk_planner::{Options as PlanOptions, motion::Motion, optimise};
+//! use rollwalk_simulate::{Control, Options, play};
+//! use std::ops::ControlFlow;
+//!
+//! let read = |path: &str| std::fs::read_to_string(format!("../{path}"));
+//! let robot = rollwalk_robot::Robot::from_toml("car.toml", &read("robots/car.toml")?)?;
+//! let motion = Motion::from_toml("car_drive.toml", &read("motions/car_drive.toml")?, &robot)?;
+//! let plan = optimise(&robot, &motion, &PlanOptions::default(), &mut |_| ControlFlow::Continue(()));
+//!
+//! let outcome = play(&plan, &Options::new(Control::Servos, 500), |_| true)?;
+//! assert!(outcome.holds(), "it drives half a metre");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod closed_loop;
 pub mod control;

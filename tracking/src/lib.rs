@@ -15,6 +15,31 @@
 //! | `quadratic` | a solver of small dense quadratic programs |
 //!
 //! The caller has the plan and the sensors: `rollwalk-simulate`, with the simulated world.
+//!
+//! ```
+//! use nalgebra::{Isometry3, Vector3};
+//! use rollwalk_multibody::{State, Tree};
+//! use rollwalk_tracking::{Reference, Tracker, tasks::Weights};
+//!
+//! let text = std::fs::read_to_string("../robots/agilebot.toml")?;
+//! let robot = rollwalk_robot::Robot::from_toml("agilebot.toml", &text)?;
+//! let tree = Tree::new(&robot).with_spinning_wheels(|_| 1e-6).with_armature();
+//! // It stands as planned, and each end effector bears its part.
+//! let feet = robot.end_effectors.len();
+//! let part_n = tree.total_mass_kg() * 9.806_65 / feet as f64;
+//! let reference = Reference {
+//!     time_s: 0.0,
+//!     world_from_ground: Isometry3::identity(),
+//!     state: State::nominal(&tree),
+//!     acceleration: vec![0.0; tree.dofs()],
+//!     stands: vec![true; feet],
+//!     force_n: vec![Vector3::z() * part_n; feet],
+//! };
+//! let mut tracker = Tracker::new(tree, Weights::default(), 0.002);
+//! let setpoints = tracker.tick(&reference, &reference.state, &reference.stands)?;
+//! assert_eq!(setpoints.len(), robot.channels().count());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod contacts;
 mod correction;

@@ -39,13 +39,16 @@ impl Program {
 }
 
 /// Why there is no solution.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsolved {
     /// H is not positive definite, or something is no number.
+    #[error("the program is not convex, or a number of it is none")]
     NotConvex,
     /// No x meets all constraints.
+    #[error("no solution meets all constraints")]
     Infeasible,
     /// The solver took more steps than it may.
+    #[error("the solver took more steps than it may")]
     TooManySteps,
 }
 
