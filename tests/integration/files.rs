@@ -147,7 +147,7 @@ fn inputs_have_bounds() {
         (&["robot", "check", "large.toml"][..], "robot file (TOML)", "1048576"),
         (&["plan", "large.toml", "-o", "x"], "motion file (TOML)", "1048576"),
         (&["library", "build", "large.toml", "-o", "x"], "library file (TOML)", "1048576"),
-        (&["robot", "import", "large.toml"], "URDF file (XML)", "16777216"),
+        (&["robot", "import", "large.toml"], "URDF or MJCF file (XML)", "16777216"),
     ] {
         let words = format!("large.toml has 20000000 bytes; a {kind} has at most {most}");
         fails_soon(&desk, args, &[&words]);

@@ -93,7 +93,7 @@ fn a_bad_urdf_or_side_file_writes_nothing() {
     desk.run(&import).fails(1, &["quad.urdf:2", "link `trunk`", "\"4,0\"", "no commas"]);
     desk.write("quad.urdf", b"<robot name=\"\xff\"/>");
     desk.run(&import).fails(1, &["quad.urdf", "not UTF-8"]);
-    desk.run(&["robot", "import", "qaud.urdf"]).fails(1, &["no URDF file", "quad.urdf"]);
+    desk.run(&["robot", "import", "qaud.urdf"]).fails(1, &["no URDF or MJCF file", "quad.urdf"]);
     desk.run(&["robot", "import", "quad.urdf", "--with", "side.toml"]).fails(2, &["--output"]);
     assert!(!desk.path("quad.toml").exists());
 }

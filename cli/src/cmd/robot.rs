@@ -15,7 +15,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Check and draw robot files, import them from URDF, and export them for other tools.
+/// Check and draw robot files, import them from URDF and MJCF, and export them for other tools.
 #[derive(clap::Subcommand)]
 pub enum Action {
     Check(Check),

@@ -132,7 +132,9 @@ impl<'s> Motors<'s> {
         // An effort that no drive has says nothing about the motor.
         let placeholder = limits.effort.is_some_and(|effort| effort > TORQUE.max);
         let strength = if placeholder { torque.min(usual) } else { torque };
-        let armature = or(4, (ARMATURE_PER_TORQUE * strength).min(10.0));
+        let armature = side(4).or(limits.armature_kg_m2.filter(|armature| *armature <= 10.0));
+        let armature =
+            armature.unwrap_or_else(|| or(4, (ARMATURE_PER_TORQUE * strength).min(10.0)));
         let (kp, kd) = match load {
             // The defaults are for joints: a wheel holds no angle.
             None => (side(2).unwrap_or(0.0), side(3).unwrap_or(armature / WHEEL_TIME_S)),
@@ -148,9 +150,9 @@ impl<'s> Motors<'s> {
             let sound = |written: Option<f64>, max| written.is_some_and(|w| w > 0.0 && w <= max);
             let read = [sound(limits.velocity, SPEED.max), sound(limits.effort, TORQUE.max)];
             match read {
-                [true, true] => "from URDF limits",
-                [false, false] => "default of the URDF import",
-                _ => "URDF limits and defaults",
+                [true, true] => "limits of the model",
+                [false, false] => "default of the import",
+                _ => "limits of the model and defaults",
             }
             .to_owned()
         });
@@ -194,6 +196,7 @@ struct Limit {
     index: usize,
     /// Attribute of `<limit>`.
     attribute: &'static str,
+    quantity: &'static str,
     field: &'static str,
     unit: &'static str,
     /// The largest one that a drive has.
@@ -203,6 +206,7 @@ struct Limit {
 const SPEED: Limit = Limit {
     index: 0,
     attribute: "velocity",
+    quantity: "speed",
     field: "speed_max_rad_s",
     unit: "rad/s",
     max: MAX_SPEED_RAD_S as f64,
@@ -211,6 +215,7 @@ const SPEED: Limit = Limit {
 const TORQUE: Limit = Limit {
     index: 1,
     attribute: "effort",
+    quantity: "torque",
     field: "torque_max_nm",
     unit: "N·m",
     max: MAX_TORQUE_NM as f64,
@@ -225,7 +230,7 @@ impl Limit {
         default: Option<f64>,
         usual: f64,
     ) -> (f64, Option<String>) {
-        let Self { attribute, field, unit, max, .. } = self;
+        let Self { attribute, quantity, field, unit, max, .. } = self;
         let say = "say what is right in an [actuator.NAME] of the side file";
         match written {
             Some(written) if written > 0.0 && written <= *max => (written, None),
@@ -242,7 +247,7 @@ impl Limit {
             _ => {
                 let problem = match written {
                     Some(bad) => format!("has {attribute}=\"{bad}\", which is no limit"),
-                    None => format!("has no <limit {attribute}>"),
+                    None => format!("has no limit of {quantity}"),
                 };
                 let (taken, from) =
                     default.map_or((usual, "a default"), |given| (given, "[actuator.default]"));

@@ -24,12 +24,12 @@ pub(super) struct Content<'a> {
 const HEAD: &str = "\
 # Every value below is a guess: check it. Keys and defaults: docs/urdf-import.md.
 
-# name = \"robot\"           # default: the name in the URDF
+# name = \"robot\"           # default: that of the model
 # forward = \"+x\"           # axis of the root link that points forward; `up` likewise, \"+z\"
 ";
 
 const ACTUATORS: &str = "
-# Where the URDF has no speed or torque limit, and for what URDF never has. Left out: defaults.
+# Where the model has no speed or torque limit, and for what it never has. Left out: defaults.
 [actuator.default]
 # model = \"…\"
 # speed_max_rad_s = 10.0
@@ -46,7 +46,7 @@ pub(super) fn template(content: &Content<'_>) -> String {
     if let Some(root) = content.root {
         let _ = writeln!(
             text,
-            "root = {}            # the URDF has several roots",
+            "root = {}            # the model has several roots",
             quoted(&links[root].name)
         );
     }
@@ -85,9 +85,9 @@ pub(super) fn template(content: &Content<'_>) -> String {
         }
         let _ = writeln!(text, "center_in_link_m = {}", array(end.center_in_link_m.as_slice()));
         let source = if end.measured {
-            "from its shape in the URDF"
+            "from its shape in the model"
         } else {
-            "the URDF has no round shape there: measure it"
+            "the model has no round shape there: measure it"
         };
         let _ = writeln!(text, "radius_m = {}   # {source}", show(end.radius_m));
         text += "friction_coefficient = 0.7\n";

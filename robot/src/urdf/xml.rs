@@ -101,6 +101,8 @@ pub(super) struct Limit {
     pub upper: Option<f64>,
     pub velocity: Option<f64>,
     pub effort: Option<f64>,
+    /// Inertia of the rotor at the joint, kg·m²; of MJCF alone.
+    pub armature_kg_m2: Option<f64>,
 }
 
 /// Declares the XML prefixes that a file uses without declaring them, which other URDF readers accept.

@@ -240,8 +240,13 @@ fn read_joint<'a, 'i>(
     let own = reader.range(of, "actuatorfrcrange", "actuatorfrclimited");
     let own = own.map(|[low, high]| low.abs().max(high.abs()));
     let effort = own.into_iter().chain(drives.effort.get(&*name).copied()).reduce(f64::min);
-    let limit =
-        Limit { lower: ends.map(|e| e[0]), upper: ends.map(|e| e[1]), velocity: None, effort };
+    let limit = Limit {
+        lower: ends.map(|e| e[0]),
+        upper: ends.map(|e| e[1]),
+        velocity: None,
+        effort,
+        armature_kg_m2: reader.number(of, "armature").filter(|armature| *armature >= 0.0),
+    };
     Some(Joint {
         span: tag(of.node),
         kind,
