@@ -32,6 +32,7 @@ mod studio;
 mod system;
 mod terrain;
 mod tour;
+mod words;
 mod world_log;
 
 pub use exit::Exit;
@@ -64,8 +65,9 @@ pub fn command_line() -> clap::Command {
 
 /// Parses the command line and runs it.
 pub fn main() -> ExitCode {
-    let cli = Cli::from_arg_matches(&command_line().get_matches());
-    let cli = cli.unwrap_or_else(|error| error.exit());
+    let matches = command_line().try_get_matches();
+    let cli = matches.and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = cli.unwrap_or_else(|error| words::explain(error).exit());
     end(cli.command.run(&mut command_line()))
 }
 

@@ -47,8 +47,8 @@ impl Packed {
             }
         }
         Err(miette!(
-            help = "name its robot file: --robot ROBOT.toml",
-            "{}: built for none of the robots that ship with rollwalk",
+            help = "give its robot file: --robot ROBOT.toml",
+            "{}: its robot is none of those that ship with rollwalk",
             path.display()
         ))
     }

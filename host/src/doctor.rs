@@ -184,9 +184,12 @@ impl Findings<'_> {
         let what = format!("the robot is {}{clip}", state_name(status.state));
         let faulty = !status.faults.is_empty();
         let (gravity, help) = match status.state {
-            State::Disarmed if hello.library.is_none() => {
-                (Gravity::Wrong, format!("it needs a library: rollwalk flash LIB.rwl --bus {bus}"))
-            }
+            State::Disarmed if hello.library.is_none() => (
+                Gravity::Wrong,
+                format!(
+                    "it needs a library: rollwalk flash LIB.rwl --robot ROBOT.toml --bus {bus}"
+                ),
+            ),
             State::Disarmed if faulty => (Gravity::Note, String::new()),
             State::Disarmed => {
                 (Gravity::Fine, format!("it can be armed: rollwalk send --arm MOTION --bus {bus}"))

@@ -210,7 +210,7 @@ catalogue! {
     SwingForce: "swing force", "Eq. 2.7", N, Residual(0.2), Request,
         "footfalls with more feet on the ground";
     Slip: "slip", "Eq. 2.8, midpoint", MPerS, Residual(0.005), Build,
-        "a goal along the rolling directions, or steps";
+        "a goal along the rolling directions, or footfalls in which what stands elsewhere in the end takes a step";
     ContactHeight: "contact height", "Eq. 2.9", M, Residual(0.001), Request,
         "a lower swing_height_m or a longer swing";
     EndEffectorClearance: "end-effector clearance", "Eq. 2.10", M, Residual(0.001), Limit,

@@ -120,8 +120,16 @@ impl LibraryFile {
                         "transition `{}`: other feet are down than where it {does} `{name}`",
                         transition.motion.name
                     );
-                    let help = "the first and last mark of its footfalls must agree with the motions \
-                                it joins";
+                    let marks = |stance: Option<&Vec<bool>>| -> String {
+                        let stance = stance.into_iter().flatten();
+                        stance.map(|&stands| if stands { '#' } else { '.' }).collect()
+                    };
+                    let help = format!(
+                        "the first and last mark of its footfalls must agree with the motions it joins: in the order of the robot's \
+                         end effectors `{name}` has {} there, and the transition {}",
+                        marks(joined),
+                        marks(flags)
+                    );
                     let span = self.transition_span(&root, transition);
                     document.fault(span, message, "joined here", help);
                 }

@@ -19,7 +19,8 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
     let robot = Robot::start(&desk, &socket);
     assert!(run(&["discover", "--json"]).succeeds().contains("\"library\": null"));
     run(&["send", "--arm", "1"]).fails(1, &["no motion library", "rollwalk flash"]);
-    run(&["doctor"]).succeeds_with(5, &["it needs a library: rollwalk flash LIB.rwl"]);
+    run(&["doctor"])
+        .succeeds_with(5, &["it needs a library: rollwalk flash LIB.rwl --robot ROBOT.toml"]);
     let flashed = run(&["flash", "legbot.rwl"]).succeeds();
     assert!(flashed.contains("legbot has library"), "{flashed}");
     run(&["send", "rest"]).fails(5, &["torque is off; arm first", "rollwalk doctor"]);

@@ -71,7 +71,7 @@ fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
 }
 
 #[test]
-fn a_robot_on_the_ground_is_carried_by_motors_at_a_serial_line() {
+fn in_real_time_a_robot_on_the_ground_is_carried_by_motors_at_a_serial_line() {
     let desk = desk_with_shipped_files();
     let args = ["library", "build", "motions/pup_library.toml", "-o", "pup.rwl"];
     desk.run(&args).succeeds();

@@ -262,8 +262,8 @@ fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &
         return;
     }
     if height_m <= 0.0 {
-        let help = "feet in swing need a height above 0, such as swing_height_m = 0.03 before the \
-                    first [table]";
+        let help =
+            "feet in swing need a height above 0, such as swing_height_m = 0.03 beside duration_s";
         let problem = "is missing or 0 while feet swing";
         table.fault("swing_height_m", problem, "feet swing", help);
     }

@@ -69,7 +69,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let mut session = if args.arm { args.link.connect()? } else { args.link.join()? };
     let library = session.hello().library.ok_or_else(|| {
-        miette!(help = "rollwalk flash LIB.rwl --bus BUS", "the controller has no motion library")
+        miette!(
+            help = "rollwalk flash LIB.rwl --robot ROBOT.toml",
+            "the controller has no motion library"
+        )
     })?;
     let catalog = args.names.find(library)?;
     // Names of another library may be right, its codes say nothing about this one.
