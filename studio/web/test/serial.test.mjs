@@ -38,8 +38,9 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
   const set = (change) => studio.page.evaluate((change) => void Object.assign(globalThis.fakeSerial, change), change);
   const fake = (name) => studio.page.evaluate((name) => globalThis.fakeSerial[name], name);
   const open = (inWorkers) =>
-    // Drawing in software keeps the page's thread from the bytes that pass it.
+    // Drawing in software keeps the page's thread from the bytes that pass it: little to draw.
     Studio.open(browser, `${served.address}&quality=low`, {
+      viewport: { height: 420 },
       async before(page) {
         await page.exposeFunction("serialOut", (bytes) => void far.send(Buffer.from(bytes)));
         await page.evaluateOnNewDocument(fakeSerial, inWorkers);
