@@ -1,4 +1,4 @@
-//! Rules of links: masses and inertias of bodies that exist, shapes, and what is left of a link beside its soft feet.
+//! Rules of links: mass, inertia and shapes; and, of a link with soft feet, the mass and inertia of its rigid rest.
 
 use super::Check;
 use super::check::{Bound, LENGTH_MAX_M, RADIUS_MAX_M, show};

@@ -211,7 +211,7 @@ fn syntax_fault(notes: &mut Notes<'_>, error: &Error) {
             at = notes.text.trim_end().len();
             (
                 "this is not XML: the file ends inside an element".to_owned(),
-                "the last line of a URDF file is </robot>: is the file complete?".to_owned(),
+                "the last line of a URDF file is </robot>, of a model of MuJoCo </mujoco>: is the file complete?".to_owned(),
             )
         }
         Error::DtdDetected => (

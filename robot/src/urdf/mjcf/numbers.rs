@@ -106,7 +106,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         holds.then_some(range)
     }
 
-    /// Position and orientation of an element in what is around it.
+    /// Pose of an element in the frame of its parent element: `pos` and its orientation.
     pub fn pose(&mut self, of: Element<'a, 'i>) -> Isometry3<f64> {
         let at = self.vector(of, "pos").unwrap_or_default();
         Isometry3::from_parts(Translation3::from(at), self.orientation(of))
@@ -156,7 +156,7 @@ pub fn along(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     UnitQuaternion::rotation_between_axis(&Vector3::z_axis(), axis).unwrap_or(opposite)
 }
 
-/// x as it is, y made perpendicular to it.
+/// Rotation whose first axis is along `x` and whose second is in the plane of `x` and `y`.
 fn from_axes(x: Vector3<f64>, y: Vector3<f64>) -> Option<UnitQuaternion<f64>> {
     let x = Unit::try_new(x, 1e-9)?;
     let y = Unit::try_new(y - x.into_inner() * x.dot(&y), 1e-9)?;
