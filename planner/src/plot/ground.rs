@@ -1,6 +1,6 @@
 //! Panels of the robot over the ground: how high its end effectors swing, and the centre of mass over those that stand.
 
-use super::axes::{Content, Series};
+use super::axes::Series;
 use super::hull::{convex_hull, depth};
 use super::panels::{Panel, Played, distinct};
 use crate::plan::Sample;
@@ -24,29 +24,26 @@ impl Played<'_> {
     /// How far inside the support polygon the centre of mass is, seen from above: the convex hull of the contact points in stance. Negative
     /// outside, and where fewer than three stand; no line in flight.
     pub(super) fn support(&self) -> Option<Panel> {
-        let line = self.states.iter().map(|(t, state, _)| (*t, inside_m(state)));
-        let dots = self.plan.samples.iter();
-        let dots = dots.filter_map(|s| inside_m(s).map(|inside_m| [s.time_s, inside_m]));
-        let mut stretches: Vec<Vec<[f64; 2]>> = vec![Vec::new()];
-        for (time_s, inside_m) in line {
-            match (inside_m, stretches.last_mut()) {
-                (Some(inside_m), Some(stretch)) => stretch.push([time_s, inside_m]),
-                (None, Some(stretch)) if !stretch.is_empty() => stretches.push(Vec::new()),
-                _ => {}
-            }
-        }
-        stretches.retain(|stretch| !stretch.is_empty());
-        let curve =
-            |line| Series { name: String::new(), color: 0, line, dots: Vec::new(), dash: "" };
-        let mut series: Vec<Series> = stretches.into_iter().map(curve).collect();
-        series.first_mut()?.dots = dots.collect();
-        let mut panel =
-            self.limited("centre of mass inside support (m)", series, Vec::new(), vec![0.0]);
+        let played = self.states.iter().map(|(t, state, _)| (*t, inside_m(state)));
+        let played: Vec<(f64, Option<f64>)> = played.collect();
+        let point = |(t, inside_m): (f64, Option<f64>)| inside_m.map(|inside_m| [t, inside_m]);
+        let stretches = played.chunk_by(|(_, one), (_, next)| one.is_some() == next.is_some());
+        let lines = stretches.map(|stretch| stretch.iter().copied().filter_map(point).collect());
+        let curve = |line: Vec<[f64; 2]>| Series {
+            name: String::new(),
+            color: 0,
+            line,
+            dots: Vec::new(),
+            dash: "",
+        };
+        let mut series: Vec<Series> =
+            lines.filter(|line: &Vec<_>| !line.is_empty()).map(curve).collect();
+        let planned = self.plan.samples.iter().map(|sample| (sample.time_s, inside_m(sample)));
+        series.first_mut()?.dots = planned.filter_map(point).collect();
         // Less than a centimetre of change is none to look at.
-        if let Content::Curves { include, .. } = &mut panel.content {
-            include.push(0.01);
-        }
-        Some(panel)
+        let include = vec![0.0, 0.01];
+        let title = "centre of mass inside support (m)";
+        Some(self.limited(title, series, Vec::new(), include))
     }
 }
 
