@@ -1,7 +1,7 @@
 //! A robot under design: the robot file at any values of its parameters, with the motions that it is for.
 
 use crate::catalog::Servo;
-use crate::file::DesignFile;
+use crate::file::{self, DesignFile};
 use crate::parameter::{Kind, Place};
 use crate::text::{Nothing, RobotText, number};
 use rollwalk_planner::motion::Motion;
@@ -123,11 +123,25 @@ impl Designed {
     /// # Errors
     /// Everything that is wrong with one of them.
     pub fn fixed(robot: NamedText, motions: Vec<NamedText>) -> Result<Self, DocumentError> {
+        Self::with_parameters(robot, motions, Vec::new())
+    }
+
+    /// A robot file and motions with parameters of no design file. Those that the robot file does not have are left out.
+    ///
+    /// # Errors
+    /// Everything that is wrong with one of the files.
+    pub fn with_parameters(
+        robot: NamedText,
+        motions: Vec<NamedText>,
+        parameters: Vec<file::Parameter>,
+    ) -> Result<Self, DocumentError> {
         Robot::from_toml(&robot.name, &robot.text)?;
-        let text = RobotText::new(&robot.text).unwrap_or_default();
-        let file = DesignFile::default();
+        let mut text = RobotText::new(&robot.text).unwrap_or_default();
+        let known = parameters.into_iter().filter_map(|of| Some((text.value(&of.place).ok()?, of)));
+        let (original, parameters) = known.unzip();
+        let file = DesignFile { parameters, ..DesignFile::default() };
         let motions = motions.into_iter().map(MotionText::new).collect();
-        Self { file, robot, text, motions, original: Vec::new(), beyond: None }.checked()
+        Self { file, robot, text, motions, original, beyond: None }.checked()
     }
 
     /// The same with other motions.

@@ -1,7 +1,7 @@
 //! Automatic design (thesis 2.5.3): parameters within their bounds with which the motions are best.
 //!
 //! Sequential quadratic programming. One adjoint solve gives the gradient of each objective and of each kept quantity
-//! ([`Optimal::gradient`](rollwalk_planner::sensitivity::Optimal::gradient)), BFGS the curvature. Steps stay within a trust region of a
+//! ([`Optimal::gradients`](rollwalk_planner::sensitivity::Optimal::gradients)), BFGS the curvature. Steps stay within a trust region of a
 //! centimetre or two, because plans change smoothly that far only. A step is taken if the merit falls,
 //!
 //! ```text
@@ -208,13 +208,14 @@ impl Outer<'_> {
     fn point(&self, plans: Plans, watch: &mut Watch<'_>) -> Result<Point, Failed> {
         let mut quantities = Vec::new();
         self.designed.each_optimum(&plans, watch, &mut |optimal, parameters| {
-            let of = |objective: Objective| -> Result<_, Failed> {
-                let (value, slopes) = optimal.gradient(objective, parameters)?;
-                let slope = |k: usize, _| slopes[k] * self.designed.unit(k);
-                Ok((value, DVector::from_fn(slopes.len(), slope)))
-            };
             let wanted = self.goal.minimise.iter().chain(&self.goal.keep);
-            quantities.push(wanted.map(|(objective, _)| of(*objective)).collect::<Result<_, _>>()?);
+            let objectives: Vec<Objective> = wanted.map(|(objective, _)| *objective).collect();
+            let of = |(value, slopes): (f64, Vec<f64>)| {
+                let slope = |k: usize, _| slopes[k] * self.designed.unit(k);
+                (value, DVector::from_fn(slopes.len(), slope))
+            };
+            let gradients = optimal.gradients(&objectives, parameters)?;
+            quantities.push(gradients.into_iter().map(of).collect());
             Ok(())
         })?;
         Ok(Point { plans, quantities })

@@ -207,35 +207,37 @@ impl Optimal {
         })
     }
 
-    /// Value of an objective, and how it changes with parameters, per unit of each: one adjoint solve for all of them
-    /// (thesis Eq. 2.24, with the part that does not go through the motion, which it leaves out).
+    /// Values of objectives, and how they change with parameters, per unit of each: one adjoint solve for each objective
+    /// (thesis Eq. 2.24, with the part that does not go through the motion, which it leaves out). Each parameter's neighbours are
+    /// built once.
     ///
     /// # Errors
     /// As [`changes`](Self::changes).
-    pub fn gradient(
+    pub fn gradients(
         &self,
-        objective: Objective,
+        objectives: &[Objective],
         parameters: &[Parameter<'_>],
-    ) -> Result<(f64, Vec<f64>), NotOptimal> {
+    ) -> Result<Vec<(f64, Vec<f64>)>, NotOptimal> {
         self.linearised(|optimum| {
             let system = System::selected(&self.problem, Default::default());
             let rows = system.rows(&self.unknowns, Rows::default());
-            let here = objective.at(&self.problem, &self.motion, &rows);
-            let adjoint = optimum
-                .adjoint(&here.gradient(&rows, system.columns().count))
-                .map_err(|reason| self.failed(reason))?;
-            let slope = |parameter: &Parameter<'_>| {
+            let (mut gradients, mut adjoints) = (Vec::new(), Vec::new());
+            for objective in objectives {
+                let here = objective.at(&self.problem, &self.motion, &rows);
+                let adjoint = optimum.adjoint(&here.gradient(&rows, system.columns().count));
+                adjoints.push(adjoint.map_err(|reason| self.failed(reason))?);
+                gradients.push((here.value, Vec::with_capacity(parameters.len())));
+            }
+            for parameter in parameters {
                 let by = self.conditions_by(optimum, parameter)?;
-                let [ahead, behind] = [parameter.ahead, parameter.behind].map(|design| {
-                    let problem = self.neighbour(&design)?;
-                    let system = System::selected(&problem, Default::default());
-                    let rows = system.values(&self.unknowns, Rows::default());
-                    Ok::<_, NotOptimal>(objective.at(&problem, design.motion, &rows).value)
-                });
-                Ok((ahead? - behind?) / parameter.apart - adjoint.dot(&by))
-            };
-            let slopes: Result<Vec<f64>, NotOptimal> = parameters.iter().map(slope).collect();
-            Ok((here.value, slopes?))
+                let direct = self.objectives_by(objectives, parameter)?;
+                for (((_, slopes), adjoint), direct) in
+                    gradients.iter_mut().zip(&adjoints).zip(direct)
+                {
+                    slopes.push(direct - adjoint.dot(&by));
+                }
+            }
+            Ok(gradients)
         })
     }
 
@@ -291,6 +293,22 @@ impl Optimal {
             Ok(optimum.conditions(&rows, &self.shifts))
         });
         Ok(ahead?.minus(&behind?, 1.0 / apart))
+    }
+
+    /// Derivatives of objectives by a parameter at fixed unknowns.
+    fn objectives_by(
+        &self,
+        objectives: &[Objective],
+        Parameter { ahead, behind, apart }: &Parameter<'_>,
+    ) -> Result<Vec<f64>, NotOptimal> {
+        let [ahead, behind] = [ahead, behind].map(|design| {
+            let problem = self.neighbour(design)?;
+            let system = System::selected(&problem, Default::default());
+            let rows = system.values(&self.unknowns, Rows::default());
+            let value = |of: &Objective| of.at(&problem, design.motion, &rows).value;
+            Ok::<Vec<f64>, NotOptimal>(objectives.iter().map(value).collect())
+        });
+        Ok(ahead?.iter().zip(behind?).map(|(ahead, behind)| (ahead - behind) / apart).collect())
     }
 
     fn neighbour(&self, design: &Design<'_>) -> Result<Problem, NotOptimal> {

@@ -156,10 +156,12 @@ impl Design {
             self.designed.each_optimum(&plans, see, &mut |optimal, parameters| {
                 let mut numbers = Numbers::default();
                 let motion = &plans.solutions[all.len()].plan.motion;
-                for &objective in objectives.iter().filter(|of| of.is_defined(motion)) {
-                    let (value, slopes) = optimal.gradient(objective, parameters)?;
-                    numbers.objectives.push((objective, value, slopes));
-                }
+                let defined = objectives.iter().filter(|of| of.is_defined(motion));
+                let defined: Vec<Objective> = defined.copied().collect();
+                let gradients = optimal.gradients(&defined, parameters)?;
+                let named = defined.into_iter().zip(gradients);
+                numbers.objectives =
+                    named.map(|(of, (value, slopes))| (of, value, slopes)).collect();
                 let changes = match features.is_empty() {
                     true => Vec::new(),
                     false => optimal.changes(parameters)?,

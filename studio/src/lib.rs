@@ -21,5 +21,6 @@ pub mod robot;
 mod scene;
 mod session;
 mod sliders;
+mod slopes;
 
 pub use session::Session;

@@ -7,12 +7,14 @@ mod library;
 mod motion;
 mod plan;
 mod scene;
+mod slopes;
 
 pub use edit::Edit;
 pub use library::{Compared, Edge, Graph, GraphMotion, GraphOther, GraphTransition, Node};
 pub use motion::{Goal, Height, MotionView, Target};
 pub use plan::{Columns, Culprit, Fix, FramesHeader, Period, Solve};
 pub use scene::{Body, EndEffector, Form, Joint, Parameter, Role, Scene, Shape};
+pub use slopes::{Slope, SlopesOf};
 
 use crate::robot::{self, RobotView};
 use rollwalk_planner::Progress;
@@ -95,6 +97,13 @@ pub enum Wanted {
     Solution,
     /// Goes on from the bytes of `solution`, which come with the request.
     Resume,
+    /// How the robot's parameters change what a good plan is judged by; the plan is the bytes of `solution`, which come with the request.
+    Slopes {
+        /// The documents.
+        files: Vec<File>,
+        /// Path of the motion file among them.
+        motion: String,
+    },
     /// The motions and transitions that a library file names.
     Graph {
         /// The documents.
@@ -269,6 +278,11 @@ pub enum Done {
         /// The report, as `rollwalk report --json` has it.
         #[serde(flatten)]
         report: Report,
+    },
+    /// Of `slopes`.
+    Slopes {
+        /// What plans are judged by, as far as the motion has it.
+        quantities: Vec<SlopesOf>,
     },
     /// Of `graph`.
     Graph(Graph),

@@ -9,7 +9,7 @@ use crate::edit::{self, Known};
 use crate::messages::{Answer, Done, Edit, File, From, Opened, Request, TableForm, Told, Wanted};
 use crate::robot::{self, Connection};
 use crate::{
-    compare, examples, frames, graph, import, library, motion_view, outcome, scene, sliders,
+    compare, examples, frames, graph, import, library, motion_view, outcome, scene, sliders, slopes,
 };
 use rollwalk_planner::export::{Rate, Table};
 use rollwalk_planner::motion::Motion;
@@ -132,12 +132,15 @@ impl Session {
                 return Ok((Done::Kept {}, good.to_json().into_bytes()));
             }
             Wanted::Resume => {
-                let text = String::from_utf8_lossy(binary);
-                let solution = Solution::from_json("the solution", &text);
-                let solution =
-                    solution.map_err(|why| error(why.to_string(), "plan from scratch"))?;
-                (self.good, self.drag) = (Some(solution), None);
+                (self.good, self.drag) = (Some(kept(binary)?), None);
                 Done::Kept {}
+            }
+            Wanted::Slopes { files, motion } => {
+                let documents = Documents::new(&files);
+                let project = documents.project(&motion)?;
+                let solution = kept(binary)?;
+                let quantities = slopes::slopes(&documents, &project, &solution, progress)?;
+                Done::Slopes { quantities }
             }
             Wanted::Graph { files, library } => {
                 Done::Graph(graph::graph(&Documents::new(&files), &library)?)
@@ -296,6 +299,12 @@ fn amend(documents: &Documents<'_>, motion: &str, path: &str, edit: &Edit) -> Re
         return Err(Answer::Faults { faults });
     }
     Ok(Done::Amended { text, faults })
+}
+
+/// The bytes of `solution`.
+fn kept(binary: &[u8]) -> Result<Solution, Answer> {
+    let solution = Solution::from_json("the solution", &String::from_utf8_lossy(binary));
+    solution.map_err(|why| error(why.to_string(), "plan from scratch"))
 }
 
 fn check_rate(frames_hz: f64) -> Result<(), Answer> {

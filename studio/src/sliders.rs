@@ -19,7 +19,7 @@ const LIMBS: [&str; 6] = ["front_left", "front_right", "rear_left", "rear_right"
 pub struct Slider {
     /// What the page sees.
     pub shown: Parameter,
-    place: Place,
+    pub(crate) place: Place,
 }
 
 /// The sliders of the robot file at `path`. A design file among the documents that names the file has the say.

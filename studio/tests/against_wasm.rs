@@ -67,11 +67,24 @@ fn plan(answer: &Value) -> Plan {
     Plan::from_json("plan", answer["text"].as_str().unwrap()).unwrap()
 }
 
+/// What the environment says of where the engine is.
+fn engine() -> String {
+    env::var("STUDIO_WASM").expect("STUDIO_WASM names the engine")
+}
+
+/// A request to plan one document.
+fn request(path: &str, text: &str, from: &str) -> Value {
+    json!({
+        "seq": 1, "kind": "plan", "files": [{ "path": path, "text": text }], "motion": path, "from": from,
+        "iterations": null, "frames_hz": 60.0,
+    })
+}
+
 /// `STUDIO_WASM` is the engine, as `cargo xtask studio` builds it.
 #[test]
 #[ignore = "cargo xtask nightly --only studio builds the engine for it"]
 fn webassembly_plans_what_the_command_line_plans() {
-    let wasm = env::var("STUDIO_WASM").expect("STUDIO_WASM names the engine");
+    let wasm = engine();
     let median = |times: &mut Vec<f64>| {
         times.sort_by(f64::total_cmp);
         times[times.len() / 2]
@@ -83,19 +96,14 @@ fn webassembly_plans_what_the_command_line_plans() {
     for motion in MOTIONS {
         let path = format!("motions/{motion}.toml");
         let text = rollwalk_shipped::text(&path).unwrap();
-        let request = |text: &str, from: &str| {
-            json!({
-                "seq": 1, "kind": "plan", "files": [{ "path": path, "text": text }], "motion": path, "from": from,
-                "iterations": null, "frames_hz": 60.0,
-            })
-        };
+        let request = |from: &str| request(&path, text, from);
         let (mut node, mut session) = (Node::start(&wasm), Session::default());
         // Node compiles while it runs: the first call is not typical.
-        node.ask(&request(text, "scratch"));
+        node.ask(&request("scratch"));
         let mut times: [Vec<f64>; 4] = Default::default();
         for _ in 0..5 {
-            let ours = native(&mut session, &request(text, "scratch"));
-            let theirs = node.ask(&request(text, "scratch"));
+            let ours = native(&mut session, &request("scratch"));
+            let theirs = node.ask(&request("scratch"));
             times[0].push(ours.1);
             times[1].push(theirs.1);
             let solve = |(answer, _): &(Value, f64), key: &str| answer["solve"][key].clone();
@@ -105,8 +113,8 @@ fn webassembly_plans_what_the_command_line_plans() {
             let [a, b] = [&ours, &theirs].map(|answer| solve(answer, "energy").as_f64().unwrap());
             assert!((a / b - 1.0).abs() < ENERGY, "{motion}: energy {a} and {b}");
             // The same request once more starts from its own plan.
-            times[2].push(native(&mut session, &request(text, "good")).1);
-            times[3].push(node.ask(&request(text, "good")).1);
+            times[2].push(native(&mut session, &request("good")).1);
+            times[3].push(node.ask(&request("good")).1);
         }
         let shown = json!({ "seq": 2, "kind": "plan_json" });
         let (ours, theirs) = (plan(&native(&mut session, &shown).0), plan(&node.ask(&shown).0));
@@ -121,4 +129,30 @@ fn webassembly_plans_what_the_command_line_plans() {
         );
         assert!(apart < JOINT_RAD, "{motion}: joints {apart} rad apart");
     }
+}
+
+/// A person who opens an example sees it move, whatever engine plans it.
+#[test]
+#[ignore = "cargo xtask nightly --only studio builds the engine for it"]
+fn every_shipped_motion_that_holds_natively_holds_as_webassembly() {
+    let mut node = Node::start(&engine());
+    let mut lost = Vec::new();
+    let shipped = native(&mut Session::default(), &json!({ "seq": 1, "kind": "examples" })).0;
+    let shipped = shipped["examples"].as_array().unwrap();
+    let motions = shipped.iter().filter(|example| example["of"] == "motion");
+    for path in motions.map(|example| example["path"].as_str().unwrap()) {
+        let text = rollwalk_shipped::text(path).unwrap();
+        let request = request(path, text, "scratch");
+        let ours = native(&mut Session::default(), &request);
+        let theirs = node.ask(&request);
+        let [(a, a_ms), (b, b_ms)] = [&ours, &theirs].map(|(answer, ms)| {
+            let solve = &answer["solve"];
+            (format!("{} after {} iterations", solve["status"], solve["iterations"]), ms)
+        });
+        println!("{path}: {a}, {a_ms:.0} ms; as WebAssembly {b}, {b_ms:.0} ms");
+        if ours.0["converged"] == true && theirs.0["converged"] != true {
+            lost.push(format!("{path}: {a}; as WebAssembly {b}"));
+        }
+    }
+    assert!(lost.is_empty(), "{}", lost.join("\n"));
 }

@@ -133,7 +133,7 @@ fn plans_at_their_optimum_have_the_quantities_that_were_optimised() {
     let solved = planned(&designed);
     let objective = Objective::PeakJointTorque;
     let optimum = optimal(&solved.solutions[0], &mut on).unwrap();
-    let (at_optimum, _) = optimum.gradient(objective, &[]).unwrap();
+    let (at_optimum, _) = optimum.gradients(&[objective], &[]).unwrap()[0];
     let of = |plans: &Plans| {
         objective.of_plan(&plans.solutions[0].plan, &Default::default()) / at_optimum - 1.0
     };
@@ -197,7 +197,8 @@ fn prices_say_what_a_stronger_servo_is_worth() {
     assert!(torque.subjects.iter().all(|joint| joint.contains("knee") || joint.contains("pitch")));
     let around = designed.around(designed.original(), 0).unwrap();
     let motions = around.motions(0, &solution.plan.motion);
-    let (_, slopes) = optimal.gradient(Objective::PlanCost, &[around.of_motion(&motions)]).unwrap();
+    let parameters = [around.of_motion(&motions)];
+    let (_, slopes) = &optimal.gradients(&[Objective::PlanCost], &parameters).unwrap()[0];
     // Inside the band of a limit a multiplier is part smoothing.
     let ratio = torque.per_unit / slopes[0];
     assert!((0.8..1.25).contains(&ratio), "{ratio}: {prices:?}");

@@ -124,8 +124,8 @@ fn compare(motion: &str, measures: &[Measure]) {
         assert!(norm(&change.unknowns) > 1.0, "{name}: {index} changes nothing");
         let steps = [&ahead.0, &behind.0, &far_ahead.0, &far_behind.0].map(Vec::as_slice);
         check("change", &change.unknowns, steps, 0.0);
-        for (k, objective) in objectives.into_iter().enumerate() {
-            let (value, slopes) = optimal.gradient(objective, &[parameter]).unwrap();
+        let gradients = optimal.gradients(&objectives, &[parameter]).unwrap();
+        for (k, (objective, (value, slopes))) in objectives.into_iter().zip(gradients).enumerate() {
             let values =
                 [&ahead, &behind, &far_ahead, &far_behind].map(|(_, values)| &values[k..=k]);
             check(&format!("{objective:?}"), &slopes, values, 1e-5 * value);

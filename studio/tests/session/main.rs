@@ -4,6 +4,7 @@ mod editing;
 mod files;
 mod libraries;
 mod opening;
+mod slopes;
 
 use rollwalk_studio::Session;
 use serde_json::{Value, json};

@@ -19,6 +19,7 @@ export type RequestBody =
   | { kind: "animation" }
   | { kind: "solution" }
   | { kind: "resume" }
+  | { kind: "slopes"; files: File[]; motion: string }
   | { kind: "graph"; files: File[]; library: string }
   | { kind: "new_library"; files: File[]; motion: string }
   | { kind: "library"; files: File[]; library: string }
@@ -143,6 +144,9 @@ export type Parameter = {
   max: number;
   step: number;
 };
+
+/** A quantity that plans are judged by, and what it changes by with a small step of each parameter, the motion planned anew. */
+export type SlopesOf = { name: string; unit: string; value: number; slopes: { name: string; step: number; by_step: number }[] };
 
 export type Scene = {
   name: string;

@@ -54,8 +54,9 @@ export async function start(root: HTMLElement, engine: Engine) {
   staleNote(shell.stale, studio);
   const text = textPane(studio);
   const report = reportPanel(studio, playback);
+  const robot = robotPanel(studio);
   shell.tab("Motion", motionPanel(studio, playback));
-  shell.tab("Robot", robotPanel(studio));
+  shell.tab("Robot", robot.element, robot.shown);
   shell.tab("Report", report.element, report.shown);
   const library = new LibraryBuild(studio);
   shell.tab("Library", libraryPanel(studio, library, commands.examples));

@@ -9,6 +9,8 @@ let size = 0;
 for (const file of [WASM, ...["index.html", "studio.css", "studio.js", "three.js"].map((name) => join(DIST, name))]) size += gzipSync(await readFile(file), { level: 9 }).length;
 console.log(`page and engine, gzip: ${(size / 1000).toFixed(0)} kB`);
 
+/** Motions of wheels, of legs, of both and of blades. */
+const MOTIONS = ["walk", "drive_1m", "trot", "swizzlebot_forward", "anymal_drive", "skate"];
 const server = await serve();
 const browser = await launch("chromium");
 for (const run of ["cold", "warm"]) {
@@ -16,12 +18,14 @@ for (const run of ["cold", "warm"]) {
   const studio = await Studio.open(browser, `${server.origin}/?quality=low`);
   console.log(`${run}: opened to first plan ${(performance.now() - started).toFixed(0)} ms`);
   if (run === "cold") await studio.page.close();
-  else await drags(studio);
+  else for (const motion of MOTIONS) await drags(studio, motion);
 }
 
-async function drags(studio) {
+async function drags(studio, motion) {
+  await studio.example(`motions/${motion}.toml`);
   const { waits, solves, draws } = await studio.page.evaluate(async () => {
     const { state, view } = globalThis.studio;
+    const goal_m = state.motion.goal.forward_m;
     const waits = [];
     const solves = [];
     const request = state.engine.request.bind(state.engine);
@@ -40,7 +44,7 @@ async function drags(studio) {
     });
     const before = view.stage.draws;
     for (let k = 0; k < 40; k++) {
-      state.edit({ edit: "number", table: ["goal"], key: "forward_m", value: 0.12 - 0.001 * k }, { gesture, drag: true });
+      state.edit({ edit: "number", table: ["goal"], key: "forward_m", value: goal_m * (1 - 0.005 * k) }, { gesture, drag: true });
       asked.set(state.version, performance.now());
       await new Promise((done) => setTimeout(done, 25));
     }
@@ -49,7 +53,7 @@ async function drags(studio) {
     return { waits, solves, draws: view.stage.draws - before };
   });
   const show = (list) => `p50 ${quantile(list, 0.5).toFixed(0)} ms, p95 ${quantile(list, 0.95).toFixed(0)} ms`;
-  console.log(`drag of the goal, 40 edits 25 ms apart, ${waits.length} planned: edit to plan ${show(waits)}; solve ${show(solves)}; ${draws} frames drawn`);
+  console.log(`${motion}: drag of the goal, 40 edits 25 ms apart, ${waits.length} planned: edit to plan ${show(waits)}; solve ${show(solves)}; ${draws} frames drawn`);
 }
 await browser.close();
 server.close();

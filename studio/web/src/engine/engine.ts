@@ -3,8 +3,9 @@
 
 import type { Fault, Progress, RequestBody } from "../contract.ts";
 
-/** `documents` answers at once, `solver` holds plans, `library` builds. */
-export type Lane = "documents" | "solver" | "library";
+/** `documents` answers at once, `solver` holds plans, `library` builds, `slopes` differentiates. */
+export const LANES = ["documents", "solver", "library", "slopes"] as const;
+export type Lane = (typeof LANES)[number];
 
 /** What a worker needs to have an engine of its own: its code, or where a program listens. */
 export type Source = { module: WebAssembly.Module } | { address: string };

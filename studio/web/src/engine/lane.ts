@@ -1,7 +1,7 @@
 // Requests of one lane, in order, and their answers by number. A `Channel` carries them: a worker or a socket.
 
 import type { RequestBody } from "../contract.ts";
-import { Broken, Cancelled, type Done, Faults, type Options, Refused } from "./engine.ts";
+import { Broken, Cancelled, type Done, Faults, LANES, type Lane, type Options, Refused } from "./engine.ts";
 
 export interface Channel {
   send(json: string, binary: Uint8Array | null): void;
@@ -16,15 +16,18 @@ export type Events = {
 
 type Waiting = { resolve(done: Done): void; reject(error: Error): void; options: Options };
 
+/** Each lane with a channel of its own. */
+export function lanes(open: (lane: Lane, events: Events) => Channel): Record<Lane, LaneOfRequests> {
+  const lane = (name: Lane) => [name, new LaneOfRequests((events) => open(name, events))];
+  return Object.fromEntries(LANES.map(lane));
+}
+
 export class LaneOfRequests {
   #channel: Channel | null = null;
   #waiting = new Map<number, Waiting>();
   #seq = 0;
 
-  constructor(
-    private readonly open: (events: Events) => Channel,
-    private readonly interrupt: (channel: Channel) => "closed" | "told",
-  ) {}
+  constructor(private readonly open: (events: Events) => Channel) {}
 
   request(body: RequestBody, options: Options): Promise<Done> {
     const seq = ++this.#seq;
@@ -40,7 +43,8 @@ export class LaneOfRequests {
 
   cancel() {
     if (!this.#channel || this.#waiting.size === 0) return;
-    if (this.interrupt(this.#channel) === "closed") this.#channel = null;
+    this.#channel.close();
+    this.#channel = null;
     this.#fail(() => new Cancelled());
   }
 

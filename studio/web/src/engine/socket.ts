@@ -3,7 +3,7 @@
 
 import type { RequestBody } from "../contract.ts";
 import type { Done, Engine, Lane, Options, Source } from "./engine.ts";
-import { type Channel, type Events, LaneOfRequests } from "./lane.ts";
+import { type Channel, type Events, type LaneOfRequests, lanes } from "./lane.ts";
 
 export class SocketEngine implements Engine {
   readonly place = "in the program rollwalk on this computer";
@@ -13,12 +13,7 @@ export class SocketEngine implements Engine {
 
   constructor(address: string) {
     this.source = { address };
-    const lane = () =>
-      new LaneOfRequests(
-        (events) => openSocket(address, events),
-        (channel) => (channel.close(), "closed"),
-      );
-    this.#lanes = { documents: lane(), solver: lane(), library: lane() };
+    this.#lanes = lanes((_, events) => openSocket(address, events));
   }
 
   request(lane: Lane, body: RequestBody, options: Options = {}): Promise<Done> {

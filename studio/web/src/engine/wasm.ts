@@ -4,7 +4,7 @@
 import workerSource from "engine-worker-source";
 import type { RequestBody } from "../contract.ts";
 import { Broken, type Done, type Engine, type Lane, type Options, type Source } from "./engine.ts";
-import { type Channel, type Events, LaneOfRequests } from "./lane.ts";
+import { type Channel, type Events, type LaneOfRequests, lanes } from "./lane.ts";
 
 export class WasmEngine implements Engine {
   readonly place = "in this page";
@@ -16,12 +16,7 @@ export class WasmEngine implements Engine {
   constructor(private readonly module: WebAssembly.Module) {
     this.source = { module };
     this.#worker = URL.createObjectURL(new Blob([workerSource], { type: "text/javascript" }));
-    const lane = (name: Lane) =>
-      new LaneOfRequests(
-        (events) => this.#open(name, events),
-        (channel) => (channel.close(), "closed"),
-      );
-    this.#lanes = { documents: lane("documents"), solver: lane("solver"), library: lane("library") };
+    this.#lanes = lanes((name, events) => this.#open(name, events));
   }
 
   request(lane: Lane, body: RequestBody, options: Options = {}): Promise<Done> {

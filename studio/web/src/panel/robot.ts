@@ -3,8 +3,11 @@
 import type { Studio } from "../project/studio.ts";
 import { format, h, replace } from "../ui/dom.ts";
 import { numberField } from "../ui/number.ts";
+import { type Slopes, slopes } from "./slopes.ts";
 
-export function robotPanel(studio: Studio): HTMLElement {
+export function robotPanel(studio: Studio): { element: HTMLElement; shown(): void } {
+  const element = h("div", {});
+  const effects = slopes(studio, () => !!element.hidden);
   const summary = h("p", { class: "muted" });
   const sliders = h("div", { class: "sliders" });
   const tables = h("div", {});
@@ -20,7 +23,7 @@ export function robotPanel(studio: Studio): HTMLElement {
     if (key !== built) {
       built = key;
       updates = [];
-      replace(sliders, ...scene.parameters.map((one) => slider(studio, one.name, updates)));
+      replace(sliders, ...scene.parameters.map((one) => slider(studio, one.name, updates, effects)));
     }
     const facts = JSON.stringify([scene.joints, scene.end_effectors]);
     if (facts !== shown) {
@@ -31,10 +34,11 @@ export function robotPanel(studio: Studio): HTMLElement {
     }
     for (const one of updates) one();
   });
-  return h("div", {}, summary, h("h3", { text: "Parameters" }), sliders, tables);
+  replace(element, summary, h("h3", { text: "Parameters" }), effects.element, sliders, tables);
+  return { element, shown: effects.shown };
 }
 
-function slider(studio: Studio, name: string, updates: (() => void)[]): HTMLElement {
+function slider(studio: Studio, name: string, updates: (() => void)[], effects: Slopes): HTMLElement {
   const parameter = () => studio.scene?.parameters.find((one) => one.name === name);
   const { label, unit, min, max, step } = parameter()!;
   const path = () => studio.documents.robotPath;
@@ -72,7 +76,7 @@ function slider(studio: Studio, name: string, updates: (() => void)[]): HTMLElem
     if (!gesture) range.value = String(now.value);
     range.setAttribute("aria-valuetext", `${format(now.value, digits)} ${unit}`);
   });
-  return h("div", { class: "slider" }, number.element, range);
+  return h("div", { class: "slider" }, number.element, range, effects.of(name, unit));
 }
 
 /** A parameter belongs to the robot file, whose view is here in the scene. */

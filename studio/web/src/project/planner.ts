@@ -15,6 +15,8 @@ export type Wish = { snapshot: Snapshot; version: number; drag: boolean; from: S
 
 export type Outcome = {
   planned(wish: Wish, planned: Planned, frames: Float32Array): void;
+  /** The good plan with its multipliers, as bytes. */
+  kept(wish: Wish, solution: Uint8Array): void;
   failed(wish: Wish, error: Error): void;
   /** The engine broke, was started again, and is asked once more. */
   restarted(error: Broken): void;
@@ -99,12 +101,15 @@ export class Planner {
     if (!binary) throw new Refused("The engine answered without frames.", "");
     const frames = new Float32Array(binary.buffer, binary.byteOffset, binary.byteLength / 4);
     this.outcome.planned(wish, value, frames);
-    if (value.good && !wish.drag) this.#keep();
+    if (value.good && !wish.drag) this.#keep(wish);
   }
 
   /** Keeps the good solution here as well, in case its worker has to be ended. */
-  #keep() {
-    const keep = ({ binary }: { binary: Uint8Array | null }) => (this.#good = binary);
+  #keep(wish: Wish) {
+    const keep = ({ binary }: { binary: Uint8Array | null }) => {
+      this.#good = binary;
+      if (binary) this.outcome.kept(wish, binary);
+    };
     // Without it the next worker starts from nothing, which takes longer and is no error.
     this.engine.request("solver", { kind: "solution" }).then(keep, () => {});
   }

@@ -9,9 +9,11 @@ import { Frames } from "./frames.ts";
 import { Planner, type Wish } from "./planner.ts";
 import { Selection } from "./selection.ts";
 
-export type Name = "documents" | "plan" | "activity" | "selection";
+export type Name = "documents" | "plan" | "kept" | "activity" | "selection";
 export type Shown = { planned: Planned; frames: Frames; version: number; drag: boolean };
 export type Problem = { message: string; help: string };
+/** The last good plan with its multipliers, and the documents that it is of. */
+export type Kept = { snapshot: Snapshot; version: number; solution: Uint8Array };
 type Amendment = { edit: Edit; path: string; gesture: string | null; drag: boolean; again?: boolean };
 
 export class Studio {
@@ -25,6 +27,7 @@ export class Studio {
   scene: Scene | null = null;
   motion: MotionView | null = null;
   shown: Shown | null = null;
+  kept: Kept | null = null;
   faults: Fault[] = [];
   problem: Problem | null = null;
   /** Something that went well, said once: "saved walk.toml". */
@@ -45,6 +48,10 @@ export class Studio {
   constructor(readonly engine: Engine) {
     this.#planner = new Planner(engine, {
       planned: (wish, planned, frames) => this.#planned(wish, planned, frames),
+      kept: ({ snapshot, version }, solution) => {
+        this.kept = { snapshot, version, solution };
+        this.events.emit("kept");
+      },
       failed: (wish, error) => this.#failed(wish, error),
       restarted: (error) => this.#restarted(error),
       progress: (progress) => {
@@ -74,6 +81,7 @@ export class Studio {
     this.selection.clear();
     this.remarks = null;
     this.#planner.forget();
+    this.kept = null;
     await this.#documentsChanged("scratch");
   }
 

@@ -38,10 +38,7 @@ class Connection {
   #timer = 0;
 
   constructor(engine: Source) {
-    this.#engine = new LaneOfRequests(
-      (events) => ("address" in engine ? openSocket(engine.address, events) : openDoor(engine.module, events)),
-      (channel) => (channel.close(), "closed"),
-    );
+    this.#engine = new LaneOfRequests((events) => ("address" in engine ? openSocket(engine.address, events) : openDoor(engine.module, events)));
   }
 
   async start(way: Way, connect: RobotRequest) {

@@ -1,0 +1,110 @@
+// What each parameter of the robot does to the motion: how a quantity of the plan changes with a small step, beside the sliders.
+
+import type { SlopesOf } from "../contract.ts";
+import { Cancelled } from "../engine/engine.ts";
+import type { Studio } from "../project/studio.ts";
+import { format, h, replace } from "../ui/dom.ts";
+
+const FIRST = "peak_joint_torque";
+
+export type Slopes = {
+  /** Where they are asked for, and which quantity is shown is chosen. */
+  element: HTMLElement;
+  /** Where a parameter's is shown. */
+  of(name: string, unit: string): HTMLElement;
+  /** The panel became visible. */
+  shown(): void;
+};
+
+export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
+  const places = new Map<string, { element: HTMLElement; unit: string }>();
+  const box = h("input", { type: "checkbox", id: "slopes" });
+  const select = h("select", { "aria-label": "Quantity of the plan" });
+  const note = h("p", { class: "muted", "aria-live": "polite" });
+  const choice = h("div", { hidden: true }, select, note);
+  const element = h("div", { class: "slopes" }, h("label", { title: "How the plan changes with a small step of each parameter, the motion planned anew" }, box, " What does each change?"), choice);
+  let found: { version: number; quantities: SlopesOf[] } | null = null;
+  let asked = -1;
+
+  const draw = () => {
+    choice.hidden = !box.checked;
+    const current = box.checked && found?.version === studio.version ? found : null;
+    const chosen = current?.quantities.find((one) => one.name === select.value);
+    for (const [name, { element, unit }] of places) {
+      const slope = chosen?.slopes.find((one) => one.name === name);
+      element.hidden = !box.checked;
+      element.textContent = chosen && slope ? words(chosen, slope, unit) : current ? "not known" : "…";
+    }
+  };
+  const say = (text: string) => (note.textContent = text);
+
+  const ask = async () => {
+    const { kept } = studio;
+    if (!box.checked || isHidden() || studio.dragging) return;
+    if (!kept || kept.version !== studio.version) {
+      if (!studio.planning) say("Known for plans that hold.");
+      return;
+    }
+    if (asked === kept.version) return;
+    if (asked >= 0) studio.engine.cancel("slopes");
+    asked = kept.version;
+    say("Differentiating the plan…");
+    try {
+      const files = kept.snapshot.files.map((file) => ({ ...file }));
+      const { value } = await studio.engine.request("slopes", { kind: "slopes", files, motion: kept.snapshot.motion }, { binary: kept.solution });
+      found = { version: kept.version, quantities: value.quantities };
+      options(value.quantities);
+      draw();
+    } catch (error) {
+      if (error instanceof Cancelled) return;
+      say((error as Error).message);
+    }
+  };
+  const options = (quantities: SlopesOf[]) => {
+    const before = select.value || FIRST;
+    const option = (one: SlopesOf) => h("option", { value: one.name, text: `${one.name.replaceAll("_", " ")}, ${amount(one.value, one.unit)}`, selected: one.name === before });
+    replace(select, ...quantities.map(option));
+    say("To first order, the motion planned anew.");
+  };
+  box.addEventListener("change", () => {
+    if (!box.checked && asked >= 0) studio.engine.cancel("slopes");
+    asked = -1;
+    draw();
+    void ask();
+  });
+  select.addEventListener("change", draw);
+  studio.events.on("kept", () => void ask());
+  studio.events.on("activity", () => {
+    draw();
+    void ask();
+  });
+
+  return {
+    element,
+    of(name, unit) {
+      const element = h("small", { class: "slope", hidden: true });
+      places.set(name, { element, unit });
+      return element;
+    },
+    shown: () => void ask(),
+  };
+}
+
+function words(of: SlopesOf, { step, by_step }: SlopesOf["slopes"][number], unit: string): string {
+  const share = of.value > 0 ? ` (${signed((by_step / of.value) * 100, 1)} %)` : "";
+  return `+${Number(step.toPrecision(3))} ${unit}: ${signed(by_step, digits(of.value))} ${of.unit}${share}`;
+}
+
+function amount(value: number, unit: string): string {
+  return `${format(value, digits(value))} ${unit}`.trim();
+}
+
+/** Digits after the point for three of them to matter. */
+function digits(value: number): number {
+  return value === 0 ? 2 : Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(Math.abs(value)))));
+}
+
+function signed(value: number, digits: number): string {
+  const text = format(value, digits);
+  return value > 0 && Number(text) !== 0 ? `+${text}` : text;
+}
