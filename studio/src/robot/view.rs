@@ -33,6 +33,12 @@ pub struct RobotView {
     pub state: Option<&'static str>,
     /// Whether the motors have torque, or may get it without another order.
     pub torque: bool,
+    /// Whether it takes an order to arm in this state.
+    pub can_arm: bool,
+    /// Whether it takes orders to play in this state.
+    pub can_play: bool,
+    /// Whether it is halted within a motion, and goes on by an order.
+    pub paused: bool,
     /// What to do next.
     pub advice: &'static str,
     /// Why this page must not arm the controller.
@@ -171,13 +177,17 @@ pub fn robot_view(
         let time_s = f64::from(status.frame) / f64::from(RATE_HZ) + rate * seconds(since_us);
         Some(Playing { name, clip, time_s, rate })
     });
+    let state = view.status.map(|status| status.state);
     RobotView {
         time_s: seconds(view.now_us),
         contact: view.link.contact,
         round_trip_ms: view.link.round_trip_us.map(|us| us as f64 * 1e-3),
         lost: [view.link.lost, view.link.lost + view.link.received],
-        state: view.status.map(|status| describe::state_name(status.state)),
-        torque: view.status.is_none_or(|status| status.state.torque() != Torque::Off),
+        state: state.map(describe::state_name),
+        torque: state.is_none_or(|state| state.torque() != Torque::Off),
+        can_arm: state == Some(State::Disarmed),
+        can_play: matches!(state, Some(State::Ready | State::Playing | State::Paused)),
+        paused: state == Some(State::Paused),
         advice: view.advice,
         mismatch: view.mismatch.clone(),
         complaint: view.bus_lost.clone().or_else(|| view.complaint.clone()),

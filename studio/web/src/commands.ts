@@ -30,7 +30,8 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
     try {
       const link = await linkTo(studio.documents.now);
       await navigator.clipboard.writeText(link);
-      studio.say(`Copied a link of ${link.length} characters that holds the whole project. Nothing was sent.`);
+      const whom = location.protocol.startsWith("http") && location.hostname !== "127.0.0.1" ? "" : " It opens where this page is at the same address: to others send the files, or the animation.";
+      studio.say(`Copied a link of ${link.length} characters that holds the whole project. Nothing was sent.${whom}`);
     } catch {
       // No clipboard (not allowed, or an insecure page): the address bar is one as well.
       history.replaceState(null, "", await linkTo(studio.documents.now));

@@ -54,6 +54,9 @@ export type RobotView = {
   lost: [number, number];
   state: string | null;
   torque: boolean;
+  can_arm: boolean;
+  can_play: boolean;
+  paused: boolean;
   advice: string;
   mismatch: string | null;
   complaint: string | null;

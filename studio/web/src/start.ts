@@ -51,7 +51,6 @@ export async function start(root: HTMLElement, engine: Engine) {
   buildHeader(shell.header, studio, commands);
   buildTransport(shell.transport, studio, playback);
   const tools = view ? buildViewTools(shell.viewTools, view, settings) : null;
-  staleNote(shell.stale, studio);
   const text = textPane(studio);
   const report = reportPanel(studio, playback);
   const robot = robotPanel(studio);
@@ -62,11 +61,13 @@ export async function start(root: HTMLElement, engine: Engine) {
   shell.tab("Library", libraryPanel(studio, library, commands.examples));
   const link = new RobotLink(studio);
   const beside = new Beside(studio, link);
+  staleNote(shell.stale, studio, link);
   const run = shell.tab("Run", runPanel(studio, link, library, beside));
   run.hidden = true;
   emergencyStop(shell.view, link);
   playByNumber(link);
   if (view) link.onChange(() => view.showLive(link.view?.poses ?? null, beside.row()));
+  link.onChange(() => playback.hold(link.connected));
   shell.tab("Text", text.element, text.update);
   buildStatus(shell.status, studio, {
     jump(fault: Fault) {
@@ -83,6 +84,10 @@ export async function start(root: HTMLElement, engine: Engine) {
 
   await openFirst(studio);
   run.hidden = !(await talksToRobots(engine));
+  if (!run.hidden && RobotLink.takeLeft()) {
+    shell.openTab("Run");
+    studio.say("The page was loaded anew while a robot was connected. The robot returns to SAFE by itself, then torque goes off. Connect to see it.");
+  }
   keepSaved(studio);
   addEventListener("hashchange", () => void openLink(studio));
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches && !navigator.webdriver) playWhenPlanned(studio, playback);

@@ -1,19 +1,35 @@
-// A plan in one line: how fast it goes, and how near its motors come to their limits.
+// A plan in a few facts: how fast it goes, and how near its motors come to their limits.
 
 import type { Shown } from "../project/studio.ts";
 import { QUANTITIES } from "../timeline/quantities.ts";
 import { format } from "../ui/dom.ts";
 
-export function factsOf({ frames, planned }: Shown): string {
-  const { scene } = planned;
+/** What a motor comes to at most, as a share of its limit. */
+export type Peak = { of: string; motor: string; share: number; time_s: number };
+
+export function peaksOf({ frames, planned }: Shown): Peak[] {
+  const peaks: Peak[] = [];
+  for (const [id, of] of [["joint_torque", "joint torque"], ["joint_speed", "joint speed"], ["wheel_speed", "wheel speed"]]) {
+    const peak: Peak = { of, motor: "", share: 0, time_s: 0 };
+    for (const { name, values, high } of QUANTITIES.find((one) => one.id === id)!.series(planned.scene, frames)) {
+      values.forEach((value, row) => {
+        const share = high ? Math.abs(value) / high : 0;
+        if (share > peak.share) Object.assign(peak, { motor: name.replaceAll("_", " "), share, time_s: row / frames.header.rate_hz });
+      });
+    }
+    if (peak.motor) peaks.push(peak);
+  }
+  return peaks;
+}
+
+export function factsOf(shown: Shown, peaks: Peak[]): string {
+  const { frames } = shown;
   const { duration_s } = frames.header;
   const [from, to] = [frames.com(frames.row(0)), frames.com(frames.at(duration_s))];
-  const facts = [`${format(Math.hypot(to[0] - from[0], to[1] - from[1]) / duration_s, 3)} m/s on average`];
-  for (const [id, name] of [["joint_torque", "joint torque"], ["joint_speed", "joint speed"], ["wheel_speed", "wheel speed"]]) {
-    const series = QUANTITIES.find((one) => one.id === id)!.series(scene, frames);
-    let most = 0;
-    for (const one of series) for (const value of one.values) if (one.high) most = Math.max(most, Math.abs(value) / one.high);
-    if (series.length > 0) facts.push(`${name} up to ${format(most * 100, 0)} %`);
-  }
-  return facts.join(" · ");
+  const speed = `${format(Math.hypot(to[0] - from[0], to[1] - from[1]) / duration_s, 3)}\u00a0m/s on average`;
+  return [speed, ...peaks.map(({ of, share }) => `${of} up to ${percent(share)}`)].join(" · ");
+}
+
+export function percent(share: number): string {
+  return `${format(share * 100, 0)}\u00a0%`;
 }

@@ -6,6 +6,13 @@ import type { Studio } from "../project/studio.ts";
 import { format, h, replace } from "../ui/dom.ts";
 
 const FIRST = "peak_joint_torque";
+/** Names of quantities that say too little by themselves. */
+const MEANINGS: Record<string, string> = {
+  peak_joint_torque: "peak torque of the joints (8-norm over all)",
+  joint_torque: "torque of the joints (root mean square over all)",
+  peak_joint_speed: "peak speed of the joints (8-norm over all)",
+  power: "mean mechanical power of the motors",
+};
 
 export type Slopes = {
   /** Where they are asked for, and which quantity is shown is chosen. */
@@ -28,12 +35,15 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
 
   const draw = () => {
     choice.hidden = !box.checked;
+    if (box.checked && found && found.version !== studio.version) select.disabled = true;
     const current = box.checked && found?.version === studio.version ? found : null;
     const chosen = current?.quantities.find((one) => one.name === select.value);
     for (const [name, { element, unit }] of places) {
       const slope = chosen?.slopes.find((one) => one.name === name);
       element.hidden = !box.checked;
       element.textContent = chosen && slope ? words(chosen, slope, unit) : current ? "not known" : "…";
+      const share = chosen && slope ? Math.abs(slope.by_step) / most(chosen) : 0;
+      element.style.setProperty("--share", `${format(share * 100, 0)}%`);
     }
   };
   const say = (text: string) => (note.textContent = text);
@@ -48,7 +58,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
     if (asked === kept.version) return;
     if (asked >= 0) studio.engine.cancel("slopes");
     asked = kept.version;
-    say("Differentiating the plan…");
+    say("Working it out…");
     try {
       const files = kept.snapshot.files.map((file) => ({ ...file }));
       const { value } = await studio.engine.request("slopes", { kind: "slopes", files, motion: kept.snapshot.motion }, { binary: kept.solution });
@@ -62,9 +72,10 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
   };
   const options = (quantities: SlopesOf[]) => {
     const before = select.value || FIRST;
-    const option = (one: SlopesOf) => h("option", { value: one.name, text: `${one.name.replaceAll("_", " ")}, ${amount(one.value, one.unit)}`, selected: one.name === before });
+    const option = (one: SlopesOf) => h("option", { value: one.name, text: `${MEANINGS[one.name] ?? one.name.replaceAll("_", " ")}: ${amount(one.value, one.unit)}`, selected: one.name === before });
     replace(select, ...quantities.map(option));
-    say("To first order, the motion planned anew.");
+    select.disabled = false;
+    say("Estimates for a small change, the motion planned anew. Bars compare the parameters.");
   };
   box.addEventListener("change", () => {
     if (!box.checked && asked >= 0) studio.engine.cancel("slopes");
@@ -88,6 +99,11 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
     },
     shown: () => void ask(),
   };
+}
+
+/** The largest change that any parameter makes. */
+function most(of: SlopesOf): number {
+  return Math.max(1e-12, ...of.slopes.map(({ by_step }) => Math.abs(by_step)));
 }
 
 function words(of: SlopesOf, { step, by_step }: SlopesOf["slopes"][number], unit: string): string {

@@ -3,13 +3,15 @@
 import type { Culprit, Fault } from "../contract.ts";
 import { baseName } from "../project/documents.ts";
 import type { Shown, Studio } from "../project/studio.ts";
-import { factsOf } from "./facts.ts";
+import { factsOf, peaksOf, percent } from "./facts.ts";
 import { format, h, prose, replace } from "../ui/dom.ts";
 
 export type StatusActions = { jump(fault: Fault): void; seek(time_s: number): void };
 
 /** Planning that is over sooner than this is not announced: it would only flicker. */
 const QUIET_MS = 250;
+/** Planning that takes longer is likely to find that there is no plan. */
+const LONG_S = 15;
 
 export function buildStatus(host: HTMLElement, studio: Studio, actions: StatusActions) {
   const head = h("div", { class: "status-head" });
@@ -22,7 +24,7 @@ export function buildStatus(host: HTMLElement, studio: Studio, actions: StatusAc
   let drawn = "";
 
   const update = () => {
-    const state = stateOf(studio);
+    const state = stateOf(studio, since || performance.now());
     if (state.kind === "planning") {
       since ||= performance.now();
       const wait = QUIET_MS - (performance.now() - since);
@@ -50,7 +52,8 @@ type Kind = "empty" | "planning" | "good" | "bad" | "faults" | "problem";
 
 const MARKS: Record<Kind, string> = { empty: "○", planning: "◔", good: "✓", bad: "✕", faults: "✕", problem: "!" };
 
-function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
+/** `since_ms`: when planning began. */
+function stateOf(studio: Studio, since_ms: number): { kind: Kind; title: string; words: string } {
   const { faults, problem, progress, shown } = studio;
   if (faults.length > 0) {
     const title = faults.length === 1 ? "A fault in the file" : `${faults.length} faults in the files`;
@@ -58,8 +61,10 @@ function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
   }
   if (problem) return { kind: "problem", title: problem.message, words: problem.help };
   if (studio.planning && !(studio.dragging && shown)) {
+    const passed_s = (performance.now() - since_ms) / 1000;
+    const long = passed_s < LONG_S ? "" : ` ${format(passed_s, 0)} s: this may be out of reach. When the starts have all been tried, the page says what is in the way; Stop leaves the plan before.`;
     const detail = progress
-      ? `Iteration ${progress.iteration}: ${progress.worst_constraint} is at ${format(progress.worst_level, 2)} times its tolerance.`
+      ? `Iteration ${progress.iteration} of this start: ${progress.worst_constraint} is at ${format(progress.worst_level, 2)} times its tolerance.${long}`
       : "";
     return { kind: "planning", title: progress?.what && progress.what !== "plan" ? `Planning ${progress.what}` : "Planning", words: detail };
   }
@@ -78,6 +83,9 @@ function met(shown: Shown): boolean {
   return shown.planned.solve.worst_level <= ACCEPTED_LEVEL;
 }
 
+/** Share of a limit from which a plan is said to ask for more than a motor has. */
+const OVER = 1.03;
+
 const TITLES: Record<string, string> = {
   infeasible: "Cannot be met",
   fails_as_played: "Does not hold as played",
@@ -92,7 +100,15 @@ function stopButton(studio: Studio): HTMLElement {
 
 function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLElement | null)[] {
   if (kind === "faults") return [h("ul", { class: "faults" }, ...studio.faults.map((fault) => faultOf(studio, fault, actions)))];
-  if (kind === "good") return [h("p", { class: "facts", text: factsOf(studio.shown!) })];
+  if (kind === "good") {
+    const peaks = peaksOf(studio.shown!);
+    // Between samples a plan may go beyond a limit by the tolerance of its check: the motor will not.
+    const over = peaks.filter(({ share }) => share > OVER).map(({ of, motor, share, time_s }) => {
+      const text = `Needs ${percent(share)} of the ${of} of ${motor} at ${format(time_s, 2)} s`;
+      return h("li", {}, h("button", { type: "button", class: "culprit", title: "Move the time cursor there", text, onclick: () => actions.seek(time_s) }), h("span", { class: "advice", text: "Between the samples, within the tolerance of the check; the motor gives 100 %. More samples, more time or a shorter way help." }));
+    });
+    return [h("p", { class: "facts", text: factsOf(studio.shown!, peaks) }), over.length > 0 ? h("ul", { class: "culprits mild" }, ...over) : null];
+  }
   if (kind !== "bad") return [];
   const { culprits } = studio.shown!.planned.solve;
   const again = h("button", { type: "button", class: "button small", text: "Plan from scratch", title: "Without the plan before as a start", onclick: () => studio.planAgain() });

@@ -95,6 +95,7 @@ export async function saveDocument(studio: Studio, path: string, elsewhere = fal
     }
     let handle = elsewhere ? undefined : handles.get(path);
     if (!handle && picker.showSaveFilePicker) {
+      studio.say(`Choose where ${name} is saved, in the browser's own window.`);
       handle = await picker.showSaveFilePicker({ suggestedName: name, types: SAVED });
       handles.set(path, handle);
     }
@@ -107,6 +108,7 @@ export async function saveDocument(studio: Studio, path: string, elsewhere = fal
     }
   } catch (error) {
     if ((error as Error).name !== "AbortError") studio.complain(error);
+    studio.say("");
     return;
   }
   saved(studio, path);

@@ -7,6 +7,7 @@ export const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
 export class Playback {
   time_s = 0;
   playing = false;
+  held = false;
   speed = 1;
   loop = true;
   header: FramesHeader | null = null;
@@ -52,7 +53,16 @@ export class Playback {
     if (this.header) this.seek(this.within_s + frames / this.header.rate_hz);
   }
 
+  /** While a robot is connected the picture is of the robot: the plan does not play. */
+  hold(held: boolean) {
+    if (held === this.held) return;
+    this.held = held;
+    this.pause();
+    this.#tell();
+  }
+
   toggle() {
+    if (this.held) return;
     if (this.playing) this.pause();
     else this.play();
   }

@@ -56,3 +56,22 @@ export function save(settings: Settings) {
 export function isDark(theme: Theme): boolean {
   return theme === "dark" || (theme === "system" && matchMedia("(prefers-color-scheme: dark)").matches);
 }
+
+/** What lasts as long as the tab is open, reloads included; nothing does where storage is forbidden. */
+export function kept(key: string): string | null {
+  try {
+    return sessionStorage.getItem(key);
+  } catch {
+    return null;
+  }
+}
+
+/** `null` forgets it. */
+export function keep(key: string, value: string | null) {
+  try {
+    if (value === null) sessionStorage.removeItem(key);
+    else sessionStorage.setItem(key, value);
+  } catch {
+    // Then a reload begins afresh.
+  }
+}

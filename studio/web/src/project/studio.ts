@@ -44,12 +44,15 @@ export class Studio {
   #gestures = 0;
   /** Grows when the documents change by other means than amendments: what was under way then is void. */
   #epoch = 0;
+  /** Good plans of documents that undo and redo come back to. */
+  #solutions = new WeakMap<Snapshot, Uint8Array>();
 
   constructor(readonly engine: Engine) {
     this.#planner = new Planner(engine, {
       planned: (wish, planned, frames) => this.#planned(wish, planned, frames),
       kept: ({ snapshot, version }, solution) => {
         this.kept = { snapshot, version, solution };
+        this.#solutions.set(snapshot, solution);
         this.events.emit("kept");
       },
       failed: (wish, error) => this.#failed(wish, error),
@@ -232,7 +235,8 @@ export class Studio {
       this.events.emit("activity");
       return;
     }
-    this.#planner.ask({ snapshot, version, drag, from: how === "scratch" ? "scratch" : "good" });
+    const kept = drag ? undefined : this.#solutions.get(snapshot);
+    this.#planner.ask({ snapshot, version, drag, from: how === "scratch" ? "scratch" : "good", kept });
   }
 
   /** What the documents say, checked by the engine, without waiting for a plan. */

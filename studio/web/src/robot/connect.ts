@@ -9,11 +9,14 @@ const BAUDS = [115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000];
 /** Controllers have the numbers 0 to 14. */
 const LAST_NODE = 14;
 
-export function connectFields(): { element: HTMLElement; wanted(): Promise<Wanted>; lock(locked: boolean): void } {
-  const place = h("select", { id: "place", "aria-label": "Where the robot is" }, ...placeOptions());
+/** `before`: the place that was chosen last, if any was. */
+export function connectFields(before: Place): { element: HTMLElement; wanted(): Promise<Wanted>; lock(locked: boolean): void } {
+  const place = h("select", { id: "place", "aria-label": "Where the robot is" }, ...placeOptions(before));
   const bauds = BAUDS.map((one) => h("option", { value: one, text: `${one.toLocaleString("en")} baud` }));
   const baud = h("select", { "aria-label": "Baud rate", hidden: true }, ...bauds);
-  place.addEventListener("change", () => (baud.hidden = !["serial", "slcan"].includes(place.value)));
+  const choose = () => (baud.hidden = !["serial", "slcan"].includes(place.value));
+  place.addEventListener("change", choose);
+  choose();
   const gamepad = h("input", { type: "checkbox", id: "use-gamepad" });
   const node = h("input", { type: "number", min: 0, max: LAST_NODE, value: 1, "aria-label": "Number of the controller" });
   const key = h("input", { type: "file", "aria-label": "Link key, for a controller that insists on one" });
@@ -21,8 +24,8 @@ export function connectFields(): { element: HTMLElement; wanted(): Promise<Wante
     "details",
     { class: "more" },
     h("summary", { text: "More" }),
-    h("label", {}, "Controller ", node),
-    h("label", {}, "Link key ", key),
+    h("label", { class: "row" }, "Controller number", node),
+    h("label", { class: "row" }, "Link key", key),
   );
   return {
     element: h(

@@ -5,6 +5,7 @@
 import workerSource from "robot-worker-source";
 import type { Place, RobotRequest, RobotView } from "../contract.ts";
 import { Broken, type Engine } from "../engine/engine.ts";
+import { keep, kept } from "../project/settings.ts";
 import type { Studio } from "../project/studio.ts";
 import { watchGamepad } from "./gamepad.ts";
 import { type ToPage, type ToWorker, unpacked, type Way } from "./messages.ts";
@@ -13,6 +14,9 @@ import type { Port } from "./port.ts";
 import { choosePort, openSerial, type SerialPort } from "./serial.ts";
 
 export type Wanted = { place: Place; baud: number; node: number; gamepad: boolean; /** The text of a key file. */ key: string | null };
+/** What the browser keeps as long as the tab is open. */
+const PLACE = "rollwalk-robot-place";
+const CONNECTED = "rollwalk-robot-connected";
 type Waiting = { resolve(): void; reject(error: Error): void };
 
 export class RobotLink {
@@ -20,6 +24,8 @@ export class RobotLink {
   /** What ended the connection, in words. */
   trouble = "";
   connecting = false;
+  /** Where the robot is, or was last; after a reload too. */
+  place: Place = (kept(PLACE) as Place | null) ?? "simulated";
   /** The library that the page has sent, whose names and motions views are about. */
   library: Uint8Array | null = null;
   #worker: Worker | null = null;
@@ -30,6 +36,7 @@ export class RobotLink {
   #port: Port | null = null;
   /** Ends looking at a gamepad. */
   #unwatch = () => {};
+  #since_ms = 0;
   #asked = 0;
   #waiting = new Map<number, Waiting>();
   #listeners: (() => void)[] = [];
@@ -38,6 +45,18 @@ export class RobotLink {
 
   get connected(): boolean {
     return this.#worker !== null && !this.connecting;
+  }
+
+  /** How long it has been. */
+  get connected_ms(): number {
+    return performance.now() - this.#since_ms;
+  }
+
+  /** Whether this page was left, or loaded anew, while a robot was connected. */
+  static takeLeft(): boolean {
+    const left = kept(CONNECTED) !== null;
+    keep(CONNECTED, null);
+    return left;
   }
 
   onChange(listener: () => void) {
@@ -50,6 +69,8 @@ export class RobotLink {
     if (this.#worker || this.connecting || !file) return;
     this.connecting = true;
     this.trouble = "";
+    this.place = place;
+    keep(PLACE, place);
     this.#tell();
     try {
       const way = await this.#way(place, baud);
@@ -79,6 +100,12 @@ export class RobotLink {
   /** An order of a person; what goes wrong with it is said. */
   wish(wanted: RobotRequest, binary?: Uint8Array) {
     this.ask(wanted, binary).catch((error) => this.studio.complain(error));
+  }
+
+  /** Motions of the robot have the names that they have in a library, if it is the one in use. */
+  name(library: Uint8Array) {
+    this.library = library;
+    this.wish({ robot: "name" }, library);
   }
 
   flash(library: Uint8Array) {
@@ -115,6 +142,8 @@ export class RobotLink {
   #heard(message: ToPage) {
     if (message.kind === "started") {
       this.connecting = false;
+      this.#since_ms = performance.now();
+      keep(CONNECTED, "yes");
       this.#tell();
     } else if (message.kind === "view") {
       this.view = message.view;
@@ -134,6 +163,7 @@ export class RobotLink {
 
   #end(why: string) {
     this.trouble = why;
+    keep(CONNECTED, null);
     this.view = null;
     this.library = null;
     this.connecting = false;

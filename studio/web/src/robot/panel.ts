@@ -8,6 +8,7 @@ import type { Beside } from "./beside.ts";
 import { connectFields } from "./connect.ts";
 import { holdButton } from "./hold.ts";
 import type { RobotLink } from "./link.ts";
+import { adviceOf, factsOf, latestOf, stateOf } from "./words.ts";
 
 /** The planned speed in the link's 64ths; faster is none. */
 const FULL_SPEED = 64;
@@ -15,7 +16,7 @@ const FULL_SPEED = 64;
 const READ_MS = 200;
 
 export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild, beside: Beside): HTMLElement {
-  const fields = connectFields();
+  const fields = connectFields(link.place);
   const connect = button("Connect", async () => link.connect(await fields.wanted()));
   const leave = button("Disconnect", () => link.wish({ robot: "wish", intent: "quit" }));
   const trouble = h("p", { class: "note", role: "alert" });
@@ -29,7 +30,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
   const arm = holdButton("Hold to arm", () => link.wish({ robot: "wish", intent: "arm" }));
   const disarm = button("Disarm", () => link.wish({ robot: "wish", intent: "disarm" }));
   const clear = button("Clear faults", () => link.wish({ robot: "wish", intent: "clear" }));
-  const pause = button("Pause or go on", () => link.wish({ robot: "wish", intent: "pause_or_resume" }));
+  const pause = button("Pause", () => link.wish({ robot: "wish", intent: "pause_or_resume" }));
   const home = button("Return to SAFE", () => link.wish({ robot: "wish", intent: "return" }));
   const speed = h("input", { type: "range", min: 1, max: FULL_SPEED, value: FULL_SPEED, "aria-label": "Speed" });
   speed.addEventListener("input", () => link.wish({ robot: "wish", intent: "speed", sixty_fourths: Number(speed.value) }));
@@ -38,6 +39,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
   const motions = h("div", { class: "row motions" });
   const state = h("p", { class: "robot-state" });
   const advice = h("p", { class: "muted" });
+  const latest = h("p", { class: "latest" });
   const live = h("p", { class: "visually-hidden", role: "status", "aria-live": "polite" });
   const facts = h("p", { class: "muted facts" });
   const faults = h("ul", { class: "culprits" });
@@ -47,7 +49,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
     { class: "steps" },
     step("Connect", fields.element, h("div", { class: "row" }, connect, leave), trouble),
     step("Flash the library", flashNote, flash),
-    step("Arm", h("div", { class: "row" }, arm, disarm, clear)),
+    step("Arm", h("p", { class: "muted", text: "Armed, it goes to its SAFE pose, slowly. Disarm takes it there, then lets it go limp; the emergency stop lets it go limp at once." }), h("div", { class: "row" }, arm, disarm, clear)),
     step("Play", motions, h("div", { class: "row" }, pause, home), h("label", {}, "Speed ", speed, percent), besideNote),
   );
   let besideFrom_ms = 0;
@@ -56,6 +58,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
 
   const draw = () => {
     const { view, connected } = link;
+    const contact = !!view?.contact;
     connect.hidden = connected;
     connect.disabled = link.connecting || !studio.documents.robotPath;
     fields.lock(connected || link.connecting);
@@ -65,21 +68,20 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
     const transfer = view?.transfer;
     const ready = library.built?.bytes;
     flash.querySelector("span")!.textContent = ready ? "Flash library" : "Build library";
-    flash.disabled = library.building !== null || !!transfer || !studio.documents.libraryPath || (!!ready && !view?.contact);
+    flash.disabled = library.building !== null || !!transfer || !studio.documents.libraryPath || (!!ready && (!contact || view.torque));
     flashNote.textContent = transfer
       ? `Transferring: ${Math.round((100 * transfer[0]) / Math.max(1, transfer[1]))} %`
       : library.building
         ? `Planning ${library.building.progress?.what ?? "…"}`
         : studio.documents.libraryPath
-          ? view?.library
-            ? `The robot has library ${view.library} in use.`
-            : ""
+          ? libraryOf(view, !!ready)
           : "This project has no library file: open one, such as agilebot under Examples.";
-    arm.disabled = !view?.contact || view.torque || !view.library;
-    disarm.disabled = !view?.torque;
-    clear.disabled = !view?.contact;
-    pause.disabled = home.disabled = !view?.torque;
-    speed.disabled = !view;
+    arm.disabled = !contact || !view.can_arm || !view.library;
+    disarm.disabled = !contact || !view.torque;
+    clear.disabled = !contact;
+    pause.disabled = home.disabled = !contact || !view.torque;
+    pause.querySelector("span")!.textContent = view?.paused ? "Go on" : "Pause";
+    speed.disabled = !contact;
     // What is being dragged stays where the hand has it.
     if (view && document.activeElement !== speed) speed.value = String(view.speed_64ths);
     percent.textContent = `${Math.round((100 * Number(speed.value)) / FULL_SPEED)} %`;
@@ -87,10 +89,13 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
       besideFrom_ms = performance.now() + READ_MS;
       besideNote.replaceChildren(prose(beside.words()));
     }
-    mark(steps, [connected && !!view?.contact, !!view?.library, !!view?.torque, !!view?.playing]);
-    state.textContent = view ? stateOf(view) : "Not connected. Nothing is sent until you connect.";
+    mark(steps, [connected, !!view?.library, !!view?.torque, !!view?.playing].map((done) => done && contact));
+    state.textContent = view ? stateOf(view, link.place) : "Not connected. Nothing is sent until you connect.";
     if (live.textContent !== state.textContent) live.textContent = state.textContent;
-    advice.replaceChildren(prose(view?.mismatch ?? view?.complaint ?? view?.advice ?? ""));
+    advice.replaceChildren(prose(view ? adviceOf(view, link.connected_ms) : ""));
+    const message = view && latestOf(view);
+    latest.dataset.weight = message?.weight ?? "";
+    latest.replaceChildren(prose(message?.text ?? (view?.asking ? `Asked for: ${view.asking}` : "")));
     facts.textContent = view ? factsOf(view) : "";
     replace(faults, ...(view?.faults ?? []).map((fault) => h("li", { text: fault })));
     drawMotions(view);
@@ -98,7 +103,8 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
   };
   const drawMotions = (view: RobotView | null) => {
     const list = (view?.motions ?? []).filter((one) => one.code !== null);
-    const key = JSON.stringify([list, view?.torque, view?.playing?.name]);
+    const can = !!view?.contact && view.can_play;
+    const key = JSON.stringify([list, can, view?.playing?.name]);
     if (key === drawnMotions) return;
     drawnMotions = key;
     const focused = [...motions.children].indexOf(document.activeElement!);
@@ -107,7 +113,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
       ...list.map((one) => {
         const play = button(one.name, () => link.wish({ robot: "wish", intent: "play", code: one.code! }));
         play.prepend(h("kbd", { text: String(one.code) }));
-        play.disabled = !view?.torque;
+        play.disabled = !can;
         play.setAttribute("aria-pressed", String(view?.playing?.name === one.name));
         return play;
       }),
@@ -123,25 +129,25 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
     messages.setAttribute("aria-live", warning ? "assertive" : "polite");
     replace(messages, ...[...list].reverse().map((one) => h("li", { "data-weight": one.weight }, h("span", { class: "muted", text: `${format(one.at_s, 1)} s` }), h("span", {}, prose(one.text)))));
   };
-  link.onChange(draw);
-  library.onChange(draw);
+  /** The library that was built here names the motions of a robot that has it already. */
+  const name = () => {
+    const bytes = library.built?.bytes;
+    if (link.connected && bytes && link.library !== bytes && !link.view?.transfer) link.name(bytes);
+  };
+  link.onChange(() => (name(), draw()));
+  library.onChange(() => (name(), draw()));
   studio.events.on("documents", draw);
   draw();
-  return h("div", { class: "run" }, state, live, advice, faults, steps, facts, h("h3", { text: "Messages" }), messages);
+  return h("div", { class: "run" }, h("div", { class: "run-head" }, state, live, advice, latest, faults), steps, facts, h("h3", { text: "Messages" }), messages);
 }
 
-function stateOf(view: RobotView): string {
-  if (!view.contact) return "The robot does not answer yet.";
-  const playing = view.playing ? `: ${view.playing.name}` : "";
-  const fallen = view.simulated?.fallen ? " It has fallen." : "";
-  return `The robot is ${view.state ?? "silent"}${playing}; torque is ${view.torque ? "on" : "off"}.${fallen}`;
-}
-
-function factsOf(view: RobotView): string {
-  const trip = view.round_trip_ms === null ? "" : `round trip ${format(view.round_trip_ms, 1)} ms · `;
-  const hottest = view.channels.reduce((most, one) => Math.max(most, Math.abs(one.torque_nm)), 0);
-  const gamepad = view.gamepad === null ? "" : `${view.gamepad} · `;
-  return `${gamepad}${trip}lost ${view.lost[0]} of ${view.lost[1]} messages · largest torque ${format(hottest, 2)} N·m`;
+/** Which library the robot has, and what is to be done about it. */
+function libraryOf(view: RobotView | null, built: boolean): string {
+  if (!view?.contact) return built ? "Built. Connect to flash it." : "";
+  const has = view.library ? `The robot has library ${view.library} in use.` : "The robot has no library.";
+  if (view.motions.length > 0) return has;
+  if (!built) return view.library ? `${has} Build the library here to play its motions by name.` : has;
+  return view.library ? `${has} The one that was built here is another: flash it.` : `${has} One is built: flash it.`;
 }
 
 function step(title: string, ...content: HTMLElement[]): HTMLElement {

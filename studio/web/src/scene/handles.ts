@@ -11,7 +11,8 @@ import type { Stage } from "./stage.ts";
 export type Grip = { kind: "target"; index: number } | { kind: "goal" };
 export type Moved = { forward_m: number; left_m: number; up_m: number };
 
-type Handle = { grip: Grip; object: Group; at: Vector3; vertical: boolean };
+/** `reach_m`: how far from its place the marker can be grasped. */
+type Handle = { grip: Grip; object: Group; at: Vector3; vertical: boolean; reach_m: number };
 
 export class Handles {
   readonly group = new Group();
@@ -44,13 +45,13 @@ export class Handles {
     this.#handles = [];
     motion.targets.forEach((target, index) => {
       const at = placeOf(target, motion, frames, feet);
-      this.#add({ kind: "target", index }, at, marker(at, palette.accent, index === selected, scale), true);
+      this.#add({ kind: "target", index }, at, marker(at, palette.accent, index === selected, scale), true, 0);
     });
     const start = frames ? frames.com(frames.row(0)) : [0, 0, 0];
     const { forward_m, left_m, turn_rad } = motion.goal;
     if (forward_m !== null || left_m !== null) {
       const at = new Vector3(start[0] + (forward_m ?? 0), start[1] + (left_m ?? 0), 0);
-      this.#add({ kind: "goal" }, at, flag(palette, turn_rad ?? 0, scale), false);
+      this.#add({ kind: "goal" }, at, flag(palette, turn_rad ?? 0, scale), false, FLAG_M * scale);
     }
     this.stage.invalidate();
   }
@@ -61,14 +62,25 @@ export class Handles {
     if (!handle) return null;
     const box = this.stage.canvas.getBoundingClientRect();
     this.stage.camera.updateMatrixWorld();
-    const point = handle.at.clone().project(this.stage.camera);
+    return this.#project(handle.at, box);
+  }
+
+  #project(at: Vector3, box = this.stage.canvas.getBoundingClientRect()): { x: number; y: number } {
+    const point = at.clone().project(this.stage.camera);
     return { x: box.left + ((point.x + 1) / 2) * box.width, y: box.top + ((1 - point.y) / 2) * box.height };
   }
 
-  #add(grip: Grip, at: Vector3, object: Group, vertical: boolean) {
+  /** Pixels that a length across the view takes there. */
+  #pixels({ at, reach_m }: Handle): number {
+    const across = new Vector3().setFromMatrixColumn(this.stage.camera.matrixWorld, 0).multiplyScalar(reach_m);
+    const [a, b] = [this.#project(at), this.#project(at.clone().add(across))];
+    return Math.hypot(b.x - a.x, b.y - a.y);
+  }
+
+  #add(grip: Grip, at: Vector3, object: Group, vertical: boolean, reach_m: number) {
     object.position.copy(at);
     this.group.add(object);
-    this.#handles.push({ grip, object, at, vertical });
+    this.#handles.push({ grip, object, at, vertical, reach_m });
   }
 
   #aim(event: PointerEvent) {
@@ -79,13 +91,13 @@ export class Handles {
 
   #hit(event: PointerEvent): Handle | null {
     if (!this.group.visible) return null;
-    // Nearest on the screen within a finger's or a pointer's reach.
+    // Nearest on the screen within a finger's or a pointer's reach, or on what is drawn.
     const reach = event.pointerType === "touch" ? 28 : 14;
     let best: Handle | null = null;
-    let least = reach;
+    let least = 1;
     for (const handle of this.#handles) {
       const at = this.screen(handle.grip)!;
-      const distance = Math.hypot(at.x - event.clientX, at.y - event.clientY);
+      const distance = Math.hypot(at.x - event.clientX, at.y - event.clientY) / Math.max(reach, this.#pixels(handle));
       if (distance < least) [best, least] = [handle, distance];
     }
     return best;
@@ -174,6 +186,9 @@ function marker(at: Vector3, color: number, selected: boolean, scale: number): G
   group.traverse((object: Object3D) => (object.renderOrder = 11));
   return group;
 }
+
+/** From the middle of the goal's ring to the point of its nose, before it is scaled. */
+const FLAG_M = 0.076;
 
 /** The goal: a ring on the ground with a nose that shows the heading at the end. */
 function flag(palette: Palette, turn_rad: number, scale: number): Group {

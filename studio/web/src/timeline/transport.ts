@@ -18,16 +18,19 @@ export function buildTransport(host: HTMLElement, studio: Studio, playback: Play
   const speed = h("select", { "aria-label": "Speed of playback", onchange: () => (playback.speed = Number(speed.value)) }, ...SPEEDS.map((one) => h("option", { value: one, text: `${one}×`, selected: one === 1 })));
   const time = h("span", { class: "time" });
   const cycle = h("span", { class: "muted" });
-  const hint = h("span", { class: "muted hint", text: "Footfalls: drag a gap or its edges; drag over a bar to paint a new swing" });
+  const hint = h("span", { class: "muted hint", text: "Footfalls: drag a gap or its edges; drag over a bar to paint a new swing; Delete removes one" });
   replace(host, start, play, loop, speed, time, cycle, h("span", { class: "gap" }), hint);
 
   let playing: boolean | null = null;
+  let held = false;
   const update = () => {
-    if (playing !== playback.playing) {
-      playing = playback.playing;
+    play.disabled = playback.held;
+    if (playing !== playback.playing || held !== playback.held) {
+      ({ playing, held } = playback);
       replace(play, picture(playing ? "pause" : "play"));
-      play.setAttribute("aria-label", playing ? "Pause (Space)" : "Play (Space)");
-      play.title = playing ? "Pause (Space)" : "Play (Space)";
+      const title = held ? "The view shows the robot: plans play after Disconnect" : playing ? "Pause (Space)" : "Play (Space)";
+      play.setAttribute("aria-label", title);
+      play.title = title;
     }
     time.textContent = `${format(playback.within_s, 2)} s / ${format(playback.duration_s, 2)} s`;
     cycle.textContent = playback.cycle > 0 ? `cycle ${playback.cycle + 1}` : "";

@@ -1,20 +1,41 @@
-// Dialogs on the browser's own <dialog>: focus stays inside, Escape closes.
+// Dialogs on the browser's own <dialog>. Not its modal form, which takes the emergency stop out of reach: everything else is
+// inert while a dialog is open, so that focus stays inside.
 
 import { h } from "./dom.ts";
 import { picture } from "./icons.ts";
+
+/** What stays in reach. */
+const KEPT = ".estop";
 
 export function dialog(title: string, content: HTMLElement, wide = false): HTMLDialogElement {
   const close = h("button", { type: "button", class: "icon-button", "aria-label": "Close" }, picture("remove"));
   const element = h(
     "dialog",
-    { class: wide ? "dialog wide" : "dialog", "aria-label": title },
+    { class: wide ? "dialog wide" : "dialog", "aria-label": title, "aria-modal": "true" },
     h("div", { class: "dialog-head" }, h("h2", { text: title }), close),
     content,
   );
+  const backdrop = h("div", { class: "backdrop", onclick: () => element.close() });
+  const before = document.activeElement as HTMLElement | null;
+  const inert = outside(document.body).filter((one) => !one.inert);
+  const escape = (event: KeyboardEvent) => event.key === "Escape" && element.close();
   close.addEventListener("click", () => element.close());
-  element.addEventListener("click", (event) => event.target === element && element.close());
-  element.addEventListener("close", () => element.remove());
-  document.body.append(element);
-  element.showModal();
+  element.addEventListener("close", () => {
+    for (const one of inert) one.inert = false;
+    removeEventListener("keydown", escape);
+    backdrop.remove();
+    element.remove();
+    before?.focus();
+  });
+  for (const one of inert) one.inert = true;
+  addEventListener("keydown", escape);
+  document.body.append(backdrop, element);
+  element.show();
   return element;
+}
+
+/** The elements below `parent` that do not hold what stays in reach, and none of which is within another. */
+function outside(parent: Element): HTMLElement[] {
+  const apart = ([...parent.children] as HTMLElement[]).filter((child) => !child.matches(KEPT));
+  return apart.flatMap((child) => (child.querySelector(KEPT) ? outside(child) : [child]));
 }

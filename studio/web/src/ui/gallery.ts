@@ -21,7 +21,9 @@ export async function openGallery(studio: Studio) {
   const open = async (one: Example) => {
     box.close();
     try {
+      const unsaved = studio.documents.anyChanged;
       await studio.openProject(await example(studio, one.path));
+      if (unsaved) studio.say("Undo (Ctrl+Z) brings back what was open before, which is not saved.");
     } catch (error) {
       studio.complain(error);
     }

@@ -15,7 +15,7 @@ export function buildHeader(host: HTMLElement, studio: Studio, commands: Command
   const more = textButton("Share", "share");
   const theme = iconButton("theme", "Theme", () => {});
   const saveMenu = menu(save, () => commands.saveItems(), "left");
-  const shareMenu = menu(more, () => commands.shareItems(), "left");
+  const shareMenu = menu(more, () => commands.shareItems(), "right");
   const themeMenu = menu(theme, () => commands.themeItems(), "right");
   replace(
     host,

@@ -32,6 +32,14 @@ const SECTIONS: [string, [string, string][]][] = [
     ],
   ],
   [
+    "Robot, while one is connected",
+    [
+      ["Esc", "emergency stop, from anywhere in the page"],
+      ["1 … 9", "play the motion of this number"],
+      ["Hold Space", "on “Hold to arm”: arms"],
+    ],
+  ],
+  [
     "Footfalls",
     [
       ["Drag over a bar", "paint a swing"],

@@ -2,6 +2,7 @@
 
 import type { Layer, Settings } from "../project/settings.ts";
 import { save } from "../project/settings.ts";
+import type { RobotLink } from "../robot/link.ts";
 import type { Studio } from "../project/studio.ts";
 import type { Direction } from "../scene/cameras.ts";
 import type { View } from "../scene/view.ts";
@@ -69,8 +70,15 @@ export function buildViewTools(host: HTMLElement, view: View, settings: Settings
 }
 
 /** Says when the picture is of another plan than the documents ask for. */
-export function staleNote(host: HTMLElement, studio: Studio) {
+export function staleNote(host: HTMLElement, studio: Studio, link: RobotLink) {
   const update = () => {
+    if (link.view) {
+      // The picture is of the robot, not of the plan.
+      host.hidden = link.view.contact;
+      host.classList.add("bad");
+      host.textContent = "The robot does not answer: the picture is not of how it is now";
+      return;
+    }
     const { shown } = studio;
     const failed = shown !== null && !shown.drag && !studio.dragging && !shown.planned.converged && !studio.stale;
     const behind = studio.stale && !studio.dragging;
@@ -79,4 +87,5 @@ export function staleNote(host: HTMLElement, studio: Studio) {
     host.textContent = failed ? "This motion does not meet its constraints" : studio.planning ? "Planning: the picture is of the plan before" : "The picture is of an earlier plan";
   };
   studio.events.on(["activity", "plan", "documents"], update);
+  link.onChange(update);
 }

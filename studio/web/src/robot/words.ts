@@ -1,0 +1,38 @@
+// What the page says of a robot, from its views.
+
+import type { Place, RobotView } from "../contract.ts";
+import { format } from "../ui/dom.ts";
+
+/** A robot that has not answered for so long is said to be silent, with what may be the cause. */
+const SILENT_MS = 5_000;
+/** Messages are also said beside the state for so long, s. */
+const LATEST_S = 6;
+
+export function stateOf(view: RobotView, place: Place): string {
+  const which = place === "simulated" ? "The simulated robot" : "The robot";
+  if (!view.contact) return `${which} does not answer${view.state === null ? " yet" : ""}.`;
+  const playing = view.playing ? `: ${view.playing.name}` : "";
+  const torque = view.state?.includes("torque") ? "" : `; torque is ${view.torque ? "on" : "off"}`;
+  const fallen = view.simulated?.fallen ? " It has fallen." : "";
+  return `${which} is ${view.state ?? "silent"}${playing}${torque}.${fallen}`;
+}
+
+/** What to do next, or what keeps the robot from it. */
+export function adviceOf(view: RobotView, connected_ms: number): string {
+  const causes = "Is it powered? Is it on this bus, and the number of its controller right (More)?";
+  if (!view.contact && view.state === null && connected_ms > SILENT_MS) return `${causes} The page goes on asking.`;
+  return view.mismatch ?? view.complaint ?? view.advice;
+}
+
+/** The newest message, while it is new. */
+export function latestOf(view: RobotView): RobotView["messages"][number] | null {
+  const latest = view.messages.at(-1);
+  return latest && view.time_s - latest.at_s < LATEST_S ? latest : null;
+}
+
+export function factsOf(view: RobotView): string {
+  const trip = view.round_trip_ms === null ? "" : `round trip ${format(view.round_trip_ms, 1)} ms · `;
+  const hottest = view.channels.reduce((most, one) => Math.max(most, Math.abs(one.torque_nm)), 0);
+  const gamepad = view.gamepad === null ? "" : `${view.gamepad} · `;
+  return `${gamepad}${trip}lost ${view.lost[0]} of ${view.lost[1]} messages · largest torque ${format(hottest, 2)} N·m`;
+}
