@@ -156,6 +156,7 @@ impl Contents {
                 }));
             }
         }
+        let file = file.stepping(&robot, &motions);
         file.check_motions(name, text, &motions).map_err(|why| shelf.faults(why))?;
         Ok(Self { robot, file, motions, plans })
     }

@@ -5,6 +5,8 @@
 //! SAFE, and the transitions. A transition becomes a [`Motion`] with prescribed ends: it leaves a motion
 //! at its end (a periodic motion where its cycle closes) and enters the other at its beginning.
 
+mod stepping;
+
 use crate::motion::file::{Footfalls, name, steps};
 use crate::motion::{Ends, Goal, Motion, Reserve};
 use rollwalk_protocol::library::{MAX_MOTIONS, MAX_TRANSITIONS};
@@ -57,6 +59,8 @@ pub struct LibraryTransition {
     pub to: usize,
     /// What to plan: prescribed ends, no goal of its own.
     pub motion: Motion,
+    /// Whether the file leaves the footfalls open, so that they follow from the motions ([`LibraryFile::stepping`]).
+    pub footfalls_open: bool,
 }
 
 impl LibraryFile {
@@ -179,9 +183,10 @@ fn library(document: &Document<'_>, robot: &Robot) -> Option<LibraryFile> {
     let via = root.has("via_safe").then(|| root.table("via_safe")).flatten();
     if let Some(table) = &via {
         let template = planned(document, table, robot);
+        let open = !table.has("footfalls");
         table.done();
         if let (Some(template), Some(safe)) = (template, safe) {
-            add_via_safe(&mut transitions, &template, &names, safe);
+            add_via_safe(&mut transitions, (&template, open), &names, safe);
         }
     }
     root.done();
@@ -281,6 +286,7 @@ fn transition(
     let from = table.string("from");
     let to = table.string("to");
     let motion = planned(document, table, robot);
+    let open = !table.has("footfalls");
     table.done();
     if !sound {
         return None;
@@ -293,15 +299,15 @@ fn transition(
         table.fault("to", "is where it comes from", "the same motion", help);
         return None;
     }
-    Some(named(from, to, motion?, names))
+    let (motion, name) = (motion?, name_between(names, from, to));
+    Some(LibraryTransition { from, to, motion: Motion { name, ..motion }, footfalls_open: open })
 }
 
-fn named(from: usize, to: usize, motion: Motion, names: &[String]) -> LibraryTransition {
-    let name = format!("{} to {}", names[from], names[to]);
-    LibraryTransition { from, to, motion: Motion { name, ..motion } }
+fn name_between(names: &[String], from: usize, to: usize) -> String {
+    format!("{} to {}", names[from], names[to])
 }
 
-/// The motion of a transition; without `[footfalls]`, all feet stay down.
+/// The motion of a transition; without `[footfalls]`, all feet are down until the motions that it joins are known.
 fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<Motion> {
     let footfalls = if table.has("footfalls") {
         table.table("footfalls").map(Footfalls::Table)
@@ -334,14 +340,15 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
 /// Joins SAFE with every other motion, both ways, where no transition is written.
 fn add_via_safe(
     transitions: &mut Vec<LibraryTransition>,
-    template: &Motion,
+    (template, footfalls_open): (&Motion, bool),
     names: &[String],
     safe: usize,
 ) {
     for other in (0..names.len()).filter(|&other| other != safe) {
         for (from, to) in [(safe, other), (other, safe)] {
             if !transitions.iter().any(|known| joins(known, from, to)) {
-                transitions.push(named(from, to, template.clone(), names));
+                let motion = Motion { name: name_between(names, from, to), ..template.clone() };
+                transitions.push(LibraryTransition { from, to, motion, footfalls_open });
             }
         }
     }

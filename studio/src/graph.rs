@@ -10,6 +10,8 @@ use toml_edit::{Document, Item, Table};
 
 /// How long first transitions take, s.
 const TRANSITION_S: f64 = 1.2;
+/// Time that each foot which cannot roll takes to step, s.
+const STEP_S: f64 = 0.4;
 /// Ending of the names of library files.
 const ENDING: &str = "_library.toml";
 
@@ -134,8 +136,11 @@ pub fn begun(documents: &Documents<'_>, motion: &str) -> Result<Vec<File>, Answe
         text += &format!("\n[[motion]]\nname = \"{name}\"\nfile = \"{file}\"\ncode = {code}\n");
     }
     if named.len() > 1 {
+        let feet = &project.robot.end_effectors;
+        let steps = feet.iter().filter(|foot| !foot.contact.spins()).count();
+        let duration_s = TRANSITION_S.max(STEP_S * steps as f64);
         text += &format!(
-            "\n# Every motion is joined with `{safe}`, both ways.\n[via_safe]\nduration_s = {TRANSITION_S}\n"
+            "\n# Every motion is joined with `{safe}`, both ways.\n[via_safe]\nduration_s = {duration_s}\n"
         );
     }
     added.insert(0, File { path, text });

@@ -118,16 +118,42 @@ fn usual(text: &str, robot: &mut RobotText) -> Vec<Slider> {
         place(Kind::Torque, None, name.to_owned(), None);
         place(Kind::Speed, None, name.to_owned(), None);
     }
-    places.into_iter().filter_map(|place| slider(place, robot)).take(MOST).collect()
+    let slider = |place: Place| {
+        let motors = matches!(place.kind, Kind::Torque | Kind::Speed);
+        let driven = if motors { driven_by(&groups, &place.name) } else { Vec::new() };
+        slider(place, &driven, robot)
+    };
+    places.into_iter().filter_map(slider).take(MOST).collect()
 }
 
-fn slider(place: Place, robot: &mut RobotText) -> Option<Slider> {
+/// Joints and wheels that an actuator drives, those of all limbs by one name.
+fn driven_by(groups: &[(Option<&str>, &dyn TableLike)], actuator: &str) -> Vec<String> {
+    let mut driven = Vec::new();
+    for &(template, group) in groups {
+        for key in ["joint", "end_effector"] {
+            let tables = group.get(key).and_then(Item::as_array_of_tables).into_iter().flatten();
+            for table in tables {
+                let is = |key| table.get(key).and_then(Item::as_str);
+                let Some(name) = is("name").filter(|_| is("actuator") == Some(actuator)) else {
+                    continue;
+                };
+                let name = plain(&grouped(name, template), template.unwrap_or_default());
+                if !driven.contains(&name) {
+                    driven.push(name);
+                }
+            }
+        }
+    }
+    driven
+}
+
+fn slider(place: Place, driven: &[String], robot: &mut RobotText) -> Option<Slider> {
     let value = robot.value(&place).ok().filter(|value| *value > 0.0)?;
     let step = step_of(value);
     let [min, max] = RANGE.map(|part| rounded(part * value, step));
     let shown = Parameter {
         name: place.to_string(),
-        label: label(&place),
+        label: label(&place, driven),
         unit: place.kind.unit().0,
         value,
         min,
@@ -138,20 +164,30 @@ fn slider(place: Place, robot: &mut RobotText) -> Option<Slider> {
 }
 
 /// As people call it: `thigh length`, `xm430 torque limit`.
-fn label(place: &Place) -> String {
+fn label(place: &Place, driven: &[String]) -> String {
     let template = place.template.as_deref().unwrap_or("robot");
-    let part = place.name.trim_start_matches(['*', '_']);
-    let part = if part.is_empty() { template } else { part }.replace('_', " ");
+    let part = plain(&place.name, template);
+    let of = match driven {
+        [] => String::new(),
+        [first, second, _, ..] => format!(" ({first}, {second}, …)"),
+        few => format!(" ({})", few.join(", ")),
+    };
     match (place.kind, place.axis) {
         (Kind::Length, _) => format!("{part} length"),
         (Kind::Radius, _) => format!("{part} contact radius"),
         (Kind::Mass, _) => format!("{part} mass (heaviest part)"),
-        (Kind::Speed, _) => format!("{part} speed limit"),
-        (Kind::Torque, _) => format!("{part} torque limit"),
+        (Kind::Speed, _) => format!("{part} speed limit{of}"),
+        (Kind::Torque, _) => format!("{part} torque limit{of}"),
         (Kind::Mount, Some(Axis::Y)) => format!("{part} mounts, half the distance across"),
         (Kind::Mount, _) => format!("{part} mounts, half the distance along"),
         (kind, _) => format!("{part} {}", kind.key()),
     }
+}
+
+/// A name without the place of its limb; that of the template, if nothing is left.
+fn plain(name: &str, template: &str) -> String {
+    let part = name.trim_start_matches(['*', '_']);
+    if part.is_empty() { template } else { part }.replace('_', " ")
 }
 
 /// Names of the tables of a kind.

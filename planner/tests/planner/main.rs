@@ -10,3 +10,4 @@ mod receding;
 mod refine;
 mod robots;
 mod start;
+mod stepping;

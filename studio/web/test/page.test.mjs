@@ -64,6 +64,30 @@ describe("the page", () => {
     assert.ok(Math.abs((await studio.state("playback.time_s")) - 0.8) < 0.02);
   });
 
+  test("says what each parameter does, and again after a change", async () => {
+    const shown = () => studio.page.$$eval(".slope", (all) => all.map((one) => one.textContent));
+    const known = (before) => studio.page.waitForFunction((before) => {
+      const all = [...document.querySelectorAll(".slope")].map((one) => one.textContent);
+      return all.every((one) => /^\+.*%\)$/.test(one)) && all.join() !== before ? true : null;
+    }, { timeout: WAIT_MS }, before);
+    await studio.click("#tab-robot");
+    await studio.click("#slopes");
+    await known("");
+    const before = await shown();
+    assert.ok(before.length > 8, before.join("; "));
+    await studio.edit(() => studio.type("hip length", "0.055"));
+    await known(before.join());
+  });
+
+  test("undo comes back to the plan that was there", async () => {
+    const energy = () => studio.state("state.shown.planned.solve.energy");
+    const before = await energy();
+    await studio.edit(() => studio.type("Forward", "0.2"));
+    await studio.edit(() => studio.press("Control", "z"));
+    assert.ok(Math.abs((await energy()) / before - 1) < 1e-3, `${before}, then ${await energy()}`);
+    assert.ok((await studio.state("state.shown.planned.solve.iterations")) <= 3);
+  });
+
   test("a swing's edge is dragged in the footfall chart", async () => {
     const before = await stance(0);
     const land = await studio.box('.foot-track[data-foot="0"] .edge.land');

@@ -35,7 +35,7 @@ export function reportPanel(studio: Studio, playback: Playback): { element: HTML
     const { place } = row;
     return h(
       "tr",
-      { class: share !== null && share > 1 ? "over" : "" },
+      { class: share !== null && share > 1 ? "beyond" : "" },
       h(
         "th",
         { scope: "row" },
@@ -58,7 +58,7 @@ export function reportPanel(studio: Studio, playback: Playback): { element: HTML
         h("table", { class: "report" }, h("thead", {}, h("tr", {}, ...heads)), h("tbody", {}, ...rows.map(line))),
       );
     });
-    replace(element, h("p", {}, prose(report.words)), ...tables);
+    replace(element, h("p", { class: "lines" }, prose(report.words)), ...tables);
   };
   studio.events.on("plan", () => void draw());
   return { element, shown: () => void draw() };

@@ -8,10 +8,10 @@ import { format, h, replace } from "../ui/dom.ts";
 const FIRST = "peak_joint_torque";
 /** Names of quantities that say too little by themselves. */
 const MEANINGS: Record<string, string> = {
-  peak_joint_torque: "peak torque of the joints (8-norm over all)",
-  joint_torque: "torque of the joints (root mean square over all)",
-  peak_joint_speed: "peak speed of the joints (8-norm over all)",
-  power: "mean mechanical power of the motors",
+  peak_joint_torque: "peak joint torque (8-norm of all)",
+  joint_torque: "joint torque (r.m.s. of all)",
+  peak_joint_speed: "peak joint speed (8-norm of all)",
+  power: "mechanical power, mean"
 };
 
 export type Slopes = {
@@ -70,12 +70,16 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
       say((error as Error).message);
     }
   };
+  const state = () => {
+    const chosen = found?.quantities.find((one) => one.name === select.value);
+    if (chosen) say(`${amount(chosen.value, chosen.unit)} now. Below: estimates for a small change, the motion planned anew; bars compare them.`);
+  };
   const options = (quantities: SlopesOf[]) => {
     const before = select.value || FIRST;
-    const option = (one: SlopesOf) => h("option", { value: one.name, text: `${MEANINGS[one.name] ?? one.name.replaceAll("_", " ")}: ${amount(one.value, one.unit)}`, selected: one.name === before });
+    const option = (one: SlopesOf) => h("option", { value: one.name, text: MEANINGS[one.name] ?? one.name.replaceAll("_", " "), selected: one.name === before });
     replace(select, ...quantities.map(option));
     select.disabled = false;
-    say("Estimates for a small change, the motion planned anew. Bars compare the parameters.");
+    state();
   };
   box.addEventListener("change", () => {
     if (!box.checked && asked >= 0) studio.engine.cancel("slopes");
@@ -83,7 +87,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
     draw();
     void ask();
   });
-  select.addEventListener("change", draw);
+  select.addEventListener("change", () => (draw(), state()));
   studio.events.on("kept", () => void ask());
   studio.events.on("activity", () => {
     draw();

@@ -36,10 +36,10 @@ export function buildStatus(host: HTMLElement, studio: Studio, actions: StatusAc
     } else since = 0;
     host.dataset.state = state.kind;
     replace(head, h("span", { class: "status-mark", "aria-hidden": "true", text: MARKS[state.kind] }), h("strong", {}, prose(state.title)), ...(state.kind === "planning" ? [stopButton(studio)] : []));
-    const key = JSON.stringify([state.kind, state.words, studio.shown?.version, studio.faults, studio.shown?.planned.solve.culprits, studio.selection.culprit, studio.remarks]);
+    const key = JSON.stringify([state.kind, state.words, studio.shown?.version, studio.faults, studio.shown?.planned.solve.culprits, studio.selection.culprit, studio.remarks, studio.remarks?.again?.isDue()]);
     if (key !== drawn) {
       drawn = key;
-      replace(body, state.words ? h("p", {}, prose(state.words)) : null, ...detailsOf(studio, state.kind, actions), remarksOf(studio));
+      replace(body, state.words ? h("p", { class: "lines" }, prose(state.words)) : null, ...detailsOf(studio, state.kind, actions), remarksOf(studio));
     }
     const said = state.kind === "planning" ? "Planning" : `${state.title}. ${state.words}`;
     if (live.textContent !== said) live.textContent = said;
@@ -118,8 +118,11 @@ function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLEle
 
 function remarksOf({ remarks }: Studio): HTMLElement | null {
   if (!remarks) return null;
-  const { of, each } = remarks;
-  return h("details", { class: "remarks" }, h("summary", { text: `${each.length} ${of}` }), h("ul", {}, ...each.map((one) => h("li", {}, prose(one)))));
+  const { of, each, again } = remarks;
+  const list = h("details", { class: "remarks" }, h("summary", { text: `${each.length} ${of}` }), h("ul", {}, ...each.map((one) => h("li", {}, prose(one)))));
+  if (!again?.isDue()) return list;
+  const button = h("button", { type: "button", class: "button small", text: again.text, onclick: () => void again.act() });
+  return h("div", {}, list, button);
 }
 
 function faultOf(studio: Studio, fault: Fault, actions: StatusActions): HTMLElement {
@@ -146,7 +149,7 @@ function culpritOf(studio: Studio, culprit: Culprit, index: number, actions: Sta
   return h(
     "li",
     { class: pressed ? "shown" : "" },
-    h("button", { type: "button", class: "culprit", "aria-pressed": String(pressed), title: "Show it in scene and timeline", onclick: show }, prose(culprit.what)),
+    h("button", { type: "button", class: "culprit lines", "aria-pressed": String(pressed), title: "Show it in scene and timeline", onclick: show }, prose(culprit.what)),
     culprit.advice ? h("span", { class: "advice" }, prose(culprit.advice)) : null,
     fix
       ? h("button", { type: "button", class: "button small", text: fix.label, onclick: () => studio.edit(fix.edit, { path: fix.path }) })

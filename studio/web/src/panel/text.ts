@@ -57,6 +57,7 @@ export function textPane(studio: Studio): TextPane {
     gutter.scrollTop = area.scrollTop;
   };
   const show = (next: string) => {
+    if (next !== path) area.scrollLeft = area.scrollTop = 0;
     path = next;
     choice.value = next;
     const text = studio.documents.text(next) ?? "";

@@ -6,7 +6,7 @@ import type { Studio } from "./studio.ts";
 const KEY = "rollwalk-studio-project";
 const WAIT_MS = 250;
 
-export type Kept = { files: { path: string; text: string }[]; motion: string; saved: [string, string][] };
+export type Kept = { files: { path: string; text: string }[]; motion: string; saved: [string, string | null][] };
 
 export function keepSaved(studio: Studio) {
   let timer = 0;

@@ -115,15 +115,19 @@ export class Documents {
   }
 
   /** What a session before this one had saved, so that changes are still marked after a reload. */
-  restore(snapshot: Snapshot, saved: [string, string][]) {
+  restore(snapshot: Snapshot, saved: [string, string | null][]) {
     this.#now = snapshot;
-    this.#saved = new Map(saved);
+    this.#saved = new Map(snapshot.files.map((file) => [file.path, file.text]));
+    for (const [path, text] of saved) {
+      if (text === null) this.#saved.delete(path);
+      else this.#saved.set(path, text);
+    }
   }
 
-  get saved(): [string, string][] {
-    return this.#now.files.flatMap((file) =>
-      this.changed(file.path) && this.#saved.has(file.path) ? [[file.path, this.#saved.get(file.path)!] as [string, string]] : [],
-    );
+  /** What changed files were when they were saved; null if they never were. */
+  get saved(): [string, string | null][] {
+    const changed = this.#now.files.filter((file) => this.changed(file.path));
+    return changed.map((file) => [file.path, this.#saved.get(file.path) ?? null]);
   }
 
   #remember() {

@@ -9,6 +9,8 @@ type Handle = FileSystemFileHandle;
 const OPENED = [{ description: "Rollwalk files, URDF", accept: { "text/plain": [".toml"], "application/json": [".json"], "application/xml": [".urdf", ".xml"] } }];
 const SAVED = [{ description: "Rollwalk files", accept: { "text/plain": [".toml"], "application/json": [".json"] } }];
 const MOST_BYTES = 5_000_000;
+/** How the names of files end that say what a URDF lacks. */
+const SIDE_FILE = ".side.toml";
 
 /** Where files were opened from, by path, so that they can be saved in place. */
 const handles = new Map<string, Handle>();
@@ -81,7 +83,29 @@ export async function openFiles(studio: Studio, picked: File[]) {
 async function importRobot(studio: Studio, urdf: Text, side: Text | null) {
   const { value } = await studio.engine.request("documents", { kind: "import", urdf, side });
   await studio.openProject({ files: value.files, motion: value.motion });
-  studio.remark(`assumptions of the import of ${urdf.path}`, value.warnings);
+  remarkImport(studio, urdf, value);
+}
+
+/** What the import assumed; it is offered once more when the side file has changed. The motion stays as it is. */
+function remarkImport(studio: Studio, urdf: Text, imported: { files: Text[]; warnings: string[] }) {
+  const side = imported.files.find((file) => file.path.endsWith(SIDE_FILE))!;
+  const robot = imported.files.find((file) => kindOf(file) === "robot")!;
+  const now = () => studio.documents.text(side.path);
+  const act = async () => {
+    try {
+      const { value } = await studio.engine.request("documents", { kind: "import", urdf, side: { path: side.path, text: now() ?? side.text } });
+      studio.write(robot.path, value.files.find((file: Text) => kindOf(file) === "robot").text, null);
+      remarkImport(studio, urdf, value);
+    } catch (error) {
+      studio.complain(error);
+    }
+  };
+  const { length } = imported.warnings;
+  studio.remark({
+    of: `${length === 1 ? "assumption" : "assumptions"} of the import of ${urdf.path}`,
+    each: imported.warnings,
+    again: { text: `Make ${baseName(robot.path)} again, with ${baseName(side.path)} as it is now`, isDue: () => now() !== undefined && now() !== side.text, act },
+  });
 }
 
 /** Saves a document: where it came from, if the browser can, else as a download. */

@@ -14,6 +14,8 @@ export type Shown = { planned: Planned; frames: Frames; version: number; drag: b
 export type Problem = { message: string; help: string };
 /** The last good plan with its multipliers, and the documents that it is of. */
 export type Kept = { snapshot: Snapshot; version: number; solution: Uint8Array };
+/** What is to be checked, and what is to be done once what it is about has changed. */
+export type Remarks = { of: string; each: string[]; again?: { text: string; isDue(): boolean; act(): Promise<void> } };
 type Amendment = { edit: Edit; path: string; gesture: string | null; drag: boolean; again?: boolean };
 
 export class Studio {
@@ -33,7 +35,7 @@ export class Studio {
   /** Something that went well, said once: "saved walk.toml". */
   notice = "";
   /** What is to be checked about the project: of how it was imported. */
-  remarks: { of: string; each: string[] } | null = null;
+  remarks: Remarks | null = null;
   progress: Progress | null = null;
   /** Something is being dragged: plans are steps that follow it. */
   dragging = false;
@@ -156,8 +158,8 @@ export class Studio {
     this.events.emit("activity");
   }
 
-  remark(of: string, each: string[]) {
-    this.remarks = each.length > 0 ? { of, each } : null;
+  remark(remarks: Remarks) {
+    this.remarks = remarks.each.length > 0 ? remarks : null;
     this.events.emit("activity");
   }
 

@@ -3,6 +3,7 @@
 import {
   ArrowHelper,
   BufferGeometry,
+  CircleGeometry,
   ConeGeometry,
   DoubleSide,
   Float32BufferAttribute,
@@ -22,6 +23,7 @@ const GRAVITY_M_S2 = 9.80665;
 /** Length of the arrow of a force that is the robot's weight, and height of a cone, for a robot of AgileBot's height. */
 const WEIGHT_LENGTH_M = 0.35;
 const CONE_HEIGHT_M = 0.1;
+const COM_RADIUS_M = 0.008;
 /** Feet that carry less than this share of the weight do not support. */
 const LEAST_SHARE = 0.002;
 
@@ -31,6 +33,8 @@ export class Overlays {
   #cones: Mesh[] = [];
   #fill: Mesh;
   #outline: LineLoop;
+  /** Where the centre of mass is above the ground. */
+  #below: Mesh;
   #weight: number;
 
   constructor(
@@ -59,7 +63,11 @@ export class Overlays {
     this.#fill = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ ...colour, opacity: 0.12, side: DoubleSide }));
     this.#outline = new LineLoop(new BufferGeometry(), new LineBasicMaterial({ ...colour, opacity: 0.8 }));
     this.#fill.frustumCulled = this.#outline.frustumCulled = false;
-    this.group.add(this.#fill, this.#outline);
+    // Seen through the robot: from above it would be hidden.
+    const dot = new MeshBasicMaterial({ color: palette.polygon, depthTest: false, transparent: true });
+    this.#below = new Mesh(new CircleGeometry(COM_RADIUS_M * scale, 20), dot);
+    this.#below.renderOrder = 9;
+    this.group.add(this.#fill, this.#outline, this.#below);
   }
 
   update(frames: Frames, row: Row, layers: { forces: boolean; cones: boolean; polygon: boolean }) {
@@ -81,6 +89,9 @@ export class Overlays {
       cone.position.set(...at);
       if (contact) standing.push([at[0], at[1]]);
     });
+    const [x, y] = frames.com(row);
+    this.#below.visible = layers.polygon;
+    this.#below.position.set(x, y, 0.003);
     const shown = layers.polygon && standing.length >= 2;
     this.#fill.visible = shown && standing.length >= 3;
     this.#outline.visible = shown;
