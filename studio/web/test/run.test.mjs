@@ -31,6 +31,16 @@ for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
     await leave();
   });
 
+  test("is stopped by Escape while a list of choices is open", async () => {
+    await flashRobot(studio);
+    const list = await studio.box('select[aria-label="Speed of playback"]');
+    await studio.page.mouse.click(list.x + 10, list.y + 10);
+    await new Promise((done) => setTimeout(done, 300));
+    await studio.press("Escape");
+    await until(() => globalThis.studio.link.view.state === "stopped by an emergency stop");
+    await leave();
+  });
+
   test("is shown beside its plan, with how far joints are from it", async (t) => {
     const words = () => studio.page.$eval(".beside", (note) => note.innerText);
     const says = (text) => until((text) => document.querySelector(".beside").innerText.includes(text), text);
