@@ -10,7 +10,7 @@ use toml_edit::{Document, Item, Table};
 
 /// How long first transitions take, s.
 const TRANSITION_S: f64 = 1.2;
-/// Time that each foot which cannot roll takes to step, s.
+/// Time for the step of each foot, skate or wheel without a motor, s.
 const STEP_S: f64 = 0.4;
 /// Ending of the names of library files.
 const ENDING: &str = "_library.toml";
@@ -137,10 +137,15 @@ pub fn begun(documents: &Documents<'_>, motion: &str) -> Result<Vec<File>, Answe
     }
     if named.len() > 1 {
         let feet = &project.robot.end_effectors;
-        let steps = feet.iter().filter(|foot| !foot.contact.spins()).count();
+        let lifted = |foot: usize| {
+            motions.iter().any(|(_, motion)| motion.stance.iter().any(|row| !row[foot]))
+        };
+        let steps = feet.iter().enumerate();
+        let steps =
+            steps.filter(|(k, foot)| foot.contact.actuator().is_none() && lifted(*k)).count();
         let duration_s = TRANSITION_S.max(STEP_S * steps as f64);
         text += &format!(
-            "\n# Every motion is joined with `{safe}`, both ways.\n[via_safe]\nduration_s = {duration_s}\n"
+            "\n# Every motion is joined with `{safe}`, both ways.\n[via_safe]\nduration_s = {duration_s:.1}\n"
         );
     }
     added.insert(0, File { path, text });

@@ -59,7 +59,7 @@ pub fn slopes(
             Slope { name, step, by_step: slope * step }
         };
         let slopes = known.iter().zip(slopes).map(slope).collect();
-        SlopesOf { name: of.name, unit: of.unit, value, slopes }
+        SlopesOf { name: of.name, unit: of.unit, value, little: of.little, slopes }
     };
     let found = found.map_err(|why| answer(&why.into()))?;
     Ok(quantities.into_iter().zip(found).map(of_quantity).collect())

@@ -139,7 +139,7 @@ const ROUNDING_DECIDES: [&str; 1] = ["motions/pronk.toml"];
 #[ignore = "cargo xtask nightly --only studio builds the engine for it"]
 fn every_shipped_motion_that_holds_natively_holds_as_webassembly() {
     let mut node = Node::start(&engine());
-    let mut lost = Vec::new();
+    let (mut held, mut lost) = (0, Vec::new());
     let shipped = native(&mut Session::default(), &json!({ "seq": 1, "kind": "examples" })).0;
     let shipped = shipped["examples"].as_array().unwrap();
     let motions = shipped.iter().filter(|example| example["of"] == "motion");
@@ -153,10 +153,12 @@ fn every_shipped_motion_that_holds_natively_holds_as_webassembly() {
             (format!("{} after {} iterations", solve["status"], solve["iterations"]), ms)
         });
         println!("{path}: {a}, {a_ms:.0} ms; as WebAssembly {b}, {b_ms:.0} ms");
+        held += usize::from(ours.0["converged"] == true);
         let decided = !ROUNDING_DECIDES.contains(&path);
         if decided && ours.0["converged"] == true && theirs.0["converged"] != true {
             lost.push(format!("{path}: {a}; as WebAssembly {b}"));
         }
     }
     assert!(lost.is_empty(), "{}", lost.join("\n"));
+    assert!(held > 40, "only {held} hold natively");
 }

@@ -26,7 +26,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-/// Most connections at a time: a page has four engines and a bus, and loads four files.
+/// Most connections at a time: a page has five engines and a bus, and loads four files.
 const CONNECTIONS_MAX: usize = 32;
 
 /// A server that has not begun.

@@ -1,7 +1,8 @@
-//! Footfalls of transitions that the library file leaves open: what cannot roll to where the next motion needs it steps there.
+//! Footfalls of transitions that the library file leaves open: what no motor rolls to where the next motion needs it steps there.
 //!
-//! Between motions that keep them down, feet stay where they are. A foot or skate that one of the two motions lifts stands
-//! elsewhere in each of them, in general: it steps once, one after the other, in the order in which the gait lifts them.
+//! Between motions that keep them down, feet stay where they are. A foot, free wheel or skate that one of the two motions lifts
+//! stands elsewhere in each of them, in general: it steps once, one after the other, in the order in which the gait lifts
+//! them.
 
 use super::LibraryFile;
 use crate::motion::Motion;
@@ -28,12 +29,22 @@ impl LibraryFile {
 
 /// Gives a transition the steps that lead from one motion to another.
 fn step(transition: &mut Motion, from: &Motion, to: &Motion, robot: &Robot) {
-    // By when the gait lifts it; that of the motion which is entered, if both do.
     let lifted = |motion: &Motion, foot: usize| motion.stance.iter().position(|row| !row[foot]);
-    let feet = robot.end_effectors.iter().enumerate().filter(|(_, foot)| !foot.contact.spins());
-    let mut steps: Vec<(usize, usize)> = feet
-        .filter_map(|(foot, _)| Some((lifted(to, foot).or_else(|| lifted(from, foot))?, foot)))
-        .collect();
+    // When a gait lifts them, and the end effectors of one link, which step together.
+    let mut steps: Vec<(usize, Vec<usize>)> = Vec::new();
+    for (foot, of) in robot.end_effectors.iter().enumerate() {
+        // Of the motion that is entered, else of the one that is left.
+        let when = lifted(to, foot).or_else(|| lifted(from, foot));
+        let Some(when) = when.filter(|_| of.contact.actuator().is_none()) else { continue };
+        let same_link = |feet: &[usize]| robot.end_effectors[feet[0]].link == of.link;
+        match steps.iter_mut().find(|(_, feet)| same_link(feet)) {
+            Some((first, feet)) => {
+                *first = when.min(*first);
+                feet.push(foot);
+            }
+            None => steps.push((when, vec![foot])),
+        }
+    }
     if steps.is_empty() {
         return;
     }
@@ -41,9 +52,11 @@ fn step(transition: &mut Motion, from: &Motion, to: &Motion, robot: &Robot) {
     let samples = transition.stance.len().max(steps.len() * STEP_SAMPLES + 2 * STANCE_SAMPLES);
     let length = (samples - 2 * STANCE_SAMPLES) / steps.len();
     transition.stance = vec![vec![true; robot.end_effectors.len()]; samples];
-    for (k, (_, foot)) in steps.into_iter().enumerate() {
+    for (k, (_, feet)) in steps.into_iter().enumerate() {
         let begin = STANCE_SAMPLES + k * length;
-        transition.stance[begin..begin + length].iter_mut().for_each(|row| row[foot] = false);
+        for row in &mut transition.stance[begin..begin + length] {
+            feet.iter().for_each(|&foot| row[foot] = false);
+        }
     }
     if transition.swing_height_m <= 0.0 {
         transition.swing_height_m = from.swing_height_m.max(to.swing_height_m);

@@ -60,6 +60,9 @@ fn rows(contents: &Contents, from: usize, to: usize) -> Vec<String> {
     let wanted =
         contents.file.transitions.iter().find(|of| (of.from, of.to) == (from, to)).unwrap();
     let stance = &wanted.motion.stance;
+    // The library file names none: it is the gait's.
+    let steps = stance.iter().flatten().any(|stands| !stands);
+    assert_eq!(wanted.motion.swing_height_m > 0.0, steps);
     let row =
         |foot: usize| stance.iter().map(|flags| if flags[foot] { '#' } else { '.' }).collect();
     (0..stance[0].len()).map(row).collect()

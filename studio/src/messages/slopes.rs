@@ -11,6 +11,8 @@ pub struct SlopesOf {
     pub unit: &'static str,
     /// Its value.
     pub value: f64,
+    /// Value below which changes are not compared with it.
+    pub little: f64,
     /// Of each parameter of the robot that can be differentiated by.
     pub slopes: Vec<Slope>,
 }

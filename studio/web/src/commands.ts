@@ -30,8 +30,9 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
     try {
       const link = await linkTo(studio.documents.now);
       await navigator.clipboard.writeText(link);
-      const whom = location.protocol.startsWith("http") && location.hostname !== "127.0.0.1" ? "" : " It opens where this page is at the same address: to others send the files, or the animation.";
-      studio.say(`Copied a link of ${link.length} characters that holds the whole project. Nothing was sent.${whom}`);
+      const isPublic = location.protocol.startsWith("http") && !["127.0.0.1", "localhost"].includes(location.hostname);
+      const limit = isPublic ? "" : " The link opens only where this page has the same address. Send others the files or the animation.";
+      studio.say(`Copied a link of ${link.length} characters that holds the whole project. Nothing was sent.${limit}`);
     } catch {
       // No clipboard (not allowed, or an insecure page): the address bar is one as well.
       history.replaceState(null, "", await linkTo(studio.documents.now));
@@ -71,7 +72,7 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
       {
         text: "Video",
         hint: "WebM of one run at the chosen speed",
-        disabled: planned() || !view || !canRecord,
+        disabled: planned() || !view || !canRecord || playback.held,
         act: () => {
           if (!view) return;
           studio.say("Recording…");

@@ -149,7 +149,7 @@ export type Parameter = {
 };
 
 /** A quantity that plans are judged by, and what it changes by with a small step of each parameter, the motion planned anew. */
-export type SlopesOf = { name: string; unit: string; value: number; slopes: { name: string; step: number; by_step: number }[] };
+export type SlopesOf = { name: string; unit: string; value: number; /** Changes are not compared with less than this. */ little: number; slopes: { name: string; step: number; by_step: number }[] };
 
 export type Scene = {
   name: string;

@@ -86,7 +86,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   run.hidden = !(await talksToRobots(engine));
   if (!run.hidden && RobotLink.takeLeft()) {
     shell.openTab("Run");
-    studio.say("The page was loaded anew while a robot was connected. The robot returns to SAFE by itself, then torque goes off. Connect to see it.");
+    studio.say("The page was loaded anew while a robot was connected. A robot with torque returns to SAFE by itself, then turns torque off. Connect to see its state.");
   }
   keepSaved(studio);
   addEventListener("hashchange", () => void openLink(studio));
@@ -110,7 +110,7 @@ function playWhenPlanned(studio: Studio, playback: Playback) {
   const play = () => {
     if (played || !studio.shown) return;
     played = true;
-    playback.play();
+    if (!playback.held) playback.play();
   };
   studio.events.on("plan", play);
   play();

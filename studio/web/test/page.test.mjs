@@ -79,6 +79,21 @@ describe("the page", () => {
     await known(before.join());
   });
 
+  test("a plan of a motion that ships opens with it", async () => {
+    await studio.example("motions/trot.toml");
+    const { text } = await studio.page.evaluate(async () => (await globalThis.studio.state.engine.request("solver", { kind: "plan_json" })).value);
+    await studio.example("motions/drive_1m.toml");
+    await studio.edit(() =>
+      studio.page.evaluate((text) => {
+        const dataTransfer = new DataTransfer();
+        dataTransfer.items.add(new File([text], "mine.json"));
+        document.querySelector(".status").dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
+      }, text),
+    );
+    assert.equal(await studio.state("state.motion.name"), "trot");
+    assert.equal(await studio.converged(), true);
+  });
+
   test("undo comes back to the plan that was there", async () => {
     const energy = () => studio.state("state.shown.planned.solve.energy");
     const before = await energy();

@@ -33,11 +33,14 @@ for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
 
   test("is stopped by Escape while a list of choices is open", async () => {
     await flashRobot(studio);
+    await studio.page.evaluate(() => addEventListener("keydown", () => (globalThis.sawKey = true), { capture: true }));
     const list = await studio.box('select[aria-label="Speed of playback"]');
     await studio.page.mouse.click(list.x + 10, list.y + 10);
     await new Promise((done) => setTimeout(done, 300));
     await studio.press("Escape");
     await until(() => globalThis.studio.link.view.state === "stopped by an emergency stop");
+    // Where the list takes the key, its release stops the robot.
+    if (name === "chromium") assert.equal(await studio.page.evaluate(() => globalThis.sawKey), undefined);
     await leave();
   });
 

@@ -58,17 +58,17 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
     assert.equal(await studio.converged(), true);
     assert.match(await studio.page.$eval(".remarks", (element) => element.textContent), /assumptions? of the import of rover.urdf/);
     // An edit of the side file is taken over when that is asked for, and the motion stays.
-    const radius = () => studio.state("state.scene.end_effectors.0.friction_coefficient");
-    const [was, motion] = [await radius(), await studio.text()];
+    const friction = () => studio.state("state.scene.end_effectors.0.friction_coefficient");
+    const [was, motion] = [await friction(), await studio.text()];
     await studio.page.evaluate(() => {
       const { state } = globalThis.studio;
       const side = state.documents.now.files.find(({ path }) => path.endsWith(".side.toml"));
       state.write(side.path, side.text.replaceAll(/friction_coefficient = [\d.]+/g, "friction_coefficient = 0.55"), null);
     });
     await studio.settled();
-    assert.equal(await radius(), was);
+    assert.equal(await friction(), was);
     await studio.edit(() => studio.button("Make rover.toml again, with rover.side.toml as it is now"));
-    assert.equal(await radius(), 0.55);
+    assert.equal(await friction(), 0.55);
     assert.equal(await studio.text(), motion);
     await drop("bad.urdf", "<robot name='r'>\n<link/>\n</robot>");
     await studio.page.waitForFunction(() => /bad\.urdf, line 2/.test(document.querySelector(".status-body").textContent), { timeout: WAIT_MS });

@@ -76,7 +76,9 @@ function slider(studio: Studio, name: string, updates: (() => void)[], effects: 
     if (!gesture) range.value = String(now.value);
     range.setAttribute("aria-valuetext", `${format(now.value, digits)} ${unit}`);
   });
-  return h("div", { class: "slider" }, number.element, range, effects.of(name, unit));
+  const effect = effects.of(name, unit);
+  range.setAttribute("aria-describedby", effect.id);
+  return h("div", { class: "slider" }, number.element, range, effect);
 }
 
 /** A parameter belongs to the robot file, whose view is here in the scene. */

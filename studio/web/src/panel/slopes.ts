@@ -32,6 +32,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
   const element = h("div", { class: "slopes" }, h("label", { title: "How the plan changes with a small step of each parameter, the motion planned anew" }, box, " What does each change?"), choice);
   let found: { version: number; quantities: SlopesOf[] } | null = null;
   let asked = -1;
+  let failed = false;
 
   const draw = () => {
     choice.hidden = !box.checked;
@@ -41,7 +42,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
     for (const [name, { element, unit }] of places) {
       const slope = chosen?.slopes.find((one) => one.name === name);
       element.hidden = !box.checked;
-      element.textContent = chosen && slope ? words(chosen, slope, unit) : current ? "not known" : "…";
+      element.textContent = chosen && slope ? words(chosen, slope, unit) : current || failed ? "not known" : "…";
       const share = chosen && slope ? Math.abs(slope.by_step) / most(chosen) : 0;
       element.style.setProperty("--share", `${format(share * 100, 0)}%`);
     }
@@ -52,21 +53,28 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
     const { kept } = studio;
     if (!box.checked || isHidden() || studio.dragging) return;
     if (!kept || kept.version !== studio.version) {
-      if (!studio.planning) say("Known for plans that hold.");
+      if (!studio.planning) {
+        failed = true;
+        say("Known for plans that hold.");
+        draw();
+      }
       return;
     }
     if (asked === kept.version) return;
     if (asked >= 0) studio.engine.cancel("slopes");
     asked = kept.version;
+    failed = false;
     say("Working it out…");
     try {
       const files = kept.snapshot.files.map((file) => ({ ...file }));
       const { value } = await studio.engine.request("slopes", { kind: "slopes", files, motion: kept.snapshot.motion }, { binary: kept.solution });
+      if (kept.version !== studio.version) return;
       found = { version: kept.version, quantities: value.quantities };
       options(value.quantities);
       draw();
     } catch (error) {
       if (error instanceof Cancelled) return;
+      failed = true;
       say((error as Error).message);
     }
   };
@@ -97,7 +105,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
   return {
     element,
     of(name, unit) {
-      const element = h("small", { class: "slope", hidden: true });
+      const element = h("small", { class: "slope", id: `slope-${places.size}`, hidden: true });
       places.set(name, { element, unit });
       return element;
     },
@@ -111,7 +119,7 @@ function most(of: SlopesOf): number {
 }
 
 function words(of: SlopesOf, { step, by_step }: SlopesOf["slopes"][number], unit: string): string {
-  const share = of.value > 0 ? ` (${signed((by_step / of.value) * 100, 1)} %)` : "";
+  const share = of.value > of.little ? ` (${signed((by_step / of.value) * 100, 1)} %)` : "";
   return `+${Number(step.toPrecision(3))} ${unit}: ${signed(by_step, digits(of.value))} ${of.unit}${share}`;
 }
 
@@ -119,7 +127,7 @@ function amount(value: number, unit: string): string {
   return `${format(value, digits(value))} ${unit}`.trim();
 }
 
-/** Digits after the point for three of them to matter. */
+/** Digits after the point for four of them to matter. */
 function digits(value: number): number {
   return value === 0 ? 2 : Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(Math.abs(value)))));
 }

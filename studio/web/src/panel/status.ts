@@ -62,7 +62,7 @@ function stateOf(studio: Studio, since_ms: number): { kind: Kind; title: string;
   if (problem) return { kind: "problem", title: problem.message, words: problem.help };
   if (studio.planning && !(studio.dragging && shown)) {
     const passed_s = (performance.now() - since_ms) / 1000;
-    const long = passed_s < LONG_S ? "" : ` ${format(passed_s, 0)} s: this may be out of reach. When the starts have all been tried, the page says what is in the way; Stop leaves the plan before.`;
+    const long = passed_s < LONG_S ? "" : ` ${format(passed_s, 0)} s: this may be out of reach. When the starts have all been tried, the page says what is in the way; Stop keeps the previous plan.`;
     const detail = progress
       ? `Iteration ${progress.iteration} of this start: ${progress.worst_constraint} is at ${format(progress.worst_level, 2)} times its tolerance.${long}`
       : "";
@@ -119,7 +119,7 @@ function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLEle
 function remarksOf({ remarks }: Studio): HTMLElement | null {
   if (!remarks) return null;
   const { of, each, again } = remarks;
-  const list = h("details", { class: "remarks" }, h("summary", { text: `${each.length} ${of}` }), h("ul", {}, ...each.map((one) => h("li", {}, prose(one)))));
+  const list = each.length > 0 ? h("details", { class: "remarks" }, h("summary", { text: `${each.length} ${of}` }), h("ul", {}, ...each.map((one) => h("li", {}, prose(one))))) : null;
   if (!again?.isDue()) return list;
   const button = h("button", { type: "button", class: "button small", text: again.text, onclick: () => void again.act() });
   return h("div", {}, list, button);

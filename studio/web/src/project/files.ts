@@ -3,14 +3,13 @@
 
 import type { File as Text } from "../contract.ts";
 import { baseName, kindOf } from "./documents.ts";
+import { example, listExamples } from "./examples.ts";
 import type { Studio } from "./studio.ts";
 
 type Handle = FileSystemFileHandle;
 const OPENED = [{ description: "Rollwalk files, URDF", accept: { "text/plain": [".toml"], "application/json": [".json"], "application/xml": [".urdf", ".xml"] } }];
 const SAVED = [{ description: "Rollwalk files", accept: { "text/plain": [".toml"], "application/json": [".json"] } }];
 const MOST_BYTES = 5_000_000;
-/** How the names of files end that say what a URDF lacks. */
-const SIDE_FILE = ".side.toml";
 
 /** Where files were opened from, by path, so that they can be saved in place. */
 const handles = new Map<string, Handle>();
@@ -73,10 +72,22 @@ export async function openFiles(studio: Studio, picked: File[]) {
       throw new Error(`${picked.map((file) => file.name).join(", ")}: not a robot, motion or library file of Rollwalk, nor a URDF`);
     }
     // A plan is a start for the motion at hand, or for that which was opened with it; in a library it is a motion.
-    if (plan && !replaces("library")) studio.planFrom(plan.text);
+    if (plan && !replaces("library")) {
+      if (files.length === 1) await openWhatShips(studio, plan);
+      studio.planFrom(plan.text);
+    }
   } catch (error) {
     studio.complain(error);
   }
+}
+
+/** A plan has no robot or motion file in it. Those of a motion that ships are opened with it, unless they are open. */
+async function openWhatShips(studio: Studio, plan: Text) {
+  const { robot, motion } = JSON.parse(plan.text);
+  if (studio.motion?.name === motion?.name && studio.scene?.name === robot?.name) return;
+  const all = await listExamples(studio);
+  const found = all.find((one) => one.of === "motion" && one.name === motion?.name && one.robot && baseName(one.robot) === `${robot?.name}.toml`);
+  if (found) await studio.openProject(await example(studio, found.path));
 }
 
 /** Makes a project of a URDF, with the side file beside it or the one that the import proposes. */
@@ -86,16 +97,16 @@ async function importRobot(studio: Studio, urdf: Text, side: Text | null) {
   remarkImport(studio, urdf, value);
 }
 
-/** What the import assumed; it is offered once more when the side file has changed. The motion stays as it is. */
+/** What the import, whose files are motion, robot and side file, assumed; it is offered once more when the side file has changed. The motion stays as it is. */
 function remarkImport(studio: Studio, urdf: Text, imported: { files: Text[]; warnings: string[] }) {
-  const side = imported.files.find((file) => file.path.endsWith(SIDE_FILE))!;
-  const robot = imported.files.find((file) => kindOf(file) === "robot")!;
+  const [, robot, side] = imported.files;
   const now = () => studio.documents.text(side.path);
   const act = async () => {
     try {
       const { value } = await studio.engine.request("documents", { kind: "import", urdf, side: { path: side.path, text: now() ?? side.text } });
-      studio.write(robot.path, value.files.find((file: Text) => kindOf(file) === "robot").text, null);
+      studio.write(robot.path, value.files[1].text, null);
       remarkImport(studio, urdf, value);
+      studio.say(`Made ${baseName(robot.path)} again. Undo (Ctrl+Z) brings back the file that was there.`);
     } catch (error) {
       studio.complain(error);
     }

@@ -16,6 +16,8 @@ export type Problem = { message: string; help: string };
 export type Kept = { snapshot: Snapshot; version: number; solution: Uint8Array };
 /** What is to be checked, and what is to be done once what it is about has changed. */
 export type Remarks = { of: string; each: string[]; again?: { text: string; isDue(): boolean; act(): Promise<void> } };
+/** So many plans are kept for undo and redo; steps further back are planned anew. */
+const MOST_SOLUTIONS = 20;
 type Amendment = { edit: Edit; path: string; gesture: string | null; drag: boolean; again?: boolean };
 
 export class Studio {
@@ -47,14 +49,14 @@ export class Studio {
   /** Grows when the documents change by other means than amendments: what was under way then is void. */
   #epoch = 0;
   /** Good plans of documents that undo and redo come back to. */
-  #solutions = new WeakMap<Snapshot, Uint8Array>();
+  #solutions = new Map<Snapshot, Uint8Array>();
 
   constructor(readonly engine: Engine) {
     this.#planner = new Planner(engine, {
       planned: (wish, planned, frames) => this.#planned(wish, planned, frames),
       kept: ({ snapshot, version }, solution) => {
         this.kept = { snapshot, version, solution };
-        this.#solutions.set(snapshot, solution);
+        this.#remember(snapshot, solution);
         this.events.emit("kept");
       },
       failed: (wish, error) => this.#failed(wish, error),
@@ -159,7 +161,7 @@ export class Studio {
   }
 
   remark(remarks: Remarks) {
-    this.remarks = remarks.each.length > 0 ? remarks : null;
+    this.remarks = remarks.each.length > 0 || remarks.again ? remarks : null;
     this.events.emit("activity");
   }
 
@@ -237,8 +239,10 @@ export class Studio {
       this.events.emit("activity");
       return;
     }
-    const kept = drag ? undefined : this.#solutions.get(snapshot);
-    this.#planner.ask({ snapshot, version, drag, from: how === "scratch" ? "scratch" : "good", kept });
+    // Reading may have made a robot that ships part of the documents.
+    const { now } = this.documents;
+    const kept = drag ? undefined : this.#solutions.get(now);
+    this.#planner.ask({ snapshot: now, version, drag, from: how === "scratch" ? "scratch" : "good", kept });
   }
 
   /** What the documents say, checked by the engine, without waiting for a plan. */
@@ -267,6 +271,12 @@ export class Studio {
     if (!robot || this.documents.text(robot) !== undefined) return;
     const { value } = await this.engine.request("documents", { kind: "example", path: robot });
     this.documents.adopt({ path: robot, text: value.text });
+  }
+
+  #remember(snapshot: Snapshot, solution: Uint8Array) {
+    this.#solutions.delete(snapshot);
+    this.#solutions.set(snapshot, solution);
+    if (this.#solutions.size > MOST_SOLUTIONS) this.#solutions.delete(this.#solutions.keys().next().value!);
   }
 
   #planned(wish: Wish, planned: Planned, frames: Float32Array) {

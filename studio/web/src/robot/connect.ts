@@ -10,7 +10,7 @@ const BAUDS = [115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000];
 const LAST_NODE = 14;
 
 /** `before`: the place that was chosen last, if any was. */
-export function connectFields(before: Place): { element: HTMLElement; wanted(): Promise<Wanted>; lock(locked: boolean): void } {
+export function connectFields(before: Place | null): { element: HTMLElement; wanted(): Promise<Wanted>; lock(locked: boolean): void } {
   const place = h("select", { id: "place", "aria-label": "Where the robot is" }, ...placeOptions(before));
   const bauds = BAUDS.map((one) => h("option", { value: one, text: `${one.toLocaleString("en")} baud` }));
   const baud = h("select", { "aria-label": "Baud rate", hidden: true }, ...bauds);

@@ -25,7 +25,7 @@ export class RobotLink {
   trouble = "";
   connecting = false;
   /** Where the robot is, or was last; after a reload too. */
-  place: Place = (kept(PLACE) as Place | null) ?? "simulated";
+  place = kept(PLACE) as Place | null;
   /** The library that the page has sent, whose names and motions views are about. */
   library: Uint8Array | null = null;
   #worker: Worker | null = null;
@@ -105,7 +105,8 @@ export class RobotLink {
   /** Motions of the robot have the names that they have in a library, if it is the one in use. */
   name(library: Uint8Array) {
     this.library = library;
-    this.wish({ robot: "name" }, library);
+    // One that does not fit names nothing; the panel says so.
+    this.ask({ robot: "name" }, library).catch(() => {});
   }
 
   flash(library: Uint8Array) {
@@ -143,7 +144,8 @@ export class RobotLink {
     if (message.kind === "started") {
       this.connecting = false;
       this.#since_ms = performance.now();
-      keep(CONNECTED, "yes");
+      // A simulated robot ends with its page.
+      if (this.place !== "simulated") keep(CONNECTED, "yes");
       this.#tell();
     } else if (message.kind === "view") {
       this.view = message.view;

@@ -12,7 +12,7 @@ import { adviceOf, factsOf, latestOf, stateOf } from "./words.ts";
 
 /** The planned speed in the link's 64ths; faster is none. */
 const FULL_SPEED = 64;
-/** Shortest time between two texts about the plan beside the robot: nobody reads faster. */
+/** Shortest time between two texts about the plan beside the robot: faster changes cannot be read. */
 const READ_MS = 200;
 
 export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild, beside: Beside): HTMLElement {
@@ -132,7 +132,8 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
   /** The library that was built here names the motions of a robot that has it already. */
   const name = () => {
     const bytes = library.built?.bytes;
-    if (link.connected && bytes && link.library !== bytes && !link.view?.transfer) link.name(bytes);
+    const unnamed = !!link.view?.library && link.view.motions.length === 0;
+    if (link.connected && bytes && unnamed && link.library !== bytes && !link.view?.transfer) link.name(bytes);
   };
   link.onChange(() => (name(), draw()));
   library.onChange(() => (name(), draw()));

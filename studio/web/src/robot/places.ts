@@ -18,14 +18,14 @@ export function relayAddress(): string {
   return address.href;
 }
 
-/** A page that was served for a bus begins there; else where the robot was before. */
-export function placeOptions(before: Place): HTMLElement[] {
+/** Chosen is where the robot was before; else the bus that the page was served for. */
+export function placeOptions(before: Place | null): HTMLElement[] {
   const all: [Place, string, boolean][] = [
     ["simulated", "Simulated, in this page", true],
     ["serial", hasSerial ? "Serial port" : "Serial port (needs Chromium, https or localhost)", hasSerial],
     ["slcan", hasSerial ? "CAN adapter (SLCAN)" : "CAN adapter (needs Chromium, https or localhost)", hasSerial],
     ["relay", relayedBus ? `Bus ${relayedBus}` : "Bus of this computer (rollwalk studio --bus)", relayedBus !== undefined],
   ];
-  const begins = all.find(([place, , can]) => can && place === before && before !== "simulated")?.[0] ?? (relayedBus ? "relay" : "simulated");
+  const begins = all.find(([place, , can]) => can && place === before)?.[0] ?? (relayedBus ? "relay" : "simulated");
   return all.map(([value, text, can]) => h("option", { value, text, disabled: !can, selected: value === begins }));
 }

@@ -11,23 +11,37 @@ export function emergencyStop(host: HTMLElement, link: RobotLink) {
   const brief = h("small", {});
   const alarm = h("div", { class: "estop-alarm", role: "alert", hidden: true });
   const button = h("button", { type: "button", class: "estop", title: "Torque off at once (Escape): the robot goes limp", hidden: true, onclick: () => stop() }, word, h("kbd", { text: "Esc" }), brief);
+  /** An order to stop is on its way to the connection, or was not taken. */
   let asking = false;
+  /** When the stop that is not acknowledged yet began; 0 without one. */
   let since_ms = 0;
+  /** The connection ended before a stop was acknowledged. */
+  let lost = false;
   const stop = () => {
-    if (!asking && !link.view?.stopping) since_ms = performance.now();
     asking = true;
     draw();
-    const asked = () => ((asking = false), draw());
-    link.ask({ robot: "wish", intent: "estop" }).then(asked, asked);
+    link.ask({ robot: "wish", intent: "estop" }).then(
+      () => ((asking = false), draw()),
+      // It stays pending, and the alarm appears.
+      () => {},
+    );
   };
   const draw = () => {
     const { view, connected } = link;
+    if (!connected) asking = false;
     const pending = connected && (asking || !!view?.stopping);
+    lost = !connected && link.place !== "simulated" && (lost || since_ms > 0);
+    if (!pending) since_ms = 0;
+    else if (since_ms === 0) {
+      since_ms = performance.now();
+      // Views may have ceased.
+      setTimeout(draw, UNANSWERED_MS + 1);
+    }
     button.hidden = !connected;
     button.classList.toggle("pending", pending);
     word.textContent = pending ? "Stopping…" : "E-STOP";
     brief.textContent = view?.contact ? [view.state, view.playing?.name].filter(Boolean).join(": ") : "does not answer";
-    const unanswered = pending && performance.now() - since_ms > UNANSWERED_MS;
+    const unanswered = lost || (pending && performance.now() - since_ms > UNANSWERED_MS);
     if (alarm.hidden === unanswered) {
       alarm.hidden = !unanswered;
       alarm.textContent = unanswered ? "The stop is not acknowledged. Use the robot's own emergency stop." : "";
@@ -35,8 +49,7 @@ export function emergencyStop(host: HTMLElement, link: RobotLink) {
   };
   host.append(button, alarm);
   link.onChange(draw);
-  // Before anything else may take the key: dialogs, menus and fields too. An open list of choices takes it when it is
-  // pressed, and only its release arrives.
+  // Before anything else may take the key: dialogs, menus and fields too.
   let pressed = false;
   addEventListener(
     "keydown",
@@ -47,15 +60,18 @@ export function emergencyStop(host: HTMLElement, link: RobotLink) {
     },
     { capture: true },
   );
+  // An open list of choices takes the key when it is pressed: only its release arrives.
   addEventListener(
     "keyup",
     (event) => {
       if (event.key !== "Escape") return;
-      if (!pressed && link.connected) stop();
+      if (!pressed && link.connected && event.target instanceof HTMLSelectElement) stop();
       pressed = false;
     },
     { capture: true },
   );
+  // The release of a key may go to another window.
+  addEventListener("blur", () => (pressed = false));
   addEventListener("beforeunload", (event) => link.view?.torque && event.preventDefault());
 }
 

@@ -8,7 +8,7 @@ const SILENT_MS = 5_000;
 /** Messages are also said beside the state for so long, s. */
 const LATEST_S = 6;
 
-export function stateOf(view: RobotView, place: Place): string {
+export function stateOf(view: RobotView, place: Place | null): string {
   const which = place === "simulated" ? "The simulated robot" : "The robot";
   if (!view.contact) return `${which} does not answer${view.state === null ? " yet" : ""}.`;
   const playing = view.playing ? `: ${view.playing.name}` : "";
@@ -19,9 +19,10 @@ export function stateOf(view: RobotView, place: Place): string {
 
 /** What to do next, or what keeps the robot from it. */
 export function adviceOf(view: RobotView, connected_ms: number): string {
-  const causes = "Is it powered? Is it on this bus, and the number of its controller right (More)?";
-  if (!view.contact && view.state === null && connected_ms > SILENT_MS) return `${causes} The page goes on asking.`;
-  return view.mismatch ?? view.complaint ?? view.advice;
+  const reason = view.mismatch ?? view.complaint;
+  if (reason) return reason;
+  if (view.contact || view.state !== null || connected_ms < SILENT_MS) return view.advice;
+  return "Is it powered? Is it on this bus? Is the number of its controller right (under More)? The page keeps trying.";
 }
 
 /** The newest message, while it is new. */

@@ -5,13 +5,13 @@ import { h } from "./dom.ts";
 import { picture } from "./icons.ts";
 
 /** What stays in reach. */
-const KEPT = ".estop";
+const KEPT = ".estop, .estop-alarm";
 
 export function dialog(title: string, content: HTMLElement, wide = false): HTMLDialogElement {
   const close = h("button", { type: "button", class: "icon-button", "aria-label": "Close" }, picture("remove"));
   const element = h(
     "dialog",
-    { class: wide ? "dialog wide" : "dialog", "aria-label": title, "aria-modal": "true" },
+    { class: wide ? "dialog wide" : "dialog", "aria-label": title },
     h("div", { class: "dialog-head" }, h("h2", { text: title }), close),
     content,
   );
