@@ -7,6 +7,8 @@
 
 mod stepping;
 
+pub use stepping::count_of_steps;
+
 use crate::motion::file::{Footfalls, name, steps};
 use crate::motion::{Ends, Goal, Motion, Reserve};
 use rollwalk_protocol::library::{MAX_MOTIONS, MAX_TRANSITIONS};

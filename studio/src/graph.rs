@@ -4,13 +4,14 @@
 use crate::documents::{Documents, Found, missing};
 use crate::library;
 use crate::messages::{Answer, Fault, File, Graph, GraphMotion, GraphOther, GraphTransition};
+use rollwalk_planner::library_file::count_of_steps;
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_robot::Robot;
 use toml_edit::{Document, Item, Table};
 
 /// How long first transitions take, s.
 const TRANSITION_S: f64 = 1.2;
-/// Time for the step of each foot, skate or wheel without a motor, s.
+/// Time for each step of feet and what else no motor rolls, s.
 const STEP_S: f64 = 0.4;
 /// Ending of the names of library files.
 const ENDING: &str = "_library.toml";
@@ -136,13 +137,8 @@ pub fn begun(documents: &Documents<'_>, motion: &str) -> Result<Vec<File>, Answe
         text += &format!("\n[[motion]]\nname = \"{name}\"\nfile = \"{file}\"\ncode = {code}\n");
     }
     if named.len() > 1 {
-        let feet = &project.robot.end_effectors;
-        let lifted = |foot: usize| {
-            motions.iter().any(|(_, motion)| motion.stance.iter().any(|row| !row[foot]))
-        };
-        let steps = feet.iter().enumerate();
-        let steps =
-            steps.filter(|(k, foot)| foot.contact.actuator().is_none() && lifted(*k)).count();
+        let motions: Vec<&Motion> = motions.iter().map(|(_, motion)| motion).collect();
+        let steps = count_of_steps(&project.robot, &motions);
         let duration_s = TRANSITION_S.max(STEP_S * steps as f64);
         text += &format!(
             "\n# Every motion is joined with `{safe}`, both ways.\n[via_safe]\nduration_s = {duration_s:.1}\n"

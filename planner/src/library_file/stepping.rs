@@ -27,15 +27,25 @@ impl LibraryFile {
     }
 }
 
+/// When a gait lifts an end effector that has to step between these motions, in the first of them that lifts it; `None` if it
+/// stays, or rolls.
+fn lifted(robot: &Robot, foot: usize, motions: &[&Motion]) -> Option<usize> {
+    let stays = robot.end_effectors[foot].contact.actuator().is_some();
+    let lifted = |motion: &&Motion| motion.stance.iter().position(|row| !row[foot]);
+    if stays { None } else { motions.iter().find_map(lifted) }
+}
+
+/// Count of end effectors that step in transitions between motions of which any lifts them.
+pub fn count_of_steps(robot: &Robot, motions: &[&Motion]) -> usize {
+    (0..robot.end_effectors.len()).filter(|&foot| lifted(robot, foot, motions).is_some()).count()
+}
+
 /// Gives a transition the steps that lead from one motion to another.
 fn step(transition: &mut Motion, from: &Motion, to: &Motion, robot: &Robot) {
-    let lifted = |motion: &Motion, foot: usize| motion.stance.iter().position(|row| !row[foot]);
     // When a gait lifts them, and the end effectors of one link, which step together.
     let mut steps: Vec<(usize, Vec<usize>)> = Vec::new();
     for (foot, of) in robot.end_effectors.iter().enumerate() {
-        // Of the motion that is entered, else of the one that is left.
-        let when = lifted(to, foot).or_else(|| lifted(from, foot));
-        let Some(when) = when.filter(|_| of.contact.actuator().is_none()) else { continue };
+        let Some(when) = lifted(robot, foot, &[to, from]) else { continue };
         let same_link = |feet: &[usize]| robot.end_effectors[feet[0]].link == of.link;
         match steps.iter_mut().find(|(_, feet)| same_link(feet)) {
             Some((first, feet)) => {

@@ -33,6 +33,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
   let found: { version: number; quantities: SlopesOf[] } | null = null;
   let asked = -1;
   let failed = false;
+  let made = 0;
 
   const draw = () => {
     choice.hidden = !box.checked;
@@ -105,7 +106,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
   return {
     element,
     of(name, unit) {
-      const element = h("small", { class: "slope", id: `slope-${places.size}`, hidden: true });
+      const element = h("small", { class: "slope", id: `slope-${++made}`, hidden: true });
       places.set(name, { element, unit });
       return element;
     },
