@@ -45,13 +45,15 @@ pub struct Weights {
     pub roll_feedback: Feedback,
     /// Accelerations of joints, per (rad/s²)².
     pub posture: f64,
+    /// The same of a robot that recovers from a push: stiff legs carry it over the edge of its support and back, where soft ones give way.
+    pub posture_recovering: f64,
     /// Their feedback.
     pub posture_feedback: Feedback,
     /// How fast the spin of a wheel in the air comes to the planned one, 1/s; its weight is `posture`.
     pub spin_per_s: f64,
     /// Forces of the ground against the planned ones, per square of the robot's weight.
     pub force: f64,
-    /// Part of the friction coefficient that forces keep to.
+    /// Part of the friction coefficient that forces keep to: the cone around their pyramid, or, of a robot that recovers, within it.
     pub friction_part: f64,
 }
 
@@ -72,6 +74,7 @@ impl Default for Weights {
             roll: 1.0,
             roll_feedback: Feedback { per_s2: 50.0, per_s: 15.0 },
             posture: 0.3,
+            posture_recovering: 3.0,
             posture_feedback: Feedback { per_s2: 200.0, per_s: 28.0 },
             spin_per_s: 20.0,
             force: 160.0,

@@ -11,7 +11,7 @@
 //! J̇ is taken at the point of contact, which moves along the rim: at the centre, or with a point fixed to the tyre, a wheel
 //! would be asked for forces that it cannot have.
 
-use crate::contacts::{self, Phase, Planned, Switch};
+use crate::contacts::{self, Phase, Planned};
 use crate::correction::{Correction, Place};
 use crate::gains::Gains;
 use crate::quadratic::{Program, Solver, Unsolved};
@@ -23,7 +23,6 @@ use rollwalk_multibody::{
     ANGULAR, CompositeInertia, Configuration, JOINTS, Kinematics, LINEAR, RimContact, State, Tree,
 };
 use rollwalk_robot::GRAVITY_M_S2;
-use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Gains that the drives themselves close around what a tick wants, as parts of those of the robot file: they act between ticks.
 const KP_PART: f64 = 0.1;
@@ -57,11 +56,11 @@ struct Channel {
 #[derive(Clone, Debug)]
 struct Foot {
     phase: Phase,
-    switch: Switch,
     /// Whether it glides along itself.
     is_blade: bool,
+    /// Radius of the cone of forces to which it keeps, per normal force.
     friction: f64,
-    /// Friction along a blade, which hardly has any.
+    /// The same along a blade, which hardly has any.
     friction_along: f64,
     /// Of the material at the contact.
     jacobian: Matrix3xX<f64>,
@@ -145,13 +144,11 @@ impl Tracker {
             .end_effectors
             .iter()
             .map(|end_effector| {
-                let friction =
-                    weights.friction_part * FRAC_1_SQRT_2 * end_effector.friction_coefficient;
+                let friction = weights.friction_part * end_effector.friction_coefficient;
                 let is_blade = end_effector.contact.blade_length_m().is_some();
                 let drag = end_effector.contact.drag().map_or(0.0, |drag| drag.rolling_resistance);
                 Foot {
                     phase: Phase::Swing,
-                    switch: Switch::default(),
                     is_blade,
                     friction,
                     friction_along: if is_blade { drag } else { friction },
@@ -391,8 +388,7 @@ impl Tracker {
             let recovers = self.recovery.is_active();
             let is_needed = as_planned.stands || recovers;
             let above_m = (ground_from_world * Point3::from(foot.measured)).z;
-            let touches =
-                foot.switch.touches(touches[j], is_needed, above_m / height_m, self.tick_s);
+            let touches = contacts::touches(touches[j], is_needed, above_m / height_m);
             // A wheel that lies flat has no contact to stand on.
             foot.phase = contacts::phase(as_planned, touches && contact.is_some(), recovers);
             let Some(contact) = contact.filter(|_| foot.stands()) else { continue };

@@ -4,6 +4,7 @@ use super::{Foot, Tracker};
 use crate::quadratic::Program;
 use nalgebra::DMatrix;
 use rollwalk_multibody::JOINTS;
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Inequalities of a contact: four sides of the pyramid, and no pull.
 pub(super) const OF_CONTACT: usize = 5;
@@ -22,12 +23,16 @@ impl Tracker {
     pub(super) fn keep_limits(&mut self) {
         let dofs = self.tree.dofs();
         let mut constraint = self.program.equalities;
+        // The pyramid is within the cone of friction; of a robot that recovers around it: to slide a little is better than to fall.
+        let part = if self.recovery.is_active() { 1.0 } else { FRAC_1_SQRT_2 };
         for (j, foot) in self.feet.iter().enumerate().filter(|(_, foot)| foot.stands()) {
+            let [along, side] =
+                [foot.friction_along, foot.friction].map(|friction| self.normal * part * friction);
             let sides = [
-                self.normal * foot.friction_along - foot.along,
-                self.normal * foot.friction_along + foot.along,
-                self.normal * foot.friction - foot.side,
-                self.normal * foot.friction + foot.side,
+                along - foot.along,
+                along + foot.along,
+                side - foot.side,
+                side + foot.side,
                 self.normal,
             ];
             for side in sides {

@@ -118,8 +118,10 @@ impl Tracker {
 
     /// Joints stay near the planned posture where nothing else needs them.
     pub(super) fn want_posture(&mut self, reference: &Reference) {
-        let Feedback { per_s2, per_s } = self.weights.posture_feedback;
-        let Self { program, ahead, .. } = self;
+        let Self { weights, program, ahead, recovery, .. } = self;
+        let Feedback { per_s2, per_s } = weights.posture_feedback;
+        let weight =
+            if recovery.is_active() { weights.posture_recovering } else { weights.posture };
         let mut squares = Squares { program };
         for (joint, (there, here)) in
             reference.state.joint_rad.iter().zip(&ahead.joint_rad).enumerate()
@@ -127,7 +129,7 @@ impl Tracker {
             let dof = JOINTS + joint;
             let speed = reference.state.velocity[dof] - ahead.velocity[dof];
             let wanted = reference.acceleration[dof] + per_s2 * (there - here) + per_s * speed;
-            squares.add_one(self.weights.posture, dof, wanted);
+            squares.add_one(weight, dof, wanted);
         }
     }
 
