@@ -2,22 +2,23 @@
 //! must not touch: files, the terminal, the clock and Ctrl-C.
 //!
 //! One file per subcommand in `cli/src/cmd`, each with its arguments and a `run`. Results go to stdout,
-//! progress to stderr; how a run ends is an [`Exit`]. [`sim`] is the other binary, `rollwalk-sim`.
+//! progress to stderr; how a run ends is an [`Exit`]. [`sim`] is the other binary, `rollwalk-sim`. The program of `ros2/` reaches robots with
+//! the same options and in the same way, by [`link`].
 
 mod choices;
 mod cmd;
 #[cfg(test)]
 mod examples;
-mod exit;
+pub mod exit;
 mod files;
 mod gamepad;
 mod inputs;
-mod interrupt;
+pub mod interrupt;
 mod keys;
 mod kind;
-mod link;
+pub mod link;
 mod live;
-mod output;
+pub mod output;
 mod packed;
 mod picture;
 mod planning;
@@ -72,7 +73,7 @@ pub fn main() -> ExitCode {
 }
 
 /// Says why a run failed; how it ended, for the shell.
-fn end(outcome: miette::Result<Exit>) -> ExitCode {
+pub fn end(outcome: miette::Result<Exit>) -> ExitCode {
     match outcome {
         Ok(exit) => exit.into(),
         // Whoever read our output has seen enough (`| head`): not an error.

@@ -20,8 +20,13 @@ pub fn robots() -> impl Iterator<Item = &'static Path> {
 
 /// The shipped robot with this hash of its configuration.
 pub fn robot_of(config_hash: u32) -> Option<Robot> {
-    let mut robots = robots().filter_map(|file| Source::Shipped.robot(file).ok());
-    robots.find(|robot| robot.controller_config().is_ok_and(|config| config.hash() == config_hash))
+    Source::Shipped.robot(file_of(config_hash)?).ok()
+}
+
+/// The file of the shipped robot with this hash of its configuration.
+pub fn file_of(config_hash: u32) -> Option<&'static Path> {
+    let fits = |robot: Robot| robot.controller_config().is_ok_and(|c| c.hash() == config_hash);
+    robots().find(|file| Source::Shipped.robot(file).is_ok_and(fits))
 }
 
 #[cfg(test)]

@@ -109,6 +109,14 @@ pub enum Role<'r> {
 }
 
 impl Of<'_> {
+    /// Joints before wheels, each as in the robot file: the order of channels.
+    pub fn order(&self) -> (bool, usize) {
+        match *self {
+            Self::Joint { number, .. } => (false, number),
+            Self::Wheel { number, .. } => (true, number),
+        }
+    }
+
     /// The motor.
     pub fn actuator(&self) -> Option<&rollwalk_robot::Actuator> {
         match self {
@@ -186,6 +194,19 @@ pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec
         bodies[carrier].solids.push(contact(end_effector, center));
     }
     bodies
+}
+
+/// Names of the joints and axles in the exported models, by the robot's channels: those of telemetry, unless one is taken.
+pub fn joint_names(robot: &Robot) -> Vec<String> {
+    let bodies = bodies(robot, &[], Blades::Fixed);
+    let mut names: Vec<_> = driven(&bodies).map(|of| (of.of.order(), of.name.clone())).collect();
+    names.sort();
+    names.into_iter().map(|(_, name)| name).collect()
+}
+
+/// The hinges that have motors.
+pub fn driven<'b>(bodies: &'b [Body<'b>]) -> impl Iterator<Item = &'b Hinge<'b>> {
+    bodies.iter().filter_map(|body| body.hinge.as_ref()).filter(|of| of.of.actuator().is_some())
 }
 
 /// Indices of the bodies that a body carries.

@@ -3,6 +3,7 @@
 //! | format | of | for |
 //! |---|---|---|
 //! | [`urdf`] | a robot | ROS, Pinocchio, viewers |
+//! | [`urdf_with_control`], [`controllers`] | a robot | `ros2_control` of ROS 2 |
 //! | [`mjcf`], [`motion`] | a robot; a plan as keyframes with controls | MuJoCo |
 //! | [`trajectory`] | a plan | ROS, by way of JSON |
 //! | [`foxglove`] | a plan as an MCAP file; robots as messages | Foxglove, Lichtblick |
@@ -23,10 +24,13 @@
 mod bodies;
 pub mod foxglove;
 mod mjcf;
+mod ros2_control;
 mod trajectory;
 mod urdf;
 mod xml;
 
+pub use bodies::joint_names;
 pub use mjcf::{mjcf, motion};
+pub use ros2_control::{MOCK, controllers, urdf_with_control};
 pub use trajectory::trajectory;
 pub use urdf::urdf;

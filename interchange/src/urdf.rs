@@ -16,6 +16,15 @@ use std::io;
 /// # Errors
 /// None: the text is written to memory.
 pub fn urdf(robot: &Robot, parts: &[Vec<Solid>]) -> io::Result<String> {
+    urdf_with(robot, parts, |_, _| Ok(()))
+}
+
+/// A robot as URDF, with what `more` writes at its end.
+pub fn urdf_with(
+    robot: &Robot,
+    parts: &[Vec<Solid>],
+    more: impl FnOnce(&mut Xml, &[Body<'_>]) -> io::Result<()>,
+) -> io::Result<String> {
     let mut xml = Xml::new(&format!("{}, written by rollwalk robot export", robot.name))?;
     let bodies = bodies(robot, parts, Blades::Fixed);
     xml.element("robot", &[("name", robot.name.clone())], |xml| {
@@ -40,7 +49,7 @@ pub fn urdf(robot: &Robot, parts: &[Vec<Solid>]) -> io::Result<String> {
                 origin(xml, &place)
             })?;
         }
-        Ok(())
+        more(xml, &bodies)
     })?;
     Ok(xml.finish())
 }

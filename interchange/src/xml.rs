@@ -36,6 +36,16 @@ impl Xml {
         self.0.write_event(Event::End(start.to_end()))
     }
 
+    /// An element around a text.
+    pub fn text(
+        &mut self,
+        name: &str,
+        attributes: &[(&str, String)],
+        text: &str,
+    ) -> io::Result<()> {
+        self.element(name, attributes, |xml| xml.0.write_event(Event::Text(BytesText::new(text))))
+    }
+
     /// The text of the document.
     pub fn finish(self) -> String {
         // Names and numbers went in as text.

@@ -5,12 +5,13 @@ use crate::{shell, toolchain};
 const CARGO_DENY: (&str, &str) = ("cargo-deny", "0.20.2");
 
 /// Manifests of all workspaces: each has a `Cargo.lock` of its own.
-const WORKSPACES: [&str; 5] = [
+const WORKSPACES: [&str; 6] = [
     "Cargo.toml",
     "firmware/boards/mps2-an386/Cargo.toml",
     "firmware/boards/nucleo-g474re/Cargo.toml",
     "firmware/boards/pico2/Cargo.toml",
     "fuzz/Cargo.toml",
+    "packaging/rollwalk_ros2/Cargo.toml",
 ];
 
 /// Checks the crates of all workspaces. Without a network by the advisories of an earlier run; cargo-deny refuses those when

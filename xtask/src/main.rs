@@ -28,6 +28,7 @@ mod programs;
 mod python;
 mod quick;
 mod replay;
+mod ros2;
 mod sbom;
 mod shell;
 mod steps;

@@ -82,7 +82,12 @@ impl Environment {
 
     /// The interpreter.
     pub fn program(&self) -> PathBuf {
-        self.0.join("bin/python")
+        self.script("python")
+    }
+
+    /// A program of what is installed there.
+    pub fn script(&self, name: &str) -> PathBuf {
+        self.0.join("bin").join(name)
     }
 
     /// A module with arguments, where only what is installed there is found.

@@ -3,10 +3,10 @@
 use crate::Exit;
 use crate::files::{self, Output};
 use crate::inputs::Source;
-use miette::IntoDiagnostic;
+use miette::{IntoDiagnostic, miette};
 use std::path::PathBuf;
 
-/// Write a robot file as URDF or as an MJCF model for MuJoCo.
+/// Write a robot file as URDF, as an MJCF model for MuJoCo, or as parameters of the controllers of ros2_control.
 ///
 /// Wheels that spin are bodies of their own there; meshes are the solids of the robot file.
 #[derive(clap::Args)]
@@ -14,24 +14,38 @@ use std::path::PathBuf;
 Examples:
   rollwalk robot export robots/agilebot.toml -o agilebot.urdf
   rollwalk robot export robots/agilebot.toml -o agilebot.xml     a model for MuJoCo
+  rollwalk robot export robots/agilebot.toml --ros2-control -o agilebot.urdf
+  rollwalk robot export robots/agilebot.toml -o agilebot.yaml    its controllers
 
 What each format has, and what it cannot say, is in docs/exports.md.")]
 pub struct Args {
     /// Robot file (TOML).
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// Where to write it: .urdf, or .xml for MJCF.
+    /// Where to write it: .urdf, .xml for MJCF, or .yaml for controllers of ros2_control.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
+    /// Add a section for ros2_control to a URDF, with this plugin for the hardware; without a name one that plays the robot.
+    #[arg(long, value_name = "PLUGIN", num_args = 0..=1, default_missing_value = rollwalk_interchange::MOCK)]
+    ros2_control: Option<String>,
 }
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let ending = files::ending(&args.output, "a robot", &["urdf", "xml"])?;
+    let ending = files::ending(&args.output, "a robot", &["urdf", "xml", "yaml"])?;
     let (robot, parts) = Source::Disk.robot_and_parts(&args.robot)?;
-    let text = match ending {
-        Some("xml") => rollwalk_interchange::mjcf(&robot, &parts),
-        _ => rollwalk_interchange::urdf(&robot, &parts),
+    let text = match (ending, &args.ros2_control) {
+        (Some("xml" | "yaml"), Some(_)) => {
+            return Err(miette!(
+                help = "give -o a name that ends in .urdf",
+                "--ros2-control is a section of a URDF, and {} is none",
+                args.output.display()
+            ));
+        }
+        (Some("xml"), None) => rollwalk_interchange::mjcf(&robot, &parts),
+        (Some("yaml"), None) => Ok(rollwalk_interchange::controllers(&robot)),
+        (_, None) => rollwalk_interchange::urdf(&robot, &parts),
+        (_, Some(plugin)) => rollwalk_interchange::urdf_with_control(&robot, &parts, plugin),
     };
     let place = Output::of_source(&args.output)?;
     place.write(text.into_diagnostic()?.as_bytes())?;

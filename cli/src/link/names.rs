@@ -9,6 +9,7 @@ use directories::ProjectDirs;
 use miette::IntoDiagnostic;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_protocol::wire::transport::Hello;
+use rollwalk_robot::{Robot, Solid};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -40,6 +41,35 @@ impl NamesArgs {
             ));
         }
         Ok(Some(catalog))
+    }
+
+    /// Hash of the configuration of the robot that was named, by itself or with its library.
+    ///
+    /// # Errors
+    /// A file that was named is missing or wrong.
+    pub fn config_hash(&self) -> miette::Result<Option<u32>> {
+        let robot = match (&self.library, &self.robot) {
+            (Some(library), robot) => Packed::read(library, robot.as_deref())?.robot,
+            (None, Some(robot)) => Source::Disk.robot(robot)?,
+            (None, None) => return Ok(None),
+        };
+        Ok(Some(robot.controller_config().into_diagnostic()?.hash()))
+    }
+
+    /// The robot with this configuration and the solids of its links, for pictures: the one that was named, else one that
+    /// ships with rollwalk.
+    ///
+    /// # Errors
+    /// The file that was named is missing or wrong.
+    pub fn robot(&self, config_hash: u32) -> miette::Result<Option<(Robot, Vec<Vec<Solid>>)>> {
+        if let Some(path) = &self.robot {
+            let (robot, parts) = Source::Disk.robot_and_parts(path)?;
+            if robot.controller_config().into_diagnostic()?.hash() == config_hash {
+                return Ok(Some((robot, parts)));
+            }
+        }
+        let shipped = shipped::file_of(config_hash);
+        shipped.map(|file| Source::Shipped.robot_and_parts(file)).transpose()
     }
 
     /// The names for a controller whose identity is known or not: of motions and channels where its

@@ -4,9 +4,13 @@
 //! the robot returns to SAFE by itself, or halts if it is streamed to.
 
 use super::LinkArgs;
+use crate::{Exit, output};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::Live;
-use rollwalk_host::operator::Operator;
+use rollwalk_host::describe::state_name;
+use rollwalk_host::operator::{Operator, View};
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::wire::State;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -25,12 +29,20 @@ pub struct Operated<'a> {
     pub operator: Operator,
     started: Instant,
     reopen_us: u64,
+    /// Frames received since they were last taken, where a program takes them.
+    heard: Option<Vec<Frame>>,
 }
 
 impl<'a> Operated<'a> {
     /// An operator on an open bus.
     pub fn new(link: &'a LinkArgs, bus: Live, operator: Operator) -> Self {
-        Self { link, bus: Some(bus), operator, started: Instant::now(), reopen_us: 0 }
+        let (bus, started) = (Some(bus), Instant::now());
+        Self { link, bus, operator, started, reopen_us: 0, heard: None }
+    }
+
+    /// Frames received since the last call, for what the operator does not look at; none before the first call.
+    pub fn heard(&mut self) -> Vec<Frame> {
+        self.heard.replace(Vec::new()).unwrap_or_default()
     }
 
     /// Time since the start, µs: the operator's clock.
@@ -93,6 +105,7 @@ impl<'a> Operated<'a> {
             match bus.receive(until_us) {
                 Ok(Some(frame)) => {
                     self.operator.on_frame(us_since(self.started), &frame);
+                    self.heard.iter_mut().for_each(|heard| heard.push(frame));
                     // What else is there already; an answer may be due at once.
                     if bus.now_us() >= until_us {
                         return;
@@ -119,4 +132,30 @@ impl<'a> Operated<'a> {
 
 fn us_since(start: Instant) -> u64 {
     u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
+}
+
+/// Reports how an operator left the robot.
+pub fn farewell(view: &View) -> Exit {
+    let Some(status) = view.status else {
+        output::say("left; the controller never answered");
+        return Exit::NotDone;
+    };
+    let state = state_name(status.state);
+    match status.state {
+        State::Disarmed | State::Boot | State::SelfTest => {
+            output::say(format_args!("left; the robot is {state}"));
+            Exit::Ok
+        }
+        State::TorqueOff | State::EStopped => {
+            output::say(format_args!("left; the robot is {state}: clear it before it is armed"));
+            Exit::Ok
+        }
+        _ => {
+            output::say(format_args!(
+                "left while the robot is {state}: without heartbeat it returns to SAFE by itself, then torque goes \
+                 off, and it has to be cleared before it is armed"
+            ));
+            Exit::NotDone
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! Messages to the operator, with times.
 
+use super::Intent;
 use std::collections::VecDeque;
 
 /// Number of messages kept.
@@ -19,29 +20,46 @@ pub enum Weight {
 /// A message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
+    /// How many messages there were up to and with this one.
+    pub number: u64,
     /// Time, µs.
     pub at_us: u64,
     /// Importance.
     pub weight: Weight,
     /// The message.
     pub text: String,
+    /// The intent whose outcome it is: a [`Weight::Note`] says that it is done.
+    pub answers: Option<Intent>,
 }
 
 /// The last messages, oldest first.
 #[derive(Clone, Debug, Default)]
-pub struct Log(VecDeque<Message>);
+pub struct Log {
+    kept: VecDeque<Message>,
+    said: u64,
+}
 
 impl Log {
     /// Adds a message.
     pub fn say(&mut self, at_us: u64, weight: Weight, text: impl Into<String>) {
-        if self.0.len() == KEPT {
-            self.0.pop_front();
+        self.push(at_us, weight, text.into(), None);
+    }
+
+    /// Adds the outcome of an intent.
+    pub fn answer(&mut self, at_us: u64, intent: Intent, weight: Weight, text: impl Into<String>) {
+        self.push(at_us, weight, text.into(), Some(intent));
+    }
+
+    fn push(&mut self, at_us: u64, weight: Weight, text: String, answers: Option<Intent>) {
+        if self.kept.len() == KEPT {
+            self.kept.pop_front();
         }
-        self.0.push_back(Message { at_us, weight, text: text.into() });
+        self.said += 1;
+        self.kept.push_back(Message { number: self.said, at_us, weight, text, answers });
     }
 
     /// The messages kept, oldest first.
     pub fn messages(&self) -> &VecDeque<Message> {
-        &self.0
+        &self.kept
     }
 }

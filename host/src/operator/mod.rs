@@ -364,6 +364,11 @@ impl Operator {
         }
     }
 
+    /// Whether a command is in flight or waits to be sent.
+    pub fn is_asking(&self) -> bool {
+        self.orders.current().is_some()
+    }
+
     /// Commanded speed in 64ths of the planned one.
     pub fn speed_64ths(&self) -> i8 {
         self.speed_64ths
@@ -478,7 +483,7 @@ impl Operator {
             Outcome::Unsent => (Weight::Warning, format!("not sent, no contact: to {words}")),
         };
         if !quiet {
-            self.log.say(now_us, weight, text);
+            self.log.answer(now_us, order.intent(), weight, text);
         }
     }
 

@@ -1,5 +1,6 @@
 //! Command queue: one in flight, repeated until it is answered or expires, and one waiting.
 
+use super::Intent;
 use crate::catalog::Catalog;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, SEQUENCE_TRIES};
 use crate::refusal::command_refusal_in;
@@ -38,6 +39,20 @@ impl Order {
             Order::Arm => Action::ArmRequest,
             Order::Clear => Action::ClearRequest,
             Order::Stream => Action::Stream,
+        }
+    }
+
+    /// The intent that it comes from.
+    pub fn intent(self) -> Intent {
+        match self {
+            Order::Play { code, .. } => Intent::Play { code },
+            Order::Pause => Intent::Pause,
+            Order::Resume => Intent::PauseOrResume,
+            Order::Return => Intent::Return,
+            Order::Disarm => Intent::Disarm,
+            Order::Arm => Intent::Arm,
+            Order::Clear => Intent::Clear,
+            Order::Stream => Intent::Stream,
         }
     }
 

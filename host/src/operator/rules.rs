@@ -147,11 +147,12 @@ impl Operator {
             }
             Err(Barred::Refused(why)) => {
                 let words = order.words(self.catalog.as_ref());
-                self.log.say(now_us, Weight::Refused, format!("not sent, to {words}: {why}"));
+                let text = format!("not sent, to {words}: {why}");
+                self.log.answer(now_us, order.intent(), Weight::Refused, text);
             }
             Err(Barred::NeedsNothing(latch, why)) => {
                 self.latch = latch;
-                self.log.say(now_us, Weight::Note, why);
+                self.log.answer(now_us, order.intent(), Weight::Note, why);
             }
         }
     }

@@ -170,6 +170,33 @@ fn arming_takes_two_steps_and_confirms_by_itself() {
 }
 
 #[test]
+fn an_outcome_names_the_intent_that_it_answers() {
+    let mut desk = Desk::new();
+    desk.want(Intent::Arm);
+    desk.poll();
+    desk.answer(CommandResult::Ok, 777);
+    assert!(desk.operator.is_asking(), "the second step");
+    desk.answer(CommandResult::Ok, 0);
+    assert!(!desk.operator.is_asking());
+    desk.want(Intent::Pause);
+    desk.poll();
+    desk.answer(CommandResult::NotArmed, 0);
+    desk.want(Intent::Estop);
+    desk.want(Intent::Return);
+    let answers: Vec<_> =
+        desk.operator.log.messages().iter().map(|m| (m.answers, m.weight)).collect();
+    let expected = [
+        (Some(Intent::Arm), Weight::Note),
+        (Some(Intent::Pause), Weight::Refused),
+        (None, Weight::Warning),
+        (Some(Intent::Return), Weight::Refused),
+    ];
+    assert_eq!(answers[answers.len() - 4..], expected, "{:?}", desk.operator.log.messages());
+    let numbers: Vec<_> = desk.operator.log.messages().iter().map(|m| m.number).collect();
+    assert_eq!(numbers, (1..=answers.len() as u64).collect::<Vec<_>>());
+}
+
+#[test]
 fn a_number_out_of_order_is_counted_on_and_a_refusal_is_told() {
     let mut desk = Desk::new();
     desk.want(Intent::Play { code: 3 });

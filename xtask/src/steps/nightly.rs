@@ -2,7 +2,7 @@
 
 use super::{Extent, Step};
 use crate::{
-    board, browsers, deny, docs, explore, fuzz, hostile, miri, mujoco, package, replay, sbom,
+    board, browsers, deny, docs, explore, fuzz, hostile, miri, mujoco, package, replay, ros2, sbom,
     shell, studio, vcan, wheel, workspace,
 };
 use clap::ValueEnum;
@@ -66,6 +66,8 @@ pub enum NightlyStep {
     Studio,
     /// The Python package, as it is installed: its tests and its tutorial.
     Wheel,
+    /// The ROS 2 node, as colcon builds it.
+    Ros2,
     /// Random faults and combinations of them: a thousand runs on the ground, and on a stand a thousand of each.
     FaultCampaign,
 }
@@ -95,6 +97,7 @@ impl Step for NightlyStep {
                 "the studio's engine as WebAssembly against the native one; its page in real browsers"
             }
             Self::Wheel => "the Python package as it is installed",
+            Self::Ros2 => "the ROS 2 node as colcon builds it",
             Self::FaultCampaign => "fault campaign with 1,000 seeds, and 1,000 runs on the ground",
         }
     }
@@ -147,6 +150,7 @@ impl Step for NightlyStep {
                 browsers::check(Extent::Full)
             }
             Self::Wheel => wheel::check(),
+            Self::Ros2 => ros2::check(Extent::Full),
             Self::FaultCampaign => {
                 let out = shell::target_folder().join("fault-campaign");
                 let programs = workspace::optimised_programs()?;

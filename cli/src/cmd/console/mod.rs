@@ -5,18 +5,16 @@ mod keys;
 mod scene;
 mod screen;
 
+use crate::Exit;
 use crate::gamepad::reader::Gamepad;
 use crate::link::names::NamesArgs;
+use crate::link::operated::farewell;
 use crate::link::{LinkArgs, cannot_open, ended};
-use crate::{Exit, output};
 use app::{App, terminal_gone};
 use miette::miette;
 use ratatui::DefaultTerminal;
-use rollwalk_host::describe::state_name;
 use rollwalk_host::listener;
-use rollwalk_host::operator::View;
 use rollwalk_host::session::SessionError;
-use rollwalk_protocol::wire::State;
 use scene::Lookup;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
@@ -86,30 +84,4 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Ok(view) => farewell(&view),
         Err(error) => terminal_gone(&error.to_string()),
     })
-}
-
-/// How the robot was left.
-fn farewell(view: &View) -> Exit {
-    let Some(status) = view.status else {
-        output::say("left; the controller never answered");
-        return Exit::NotDone;
-    };
-    let state = state_name(status.state);
-    match status.state {
-        State::Disarmed | State::Boot | State::SelfTest => {
-            output::say(format_args!("left; the robot is {state}"));
-            Exit::Ok
-        }
-        State::TorqueOff | State::EStopped => {
-            output::say(format_args!("left; the robot is {state}: clear it before it is armed"));
-            Exit::Ok
-        }
-        _ => {
-            output::say(format_args!(
-                "left while the robot is {state}: without heartbeat it returns to SAFE by itself, then torque goes \
-                 off, and it has to be cleared before it is armed"
-            ));
-            Exit::NotDone
-        }
-    }
 }

@@ -87,7 +87,10 @@ fn view(state: State, clip: Option<u8>) -> View {
         },
         age_us: if channel == 4 { 2_000_000 } else { 80_000 },
     };
-    let say = |at_us, weight, text: &str| Message { at_us, weight, text: text.into() };
+    let say = |at_us, weight, text: &str| {
+        let text = text.into();
+        Message { number: 1, at_us, weight, text, answers: None }
+    };
     View {
         now_us: 65_000_000,
         node: 1,
@@ -157,9 +160,11 @@ fn a_fault_on_the_way_to_safe() {
     view.advice = "see why heartbeats did not arrive; clear, then arm";
     view.deadman_held = Some(false);
     view.messages.push_back(Message {
+        number: 2,
         at_us: 64_500_000,
         weight: Weight::Warning,
         text: "no contact: nothing was heard for 0.5 s; without heartbeats an armed robot returns to SAFE by itself".into(),
+        answers: None,
     });
     for (width, height) in [(80, 24), (120, 40)] {
         let screen = render(&scene(&view, &names), width, height);

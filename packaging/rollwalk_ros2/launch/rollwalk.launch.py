@@ -1,0 +1,50 @@
+"""A robot and the transforms of its links: `ros2 launch rollwalk_ros2 rollwalk.launch.py bus:=sim robot:=robots/agilebot.toml`."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import Command, LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+# Of an end by Ctrl-C the robot returns to SAFE first; a second signal would cut that off, and the robot would have to be cleared.
+HOME_S = "30"
+
+
+def nodes(context):
+    """The robot's node; with a robot file also the publisher of transforms, which takes the URDF when it starts."""
+    given = {name: LaunchConfiguration(name).perform(context) for name in ("bus", "namespace", "robot", "library")}
+    files = [word for name in ("robot", "library") if given[name] for word in (f"--{name}", given[name])]
+    robot = Node(
+        package="rollwalk_ros2",
+        executable="rollwalk-ros2",
+        name="rollwalk",
+        namespace=given["namespace"] or None,
+        arguments=["--bus", given["bus"], *files],
+        output="screen",
+        sigterm_timeout=HOME_S,
+    )
+    if not given["robot"]:
+        return [robot]
+    urdf = Command(["rollwalk robot export '", given["robot"], "' -o /dev/stdout"], on_stderr="ignore")
+    transforms = Node(
+        package="robot_state_publisher",
+        executable="robot_state_publisher",
+        namespace=given["namespace"] or None,
+        parameters=[{"robot_description": ParameterValue(urdf, value_type=str)}],
+        # The robot's node publishes it where others look.
+        remappings=[("robot_description", "~/robot_description")],
+    )
+    return [robot, transforms]
+
+
+def generate_launch_description():
+    """The launch file's arguments and nodes."""
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("bus", description="sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0"),
+            DeclareLaunchArgument("namespace", default_value="", description="namespace of the nodes"),
+            DeclareLaunchArgument("robot", default_value="", description="robot file; with one, transforms are published"),
+            DeclareLaunchArgument("library", default_value="", description="motion library with the names of motions"),
+            OpaqueFunction(function=nodes),
+        ]
+    )

@@ -1,0 +1,269 @@
+//! The node's loop: frames of the robot and messages of ROS in, frames and messages out, in one thread with the bus.
+//!
+//! The node is the robot's host, as a console is. While the loop turns it sends heartbeats; when it ends in any other way than by
+//! [`leaving`](Bridge::run), or stands still, the robot returns to SAFE by itself and turns torque off. What may be commanded when
+//! is the operator's to know (`rollwalk_host::operator`): the node passes requests on and answers with its words.
+
+use crate::convert::{self, Diagnosed};
+use crate::graph::{Call, Graph, Lost, Service};
+use rollwalk::link::LinkArgs;
+use rollwalk::link::names::NamesArgs;
+use rollwalk::link::operated::{Operated, farewell};
+use rollwalk::{Exit, interrupt, output};
+use rollwalk_bus::port::Live;
+use rollwalk_host::catalog::Catalog;
+use rollwalk_host::joints::{Joints, Reader};
+use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use rollwalk_protocol::wire::State;
+use ros2_client::builtin_interfaces::Time;
+use ros2_client::log::LogLevel;
+
+/// Interval between looks at what has changed, µs.
+const LOOK_US: u64 = 20_000;
+/// Interval between diagnostics, µs.
+const DIAGNOSE_US: u64 = 1_000_000;
+/// Time after which the caller of an emergency stop hears that the robot has not acknowledged it, µs.
+const STOPPED_US: u64 = 1_000_000;
+
+/// A call that waits for the robot's answer.
+struct Waiting {
+    call: Call,
+    intent: Intent,
+    since_us: u64,
+}
+
+/// A robot and a node.
+pub struct Bridge<'a> {
+    operated: Operated<'a>,
+    graph: Graph,
+    bus: String,
+    names: &'a NamesArgs,
+    reader: Reader<'static>,
+    /// Configuration and library that the names are of.
+    named: Option<(u32, Option<u32>)>,
+    catalog: Option<Catalog>,
+    /// Names of joints in the URDF, by channel.
+    joints: Vec<String>,
+    urdf: Option<String>,
+    waiting: Option<Waiting>,
+    /// Number of the last message of the operator that was passed on.
+    said: u64,
+    look_us: u64,
+    diagnose_us: u64,
+}
+
+impl<'a> Bridge<'a> {
+    /// A node for the robot on an open bus.
+    pub fn new(
+        link: &'a LinkArgs,
+        names: &'a NamesArgs,
+        bus: Live,
+        operator: Operator,
+        graph: Graph,
+    ) -> Self {
+        Self {
+            operated: Operated::new(link, bus, operator),
+            graph,
+            bus: link.bus.to_string(),
+            names,
+            reader: Reader::new(link.node, None),
+            named: None,
+            catalog: None,
+            joints: Vec::new(),
+            urdf: None,
+            waiting: None,
+            said: 0,
+            look_us: 0,
+            diagnose_us: 0,
+        }
+    }
+
+    /// Serves until a signal asks the process to end, or ROS is lost; the robot has then returned to SAFE and is disarmed, or there
+    /// is no contact with it.
+    pub fn run(&mut self) -> Exit {
+        let mut lost = None;
+        loop {
+            if lost.is_none()
+                && let Err(error) = self.serve()
+            {
+                output::say(&error);
+                lost = Some(error);
+            }
+            self.leave_if(interrupt::requested() || lost.is_some());
+            self.operated.send();
+            if self.operated.operator.leaving() == Leaving::Now {
+                let exit = farewell(&self.view());
+                return if lost.is_some() { Exit::NotDone } else { exit };
+            }
+            self.operated.hear();
+        }
+    }
+
+    /// Exchanges messages and calls with ROS.
+    fn serve(&mut self) -> Result<(), Lost> {
+        if let Err(report) = self.look_names() {
+            // Of a file that has changed since the start. The robot may be moving: it goes on without names.
+            let now_us = self.operated.now_us();
+            let text = format!("names are not known: {report}");
+            self.operated.operator.say(now_us, Weight::Warning, text);
+        }
+        for call in self.graph.calls()? {
+            self.on_call(call);
+        }
+        for name in self.graph.plays()? {
+            self.on_play(&name);
+        }
+        for frame in self.operated.heard() {
+            if let Some(Joints::Measured(joints)) = self.reader.on_frame(&frame) {
+                let message = convert::joint_state(Time::now(), &joints, &self.joints);
+                self.graph.joint_states(message)?;
+            }
+        }
+        let now_us = self.operated.now_us();
+        if now_us >= self.look_us {
+            self.look_us = now_us + LOOK_US;
+            self.operated.diagnose();
+            self.look()?;
+        }
+        Ok(())
+    }
+
+    /// Passes on what has changed.
+    fn look(&mut self) -> Result<(), Lost> {
+        let view = self.view();
+        let catalog = self.catalog.as_ref();
+        let motion = convert::motion(view.status.as_ref(), catalog);
+        self.graph.robot(&convert::state(&view), &motion, &convert::motions(catalog))?;
+        if let Some(urdf) = &self.urdf {
+            self.graph.robot_description(urdf)?;
+        }
+        let said = self.said;
+        for message in view.messages.iter().filter(|message| message.number > said) {
+            self.said = message.number;
+            let level = match message.weight {
+                Weight::Note => LogLevel::Info,
+                Weight::Refused | Weight::Warning => LogLevel::Warn,
+            };
+            self.graph.log(level, &message.text);
+            output::say(&message.text);
+            let answered = |waiting: &mut Waiting| message.answers == Some(waiting.intent);
+            if let Some(Waiting { call, .. }) = self.waiting.take_if(answered) {
+                self.graph.answer(&call, message.weight == Weight::Note, &message.text);
+            }
+        }
+        self.answer_others(&view);
+        if view.now_us >= self.diagnose_us {
+            self.diagnose_us = view.now_us + DIAGNOSE_US;
+            let (node, bus, catalog) = (self.graph.name(), &*self.bus, self.catalog.as_ref());
+            let node = node.trim_start_matches('/');
+            let of = Diagnosed { view: &view, bus, node, catalog };
+            self.graph.diagnostics(convert::diagnostics(Time::now(), &of))?;
+        }
+        Ok(())
+    }
+
+    /// Answers calls whose outcome no message is about.
+    fn answer_others(&mut self, view: &View) {
+        let Some(Waiting { call, intent, since_us }) = &self.waiting else { return };
+        let late = view.now_us > since_us + STOPPED_US;
+        let (success, text) = match intent {
+            Intent::Estop if !view.stopping => (true, "stopped: torque is off"),
+            Intent::Estop if late => (
+                false,
+                "the robot has not acknowledged the emergency stop; it is sent again until it does",
+            ),
+            Intent::Estop => return,
+            _ if self.operated.operator.is_asking() => return,
+            _ => (false, "another command took its place"),
+        };
+        self.graph.answer(call, success, text);
+        self.waiting = None;
+    }
+
+    fn on_call(&mut self, call: Call) {
+        let now_us = self.operated.now_us();
+        if let Some(before) = self.waiting.take() {
+            let text = format!("`{}` took its place", call.service);
+            self.graph.answer(&before.call, false, &text);
+        }
+        let status = self.view().status;
+        let intent = match call.service {
+            Service::Arm => Intent::Arm,
+            Service::Disarm => Intent::Disarm,
+            Service::Return => Intent::Return,
+            Service::Pause => Intent::Pause,
+            Service::Resume if status.is_none_or(|status| status.state != State::Paused) => {
+                return self.graph.answer(&call, false, "no motion is paused");
+            }
+            Service::Resume => Intent::PauseOrResume,
+            Service::Estop => Intent::Estop,
+            Service::Clear => Intent::Clear,
+        };
+        self.waiting = Some(Waiting { call, intent, since_us: now_us });
+        self.operated.operator.want(now_us, intent);
+    }
+
+    /// Plays a motion by its name in the library, or by its code.
+    fn on_play(&mut self, name: &str) {
+        let now_us = self.operated.now_us();
+        let by_name = self.catalog.as_ref().and_then(|catalog| catalog.motion(name));
+        let code = by_name.and_then(|motion| motion.code).or_else(|| name.parse().ok());
+        if let Some(code) = code {
+            return self.operated.operator.want(now_us, Intent::Play { code });
+        }
+        let text = match &self.catalog {
+            Some(catalog) if !catalog.motions.is_empty() => format!(
+                "not sent: the library has no motion `{name}`, but {}",
+                convert::motions(Some(catalog)).replace('\n', ", ")
+            ),
+            _ => format!(
+                "not sent, to play `{name}`: the names of the controller's library are not known on this computer; \
+                 start the node with --library LIB.rwl, or publish the motion's code"
+            ),
+        };
+        self.operated.operator.say(now_us, Weight::Refused, text);
+    }
+
+    /// Takes the robot home and leaves; at once where there is no contact with it.
+    fn leave_if(&mut self, wanted: bool) {
+        let now_us = self.operated.now_us();
+        let operator = &mut self.operated.operator;
+        if wanted && operator.leaving() == Leaving::No {
+            operator.want(now_us, Intent::Quit);
+        }
+        if operator.leaving() == Leaving::WhenHome && !operator.view(now_us).link.contact {
+            operator.want(now_us, Intent::Quit);
+        }
+    }
+
+    /// Looks up names and the URDF once the controller has said which robot and library it has.
+    fn look_names(&mut self) -> miette::Result<()> {
+        let Some(hello) = self.operated.operator.hello().copied() else { return Ok(()) };
+        let wanted = Some((hello.config_hash, hello.library));
+        if self.named == wanted {
+            return Ok(());
+        }
+        self.named = wanted;
+        let now_us = self.operated.now_us();
+        self.catalog = self.names.look_up(Some(&hello))?;
+        self.operated.operator.set_catalog(self.catalog.clone());
+        if hello.library.is_none() {
+            let text = "the controller has no library: `rollwalk flash LIB.rwl` gives it one";
+            self.operated.operator.say(now_us, Weight::Warning, text);
+        }
+        let Some((robot, parts)) = self.names.robot(hello.config_hash)? else {
+            let text = "the robot is none that ships with rollwalk: without --robot ROBOT.toml there is no robot_description";
+            self.operated.operator.say(now_us, Weight::Warning, text);
+            self.joints = self.catalog.as_ref().map_or_else(Vec::new, |c| c.channels.clone());
+            return Ok(());
+        };
+        self.joints = rollwalk_interchange::joint_names(&robot);
+        // It is written to memory.
+        self.urdf = rollwalk_interchange::urdf(&robot, &parts).ok();
+        Ok(())
+    }
+
+    fn view(&self) -> View {
+        self.operated.operator.view(self.operated.now_us())
+    }
+}

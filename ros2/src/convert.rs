@@ -1,0 +1,274 @@
+//! From what the host knows of a robot to messages of ROS: values in, messages out.
+
+use crate::messages::{DiagnosticArray, DiagnosticStatus, Header, JointState, KeyValue, Level};
+use rollwalk_host::catalog::Catalog;
+use rollwalk_host::describe::{fault_names, report_details, state_name};
+use rollwalk_host::joints::Joint;
+use rollwalk_host::operator::View;
+use rollwalk_protocol::faults::Severity;
+use rollwalk_protocol::wire::{State, Status, Torque};
+use ros2_client::builtin_interfaces::Time;
+
+/// Joints and driven wheels as their motors report them, with the names of the URDF by channel. What a motor does not report is
+/// left out for all joints, as the message demands.
+pub fn joint_state(stamp: Time, joints: &[Joint], names: &[String]) -> JointState {
+    let name = |joint: &Joint| names.get(usize::from(joint.channel)).unwrap_or(&joint.name).clone();
+    let all = |value: fn(&Joint) -> Option<f64>| {
+        joints.iter().map(value).collect::<Option<_>>().unwrap_or_default()
+    };
+    JointState {
+        header: header(stamp),
+        name: joints.iter().map(name).collect(),
+        position: all(|joint| joint.position_rad),
+        velocity: all(|joint| joint.speed_rad_s),
+        effort: all(|joint| joint.torque_nm),
+    }
+}
+
+/// The name of a state for programs, as `rollwalk monitor --json` has it.
+pub fn state(view: &View) -> String {
+    let status = view.status.filter(|_| view.link.contact);
+    status.map_or_else(|| "Unknown".to_owned(), |status| format!("{:?}", status.state))
+}
+
+/// The motion or transition that is played; empty where none is.
+pub fn motion(status: Option<&Status>, catalog: Option<&Catalog>) -> String {
+    let playing = status.filter(|status| status.state.torque() == Torque::Driven);
+    let Some(clip) = playing.and_then(|status| status.clip) else { return String::new() };
+    let name = catalog.and_then(|catalog| catalog.clip(clip));
+    name.unwrap_or_else(|| format!("clip {clip}"))
+}
+
+/// Motions of a library that can be played, one in each line.
+pub fn motions(catalog: Option<&Catalog>) -> String {
+    let playable = catalog.into_iter().flat_map(|catalog| &catalog.motions);
+    let names: Vec<_> =
+        playable.filter(|motion| motion.code.is_some()).map(|motion| &*motion.name).collect();
+    names.join("\n")
+}
+
+/// What diagnostics say of a robot.
+pub struct Diagnosed<'a> {
+    /// State, faults and link.
+    pub view: &'a View,
+    /// The bus, as it was typed.
+    pub bus: &'a str,
+    /// Name of the node, before those of its parts.
+    pub node: &'a str,
+    /// Names of motions and channels.
+    pub catalog: Option<&'a Catalog>,
+}
+
+/// The controller and its link, as an operator would look at them.
+pub fn diagnostics(stamp: Time, of: &Diagnosed<'_>) -> DiagnosticArray {
+    let robot = of.catalog.map_or("robot", |catalog| &*catalog.robot);
+    let hardware_id = format!("{robot}, node {}", of.view.node);
+    let part = |name: &str, level, message: String, values: Vec<KeyValue>| {
+        let (name, hardware_id) = (format!("{}: {name}", of.node), hardware_id.clone());
+        DiagnosticStatus { level, name, message, hardware_id, values }
+    };
+    let (level, message, values) = controller(of);
+    let controller = part("controller", level, message, values);
+    let (level, message, values) = link(of);
+    DiagnosticArray {
+        header: header(stamp),
+        status: vec![controller, part("link", level, message, values)],
+    }
+}
+
+fn controller(of: &Diagnosed<'_>) -> (Level, String, Vec<KeyValue>) {
+    let view = of.view;
+    let mut values = vec![
+        entry("state", state(view)),
+        entry("motion", motion(view.status.as_ref(), of.catalog)),
+        entry("next", view.advice.to_owned()),
+    ];
+    if let Some(library) = view.hello.and_then(|hello| hello.library) {
+        values.push(entry("library", format!("{library:08x}")));
+    }
+    for fault in &view.faults {
+        let channels = of.catalog.map(|catalog| &catalog.channels);
+        let channel = fault.channel.map(|channel| {
+            let name = channels.and_then(|names| names.get(usize::from(channel)));
+            name.cloned().unwrap_or_else(|| format!("channel {channel}"))
+        });
+        let details = report_details(fault.fault, channel, fault.value);
+        values.push(entry("fault", fault.fault.description().name.to_owned() + &details));
+    }
+    let Some(status) = view.status.filter(|_| view.link.contact) else {
+        return (Level::Stale, "no contact with the controller".to_owned(), values);
+    };
+    if let Some(mismatch) = &view.mismatch {
+        return (Level::Error, mismatch.clone(), values);
+    }
+    let stopped = matches!(status.state, State::Damped | State::TorqueOff | State::EStopped);
+    let level = match status.severity {
+        _ if stopped => Level::Error,
+        Severity::None if status.faults.is_empty() => Level::Ok,
+        Severity::None | Severity::Notice => Level::Warn,
+        _ => Level::Error,
+    };
+    let mut message = state_name(status.state).to_owned();
+    if !status.faults.is_empty() {
+        message = format!("{message}: {}", fault_names(status.faults));
+    }
+    (level, message, values)
+}
+
+fn link(of: &Diagnosed<'_>) -> (Level, String, Vec<KeyValue>) {
+    let link = of.view.link;
+    let ms =
+        |us: Option<u64>| us.map_or("none yet".into(), |us| format!("{:.1}", us as f64 * 1e-3));
+    let values = vec![
+        entry("bus", of.bus.to_owned()),
+        entry("round trip of the last heartbeat, ms", ms(link.round_trip_us)),
+        entry("age of the last status, ms", ms(link.status_age_us)),
+        entry("status frames received", link.received.to_string()),
+        entry("status frames lost", link.lost.to_string()),
+    ];
+    let (level, message) = match (&of.view.bus_lost, &of.view.complaint) {
+        (Some(why), _) => (Level::Error, format!("the bus is lost: {why}")),
+        (None, Some(why)) => (Level::Warn, why.clone()),
+        (None, None) if link.contact => (Level::Ok, "in contact".to_owned()),
+        (None, None) => (Level::Error, "no contact".to_owned()),
+    };
+    (level, message, values)
+}
+
+fn header(stamp: Time) -> Header {
+    Header { stamp, frame_id: String::new() }
+}
+
+fn entry(key: &str, value: String) -> KeyValue {
+    KeyValue { key: key.to_owned(), value }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_host::joints::{Joints, Reader};
+    use rollwalk_host::operator::Operator;
+    use rollwalk_protocol::actuator::ActuatorStatus;
+    use rollwalk_protocol::faults::{Fault, FaultBits};
+    use rollwalk_protocol::wire::{JointTelemetry, Node};
+
+    fn node() -> Node {
+        Node::new(1).unwrap()
+    }
+
+    fn view(state: State, faults: FaultBits, severity: Severity) -> View {
+        let mut operator = Operator::new(node(), None);
+        let status =
+            Status { state, severity, faults, clip: Some(1), frame: 0, counter: 0, library: 0 };
+        operator.on_frame(1_000, &status.encode(node()));
+        operator.view(2_000)
+    }
+
+    fn catalog() -> Catalog {
+        let motion = |name: &str, code| rollwalk_host::catalog::Motion {
+            name: name.into(),
+            code,
+            frames: 60,
+            looping: false,
+        };
+        let mut catalog = Catalog::of_robot("pup", 7, vec!["hip".into(), "wheel".into()]);
+        catalog.motions =
+            vec![motion("stand", Some(1)), motion("walk", Some(2)), motion("x", None)];
+        catalog
+    }
+
+    fn find<'a>(of: &'a DiagnosticStatus, key: &str) -> &'a str {
+        &of.values.iter().find(|value| value.key == key).unwrap().value
+    }
+
+    #[test]
+    fn a_round_of_telemetry_becomes_a_joint_state_with_the_names_of_the_urdf() {
+        let mut reader = Reader::new(node(), None);
+        let mut rounds = Vec::new();
+        for (channel, position_rad, velocity_rad_s, torque_nm) in
+            [(0, 0.5, -0.25, 1.5), (1, -3.0, 4.0, -0.5), (0, 0.75, 0.0, 0.0)]
+        {
+            let status = ActuatorStatus(0);
+            let joint = JointTelemetry { channel, position_rad, velocity_rad_s, torque_nm, status };
+            rounds.extend(reader.on_frame(&joint.encode(node())));
+        }
+        let [Joints::Measured(joints)] = &*rounds else { panic!("{rounds:?}") };
+        let stamp = Time::new(12, 34);
+        let names = ["hip".to_owned(), "wheel_axle".to_owned()];
+        let message = joint_state(stamp, joints, &names);
+        assert_eq!(message.header, Header { stamp, frame_id: String::new() });
+        assert_eq!(message.name, ["hip", "wheel_axle"]);
+        let close = |values: &[f64], expected: [f64; 2]| {
+            // Telemetry has 16 bits for a value.
+            assert!(values.iter().zip(expected).all(|(a, b)| (a - b).abs() < 5e-3), "{values:?}");
+            assert_eq!(values.len(), 2);
+        };
+        close(&message.position, [0.5, -3.0]);
+        close(&message.velocity, [-0.25, 4.0]);
+        close(&message.effort, [1.5, -0.5]);
+        // Without a robot file telemetry's own names are left.
+        assert_eq!(joint_state(stamp, joints, &names[..1]).name, ["hip", "channel_1"]);
+    }
+
+    #[test]
+    fn what_one_joint_does_not_report_is_left_out_for_all() {
+        let joint = |channel, torque_nm| Joint {
+            channel,
+            name: "x".into(),
+            position_rad: Some(0.0),
+            speed_rad_s: Some(0.0),
+            torque_nm,
+        };
+        let message = joint_state(Time::ZERO, &[joint(0, Some(1.0)), joint(1, None)], &[]);
+        assert_eq!((message.position.len(), message.effort.len()), (2, 0));
+    }
+
+    #[test]
+    fn states_and_motions_have_names() {
+        let (none, catalog) = (FaultBits::default(), catalog());
+        let playing = view(State::Playing, none, Severity::None);
+        assert_eq!(state(&playing), "Playing");
+        assert_eq!(motion(playing.status.as_ref(), Some(&catalog)), "walk");
+        assert_eq!(motion(playing.status.as_ref(), None), "clip 1");
+        let off = view(State::Disarmed, none, Severity::None);
+        assert_eq!(motion(off.status.as_ref(), Some(&catalog)), "");
+        assert_eq!(motions(Some(&catalog)), "stand\nwalk");
+        assert_eq!(state(&Operator::new(node(), None).view(0)), "Unknown");
+    }
+
+    #[test]
+    fn diagnostics_say_how_bad_it_is_and_why() {
+        let catalog = catalog();
+        let of = |view: &View| {
+            let of = Diagnosed { view, bus: "sim", node: "rollwalk", catalog: Some(&catalog) };
+            diagnostics(Time::ZERO, &of).status
+        };
+        let (none, tilt) = (FaultBits::default(), FaultBits::default().with(Fault::Tilt));
+        for (state, faults, severity, level, message) in [
+            (State::Playing, none, Severity::None, Level::Ok, "playing"),
+            (State::Playing, tilt, Severity::Notice, Level::Warn, "playing: the body is tilted"),
+            (
+                State::Returning,
+                tilt,
+                Severity::Return,
+                Level::Error,
+                "returning to SAFE: the body is tilted",
+            ),
+            (State::EStopped, none, Severity::EStop, Level::Error, "stopped by an emergency stop"),
+        ] {
+            let status = of(&view(state, faults, severity));
+            assert_eq!(status[0].level, level, "{:?}", status[0]);
+            assert!(status[0].message.starts_with(message), "{:?}", status[0]);
+            assert_eq!(status[0].name, "rollwalk: controller");
+            assert_eq!(status[0].hardware_id, "pup, node 1");
+            assert_eq!(find(&status[0], "state"), format!("{state:?}"));
+            assert_eq!(status[1].level, Level::Ok, "{:?}", status[1]);
+            assert_eq!(find(&status[1], "bus"), "sim");
+        }
+        let mut operator = Operator::new(node(), None);
+        operator.on_bus_lost(0, "can0 is down");
+        let status = of(&operator.view(0));
+        assert_eq!((status[0].level, status[1].level), (Level::Stale, Level::Error));
+        assert_eq!(status[1].message, "the bus is lost: can0 is down");
+    }
+}

@@ -1,0 +1,373 @@
+//! The node in the graph of ROS: its topics and services. No call blocks: the thread that sends heartbeats to the robot makes
+//! them, and a subscriber that does not keep up loses messages.
+
+use crate::environment::Environment;
+use crate::messages::{DiagnosticArray, JointState, TriggerRequest, TriggerResponse};
+use crate::names::Names;
+use miette::{IntoDiagnostic, WrapErr};
+use rollwalk::output;
+use ros2_client::dds::rustdds::DomainParticipantBuilder;
+use ros2_client::error::{ReadError, ReadResult, WriteError};
+use ros2_client::log::LogLevel;
+use ros2_client::qos::{Durability, History, WhenFull};
+use ros2_client::request_id::RmwRequestId;
+use ros2_client::{
+    Context, MessageTypeName, Node, NodeOptions, Publisher, QosProfile, Server, ServiceTypeName,
+    Subscription, rosout,
+};
+use serde::Serialize;
+use std::fmt;
+use std::net::Ipv4Addr;
+use thiserror::Error;
+
+/// Messages that a subscriber or service may be behind.
+const DEPTH: usize = 10;
+
+/// A service without arguments: a command of the operator, by the name that `rollwalk` has for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Service {
+    /// Turns torque on and goes to SAFE.
+    Arm,
+    /// Returns to SAFE and turns torque off.
+    Disarm,
+    /// Returns to SAFE.
+    Return,
+    /// Halts the motion where it is.
+    Pause,
+    /// Goes on.
+    Resume,
+    /// Turns torque off at once.
+    Estop,
+    /// Leaves an emergency stop or a latched fault.
+    Clear,
+}
+
+impl Service {
+    const ALL: [Self; 7] = [
+        Self::Arm,
+        Self::Disarm,
+        Self::Return,
+        Self::Pause,
+        Self::Resume,
+        Self::Estop,
+        Self::Clear,
+    ];
+}
+
+impl fmt::Display for Service {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Arm => "arm",
+            Self::Disarm => "disarm",
+            Self::Return => "return",
+            Self::Pause => "pause",
+            Self::Resume => "resume",
+            Self::Estop => "estop",
+            Self::Clear => "clear",
+        })
+    }
+}
+
+/// A call of a service that has to be answered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Call {
+    /// What is called.
+    pub service: Service,
+    id: RmwRequestId,
+}
+
+/// DDS has stopped working in this process.
+#[derive(Clone, Debug, Error)]
+#[error("the node can no longer reach ROS: {0}")]
+pub struct Lost(String);
+
+/// A topic whose last value new subscribers get at once.
+struct Latched {
+    publisher: Publisher<String>,
+    published: Option<String>,
+}
+
+impl Latched {
+    fn set(&mut self, value: &str) -> Result<(), Lost> {
+        if self.published.as_deref() != Some(value) && publish(&self.publisher, value.to_owned())? {
+            self.published = Some(value.to_owned());
+        }
+        Ok(())
+    }
+}
+
+/// The node.
+pub struct Graph {
+    node: Node,
+    joint_states: Publisher<JointState>,
+    diagnostics: Publisher<DiagnosticArray>,
+    robot_description: Latched,
+    state: Latched,
+    motion: Latched,
+    motions: Latched,
+    play: Subscription<String>,
+    services: Vec<(Service, Server<TriggerRequest, TriggerResponse>)>,
+}
+
+impl Graph {
+    /// Joins the graph.
+    ///
+    /// # Errors
+    /// DDS finds no socket, or a name is not allowed.
+    pub fn join(environment: &Environment, names: &Names) -> miette::Result<Self> {
+        let mut participant = DomainParticipantBuilder::new(environment.domain);
+        if environment.loopback {
+            participant = participant.with_only_networks([Ipv4Addr::LOCALHOST]);
+        }
+        let domain = environment.domain;
+        let failed = || format!("no node in ROS domain {domain}");
+        let participant = participant.build().into_diagnostic().wrap_err_with(failed)?;
+        let context = Context::from_domain_participant(participant);
+        let context = context.into_diagnostic().wrap_err_with(failed)?;
+        let options = NodeOptions::new().enable_rosout(true);
+        let node = context.new_node(names.node.clone(), options).into_diagnostic();
+        let mut making = Making { node: node.wrap_err_with(failed)?, names };
+        let joint_states =
+            making.publisher("joint_states", ("sensor_msgs", "JointState"), &streamed())?;
+        let array = ("diagnostic_msgs", "DiagnosticArray");
+        let diagnostics = making.publisher("/diagnostics", array, &streamed())?;
+        let robot_description = making.latched("robot_description")?;
+        let state = making.latched("~/state")?;
+        let motion = making.latched("~/motion")?;
+        let motions = making.latched("~/motions")?;
+        let play = making.subscription("~/play")?;
+        let services = Service::ALL.map(|service| making.server(service, environment));
+        let services = services.into_iter().collect::<miette::Result<_>>()?;
+        Ok(Self {
+            node: making.node,
+            joint_states,
+            diagnostics,
+            robot_description,
+            state,
+            motion,
+            motions,
+            play,
+            services,
+        })
+    }
+
+    /// The node's name with its namespace.
+    pub fn name(&self) -> String {
+        self.node.fully_qualified_name()
+    }
+
+    /// Publishes joints.
+    ///
+    /// # Errors
+    /// As for every publication, DDS has stopped working.
+    pub fn joint_states(&self, message: JointState) -> Result<(), Lost> {
+        publish(&self.joint_states, message).map(drop)
+    }
+
+    /// Publishes diagnostics.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn diagnostics(&self, message: DiagnosticArray) -> Result<(), Lost> {
+        publish(&self.diagnostics, message).map(drop)
+    }
+
+    /// Publishes the URDF, if it has changed.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn robot_description(&mut self, urdf: &str) -> Result<(), Lost> {
+        self.robot_description.set(urdf)
+    }
+
+    /// Publishes the state, the motion that is played and those that can be, where they have changed.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn robot(&mut self, state: &str, motion: &str, motions: &str) -> Result<(), Lost> {
+        self.state.set(state)?;
+        self.motion.set(motion)?;
+        self.motions.set(motions)
+    }
+
+    /// Publishes a line on `/rosout`.
+    pub fn log(&self, level: LogLevel, text: &str) {
+        rosout!(self.node, level, "{text}");
+    }
+
+    /// Motions to play that were published since the last call.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn plays(&self) -> Result<Vec<String>, Lost> {
+        let mut names = Vec::new();
+        while let Some((name, _)) = self.read(self.play.take(), "~/play")? {
+            names.push(name);
+        }
+        Ok(names)
+    }
+
+    /// Calls since the last call of this.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn calls(&self) -> Result<Vec<Call>, Lost> {
+        let mut calls = Vec::new();
+        for (service, server) in &self.services {
+            let name = format!("~/{service}");
+            while let Some((id, _)) = self.read(server.receive_request(), &name)? {
+                calls.push(Call { service: *service, id });
+            }
+        }
+        Ok(calls)
+    }
+
+    /// What was read, if there was something; what is no message of its kind is reported and ignored.
+    fn read<T>(&self, outcome: ReadResult<Option<T>>, of: &str) -> Result<Option<T>, Lost> {
+        match outcome {
+            Ok(value) => Ok(value),
+            Err(ReadError::Deserialization { .. } | ReadError::Malformed) => {
+                let text = format!(
+                    "ignored, on {of}: what is no message of its type; does its sender run with this node's \
+                     RMW_IMPLEMENTATION?"
+                );
+                self.log(LogLevel::Warn, &text);
+                output::say(text);
+                Ok(None)
+            }
+            Err(error) => Err(Lost(error.to_string())),
+        }
+    }
+
+    /// Answers a call.
+    pub fn answer(&self, call: &Call, success: bool, message: &str) {
+        let server = self.services.iter().find(|(service, _)| *service == call.service);
+        let answer = TriggerResponse { success, message: message.to_owned() };
+        // A caller that does not read its answer has none.
+        server.map(|(_, server)| server.send_response(call.id, answer));
+    }
+}
+
+/// A node whose topics and services are being made.
+struct Making<'a> {
+    node: Node,
+    names: &'a Names,
+}
+
+impl Making<'_> {
+    fn publisher<M: Serialize>(
+        &mut self,
+        name: &str,
+        (package, kind): (&str, &str),
+        qos: &QosProfile,
+    ) -> miette::Result<Publisher<M>> {
+        let resolved = self.names.resolve(name)?;
+        let kind = MessageTypeName::new(package, kind);
+        let topic = self.node.create_topic(&resolved, kind, qos).into_diagnostic();
+        let publisher = topic.and_then(|topic| {
+            self.node.create_publisher(&topic, Some(qos.clone())).into_diagnostic()
+        });
+        publisher.wrap_err_with(|| format!("no topic {resolved}"))
+    }
+
+    fn latched(&mut self, name: &str) -> miette::Result<Latched> {
+        let qos = reliable(1).durability(Durability::TransientLocal);
+        let publisher = self.publisher(name, ("std_msgs", "String"), &qos)?;
+        Ok(Latched { publisher, published: None })
+    }
+
+    fn subscription(&mut self, name: &str) -> miette::Result<Subscription<String>> {
+        let resolved = self.names.resolve(name)?;
+        let kind = MessageTypeName::new("std_msgs", "String");
+        let topic = self.node.create_topic(&resolved, kind, &streamed()).into_diagnostic();
+        let subscription = topic.and_then(|topic| {
+            self.node.create_subscription(&topic, Some(streamed())).into_diagnostic()
+        });
+        subscription.wrap_err_with(|| format!("no topic {resolved}"))
+    }
+
+    fn server(
+        &mut self,
+        service: Service,
+        environment: &Environment,
+    ) -> miette::Result<(Service, Server<TriggerRequest, TriggerResponse>)> {
+        let name = self.names.resolve(&format!("~/{service}"))?;
+        let kind = ServiceTypeName::new("std_srvs", "Trigger");
+        let mapping = environment.mapping;
+        let server = self.node.create_server(mapping, &name, &kind, streamed(), streamed());
+        Ok((service, server.into_diagnostic().wrap_err_with(|| format!("no service {name}"))?))
+    }
+}
+
+/// Reliable, because subscribers that insist on it would not be served otherwise.
+fn reliable(depth: usize) -> QosProfile {
+    QosProfile::publisher_default()
+        .reliability_reliable(WhenFull::Fail)
+        .history(History::KeepLast { depth })
+}
+
+fn streamed() -> QosProfile {
+    reliable(DEPTH)
+}
+
+/// Publishes a message; whether there was room for it.
+fn publish<M: Serialize>(publisher: &Publisher<M>, message: M) -> Result<bool, Lost> {
+    match publisher.publish(message) {
+        Ok(()) => Ok(true),
+        Err(WriteError::WouldBlock { .. }) => Ok(false),
+        Err(error) => Err(Lost(error.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ros2_client::{Name, ServiceMapping};
+    use std::thread;
+    use std::time::{Duration, Instant};
+
+    /// With the mapping of Fast DDS, which is that of ROS by default: `tests/ros2/` has the one of Cyclone DDS.
+    #[test]
+    fn a_call_is_answered_with_the_number_of_its_request() {
+        // Ports of higher domains are among those that Linux gives away.
+        let domain = 1 + (std::process::id() % 100) as u16;
+        let mapping = ServiceMapping::Enhanced;
+        let environment = Environment { domain, loopback: true, mapping };
+        let (names, _) = Names::split([]).unwrap();
+        let graph = Graph::join(&environment, &names).unwrap();
+        let participant =
+            DomainParticipantBuilder::new(domain).with_only_networks([Ipv4Addr::LOCALHOST]).build();
+        let context = Context::from_domain_participant(participant.unwrap()).unwrap();
+        let name = ros2_client::NodeName::new("/", "caller").unwrap();
+        let mut caller = context.new_node(name, NodeOptions::new()).unwrap();
+        let (service, kind) =
+            (Name::new("/rollwalk", "arm").unwrap(), ServiceTypeName::new("std_srvs", "Trigger"));
+        let client = caller
+            .create_client::<TriggerRequest, TriggerResponse>(
+                mapping,
+                &service,
+                &kind,
+                streamed(),
+                streamed(),
+            )
+            .unwrap();
+        let end = Instant::now() + Duration::from_secs(30);
+        let mut sent = Vec::new();
+        let (id, answer) = loop {
+            assert!(Instant::now() < end, "no answer to {sent:?}");
+            // Until the two have found each other, requests go nowhere.
+            sent.push(client.send_request(TriggerRequest::default()).unwrap());
+            thread::sleep(Duration::from_millis(100));
+            for call in graph.calls().unwrap() {
+                assert_eq!(call.service, Service::Arm);
+                graph.answer(&call, true, "armed");
+            }
+            thread::sleep(Duration::from_millis(100));
+            if let Some(answer) = client.receive_response().unwrap() {
+                break answer;
+            }
+        };
+        assert!(sent.contains(&id), "{id:?} of {sent:?}");
+        assert_eq!(answer, TriggerResponse { success: true, message: "armed".into() });
+    }
+}

@@ -1,0 +1,114 @@
+//! `rollwalk-ros2`: a robot as a node of ROS 2, beside `rollwalk` and `rollwalk-sim` at the end of the data flow.
+//!
+//! The node is a host of the robot with messages and services for a screen and keys: joint states, URDF and diagnostics go out, the
+//! commands of an operator come in. The robot plays whole motions from its own library, and its firmware keeps all limits; so the
+//! node passes on which motion, not angles of joints.
+//!
+//! The package for colcon, with its launch file, is in `packaging/rollwalk_ros2/`.
+//!
+//! | module | is |
+//! |---|---|
+//! | `environment`, `names` | what ROS says to a node by variables and arguments |
+//! | `messages` | messages of ROS |
+//! | `convert` | what the host knows, as messages |
+//! | `graph` | topics and services |
+//! | `bridge` | the loop |
+
+mod bridge;
+mod convert;
+mod environment;
+mod graph;
+mod messages;
+mod names;
+
+use bridge::Bridge;
+use clap::{CommandFactory, FromArgMatches, Parser};
+use environment::Environment;
+use graph::Graph;
+use names::Names;
+use rollwalk::link::names::NamesArgs;
+use rollwalk::link::{LinkArgs, cannot_open, ended};
+use rollwalk::{Exit, end, exit, interrupt, output};
+use rollwalk_host::listener;
+use rollwalk_host::operator::Operator;
+use rollwalk_host::session::SessionError;
+use std::process::ExitCode;
+
+/// A robot as a node of ROS 2: joint states, URDF and diagnostics out, commands of an operator in.
+///
+/// The node is the robot's only host: it sends the heartbeat that keeps an armed robot armed. It arms only when its service `arm`
+/// is called. Ctrl-C and SIGTERM return the robot to SAFE and disarm it; when the node ends in any other way, the robot
+/// does so by itself.
+///
+/// It needs no installation of ROS. ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and RMW_IMPLEMENTATION
+/// (rmw_fastrtps_cpp or rmw_cyclonedds_cpp) are followed, and after --ros-args what names the node and its topics.
+#[derive(Parser)]
+#[command(name = "rollwalk-ros2", version, max_term_width = 100)]
+#[command(after_long_help = "\
+Examples:
+  rollwalk-ros2 --bus can:can0
+  rollwalk-ros2 --bus serial:/dev/ttyUSB0 --library pup.rwl --robot pup.toml
+  rollwalk-ros2 --bus sim --ros-args -r __ns:=/lab -r __node:=agilebot
+
+Then, in another terminal:
+  ros2 service call /rollwalk/arm std_srvs/srv/Trigger
+  ros2 topic pub --once /rollwalk/play std_msgs/msg/String '{data: walk}'
+  ros2 service call /rollwalk/return std_srvs/srv/Trigger
+
+All topics and services are in docs/ros2.md.")]
+struct Cli {
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    names: NamesArgs,
+}
+
+/// The command line; its long help ends with the exit codes.
+pub fn command_line() -> clap::Command {
+    let command = Cli::command();
+    let examples = command.get_after_long_help().map(|text| format!("{text}\n\n"));
+    command.after_long_help(examples.unwrap_or_default() + exit::HELP)
+}
+
+/// Parses the command line and runs the node.
+pub fn main() -> ExitCode {
+    end(Names::split(std::env::args()).and_then(|(names, arguments)| {
+        let matches = command_line().get_matches_from(arguments);
+        run(&Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()), &names)
+    }))
+}
+
+fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
+    let environment = Environment::read()?;
+    if let Some(warning) = environment::other_distribution() {
+        output::say_warnings(&[warning]);
+    }
+    let operator = Operator::new(cli.link.peer()?, cli.names.config_hash()?);
+    interrupt::listen();
+    let mut bus = cli.link.live().map_err(cannot_open)?;
+    let node = cli.link.node;
+    // A bus that is lost by now is waited for by the bridge.
+    if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {
+        return Ok(ended(&cli.link, &SessionError::HasHost { node: node.number() }));
+    }
+    let graph = Graph::join(&environment, names)?;
+    output::say(format_args!("node {} in ROS domain {}", graph.name(), environment.domain));
+    Ok(Bridge::new(&cli.link, &cli.names, bus, operator, graph).run())
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_command_line_is_consistent() {
+        super::command_line().debug_assert();
+    }
+
+    #[test]
+    fn the_package_of_ros_has_the_version_of_the_crate() {
+        let version = format!("<version>{}</version>", env!("CARGO_PKG_VERSION"));
+        assert!(
+            include_str!("../../packaging/rollwalk_ros2/package.xml").contains(&version),
+            "{version}"
+        );
+    }
+}

@@ -1,0 +1,112 @@
+//! The messages of ROS 2 that the node speaks, field by field as their packages define them: their order is what goes over the wire.
+
+use ros2_client::Message;
+use ros2_client::builtin_interfaces::Time;
+use serde::{Deserialize, Serialize};
+
+/// `std_msgs/Header`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// When the values were measured.
+    pub stamp: Time,
+    /// Frame of the values; empty where they have none.
+    pub frame_id: String,
+}
+
+/// `sensor_msgs/JointState`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointState {
+    /// When.
+    pub header: Header,
+    /// Joints, as in the URDF.
+    pub name: Vec<String>,
+    /// Angles, rad.
+    pub position: Vec<f64>,
+    /// Speeds, rad/s.
+    pub velocity: Vec<f64>,
+    /// Torques, N·m.
+    pub effort: Vec<f64>,
+}
+
+/// `diagnostic_msgs/DiagnosticArray`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosticArray {
+    /// When.
+    pub header: Header,
+    /// Of each part.
+    pub status: Vec<DiagnosticStatus>,
+}
+
+/// `diagnostic_msgs/DiagnosticStatus`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosticStatus {
+    /// How good it is.
+    pub level: Level,
+    /// The part, after the name of the node.
+    pub name: String,
+    /// The status in words.
+    pub message: String,
+    /// The robot.
+    pub hardware_id: String,
+    /// Details.
+    pub values: Vec<KeyValue>,
+}
+
+/// Levels of a `diagnostic_msgs/DiagnosticStatus`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(into = "u8", from = "u8")]
+pub enum Level {
+    /// `OK`.
+    Ok,
+    /// `WARN`.
+    Warn,
+    /// `ERROR`.
+    Error,
+    /// `STALE`: it is not known.
+    Stale,
+}
+
+impl From<Level> for u8 {
+    fn from(level: Level) -> Self {
+        level as u8
+    }
+}
+
+impl From<u8> for Level {
+    fn from(number: u8) -> Self {
+        match number {
+            0 => Level::Ok,
+            1 => Level::Warn,
+            2 => Level::Error,
+            _ => Level::Stale,
+        }
+    }
+}
+
+/// `diagnostic_msgs/KeyValue`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeyValue {
+    /// What.
+    pub key: String,
+    /// Its value.
+    pub value: String,
+}
+
+/// Request of `std_srvs/Trigger`. A structure without members has one byte on the wire.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TriggerRequest {
+    /// 0.
+    pub structure_needs_at_least_one_member: u8,
+}
+
+/// Answer of `std_srvs/Trigger`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TriggerResponse {
+    /// Whether it was done.
+    pub success: bool,
+    /// What was done, or why not.
+    pub message: String,
+}
+
+impl Message for TriggerRequest {}
+impl Message for TriggerResponse {}

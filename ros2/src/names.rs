@@ -1,0 +1,138 @@
+//! Names of the node, its topics and its services: as they are by default, and as `--ros-args` changes them.
+
+use miette::{IntoDiagnostic, WrapErr, miette};
+use ros2_client::{Name, NodeName};
+
+/// What follows `--ros-args` on a command line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Names {
+    /// Of the node.
+    pub node: NodeName,
+    /// Fully qualified names, and what stands for them.
+    replaced: Vec<(String, String)>,
+}
+
+impl Names {
+    /// Takes the arguments for ROS out of a command line, as `ros2 run` and `ros2 launch` add them.
+    ///
+    /// # Errors
+    /// An argument that this node does not have, or a name that ROS does not allow.
+    pub fn split(
+        arguments: impl IntoIterator<Item = String>,
+    ) -> miette::Result<(Self, Vec<String>)> {
+        let mut own = Vec::new();
+        let mut rules = Vec::new();
+        let mut arguments = arguments.into_iter();
+        let mut for_ros = false;
+        while let Some(argument) = arguments.next() {
+            match (argument.as_str(), for_ros) {
+                ("--ros-args", _) => for_ros = true,
+                ("--", true) => for_ros = false,
+                ("-r" | "--remap", true) => rules.push(rule(arguments.next())?),
+                (_, true) => {
+                    return Err(miette!(
+                        help = "after --ros-args it takes `-r __node:=NAME`, `-r __ns:=/NAMESPACE` and `-r TOPIC:=OTHER`",
+                        "the node has no argument `{argument}` for ROS"
+                    ));
+                }
+                (_, false) => own.push(argument),
+            }
+        }
+        Ok((Self::new(&rules)?, own))
+    }
+
+    fn new(rules: &[(String, String)]) -> miette::Result<Self> {
+        let of = |keys: &[&str]| rules.iter().rev().find(|(from, _)| keys.contains(&from.as_str()));
+        let name = of(&["__node", "__name"]).map_or("rollwalk", |(_, to)| to);
+        let namespace = of(&["__ns"]).map_or("/", |(_, to)| to);
+        let node = NodeName::new(namespace, name)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("`{namespace}` and `{name}` name no node"))?;
+        let mut names = Self { node, replaced: Vec::new() };
+        let topics = rules.iter().filter(|(from, _)| !from.starts_with("__"));
+        names.replaced = topics.map(|(from, to)| (names.expand(from), names.expand(to))).collect();
+        Ok(names)
+    }
+
+    /// A name as ROS resolves it: `~/play`, `joint_states`, `/diagnostics`.
+    ///
+    /// # Errors
+    /// A rule of `--ros-args` replaces it by a name that ROS does not allow.
+    pub fn resolve(&self, name: &str) -> miette::Result<Name> {
+        let full = self.expand(name);
+        let replaced = self.replaced.iter().find(|(from, _)| *from == full);
+        let full = replaced.map_or(full, |(_, to)| to.clone());
+        let parsed = Name::parse(&full).into_diagnostic();
+        parsed.wrap_err_with(|| format!("`{full}` is no name of a topic or service"))
+    }
+
+    fn expand(&self, name: &str) -> String {
+        let namespace = self.node.namespace().trim_end_matches('/');
+        match (name.strip_prefix("~/"), name.starts_with('/')) {
+            (Some(own), _) => format!("{}/{own}", self.node.fully_qualified_name()),
+            (None, true) => name.to_owned(),
+            (None, false) => format!("{namespace}/{name}"),
+        }
+    }
+}
+
+/// A rule `FROM:=TO`.
+fn rule(text: Option<String>) -> miette::Result<(String, String)> {
+    let text = text.unwrap_or_default();
+    let halves = text.split_once(":=").filter(|(from, to)| !from.is_empty() && !to.is_empty());
+    let (from, to) = halves.ok_or_else(|| miette!("`-r {text}`: a rule is FROM:=TO"))?;
+    Ok((from.to_owned(), to.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn split(line: &str) -> miette::Result<(Names, Vec<String>)> {
+        Names::split(line.split(' ').map(str::to_owned))
+    }
+
+    #[test]
+    fn names_are_those_of_ros_by_default() {
+        let (names, own) = split("rollwalk-ros2 --bus sim").unwrap();
+        assert_eq!(own, ["rollwalk-ros2", "--bus", "sim"]);
+        for (name, full) in [
+            ("~/play", "/rollwalk/play"),
+            ("joint_states", "/joint_states"),
+            ("/diagnostics", "/diagnostics"),
+        ] {
+            assert_eq!(names.resolve(name).unwrap().to_string(), full);
+        }
+    }
+
+    #[test]
+    fn a_launch_file_names_the_node_and_its_topics() {
+        let line = "node --ros-args -r __node:=pup -r __ns:=/lab -r joint_states:=/js --remap ~/play:=go -- --bus sim";
+        let (names, own) = split(line).unwrap();
+        assert_eq!(own, ["node", "--bus", "sim"]);
+        for (name, full) in [
+            ("~/arm", "/lab/pup/arm"),
+            ("~/play", "/lab/go"),
+            ("joint_states", "/js"),
+            ("robot_description", "/lab/robot_description"),
+        ] {
+            assert_eq!(names.resolve(name).unwrap().to_string(), full);
+        }
+    }
+
+    #[test]
+    fn what_ros_would_refuse_is_refused_with_its_words() {
+        for (line, words) in [
+            ("node --ros-args -p rate:=3", "no argument `-p`"),
+            ("node --ros-args -r a", "`-r a`: a rule is FROM:=TO"),
+            ("node --ros-args -r", "a rule is FROM:=TO"),
+            ("node --ros-args -r __node:=a-b", "`/` and `a-b` name no node"),
+        ] {
+            let error = split(line).unwrap_err().to_string();
+            assert!(error.contains(words), "{line}: {error}");
+        }
+        let (names, _) = split("node --ros-args -r joint_states:=/1st").unwrap();
+        let error = names.resolve("joint_states").unwrap_err().to_string();
+        assert!(error.contains("`/1st` is no name"), "{error}");
+    }
+}

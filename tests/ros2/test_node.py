@@ -1,0 +1,258 @@
+"""`rollwalk-ros2` on a simulated Pup, as nodes of ROS 2 see it: topics, services, and what becomes of the robot when it ends.
+
+Run by `cargo xtask test --only ros2`, which sets ROLLWALK, ROLLWALK_SIM and ROLLWALK_ROS2 to the programs under test. The robot
+plays in real time, and each test begins where the one before has ended.
+"""
+
+import dataclasses
+import os
+import pathlib
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+
+from rosbags.typesys import Stores, get_typestore
+from urdf_parser_py.urdf import URDF
+
+import ros
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+ROBOT = ROOT / "robots/pup.toml"
+# Its own, so that neither other tests nor nodes of ROS on this computer are in it. Higher ones have ports that Linux gives away.
+DOMAIN = 1 + os.getpid() % 100
+# Of a motion that lasts some seconds, on a computer with other work.
+PLAYED_S = 30.0
+# Their message definitions come with rosbags.
+DISTRIBUTIONS = (Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY, Stores.ROS2_KILTED, Stores.ROS2_LYRICAL)
+
+
+class Node(unittest.TestCase):
+    """A robot in its simulator and a node for it, for all tests."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.processes = []
+        library, cls.bus = cls.path("pup.rwl"), f"sim:{cls.path('robot.sock')}"
+        cls.rollwalk("library", "build", ROOT / "motions/pup_library.toml", "-o", library)
+        cls.start(os.environ["ROLLWALK_SIM"], ROBOT, "--bus", cls.bus)
+        ros.wait_for(cls.path("robot.sock").exists, "the simulator's socket")
+        cls.rollwalk("flash", library, "--robot", ROBOT, "--bus", cls.bus)
+        cls.node = cls.start_node()
+        cls.domain = ros.on_this_computer(DOMAIN)
+        cls.client = ros.Client(DOMAIN)
+        cls.state = cls.client.reader("/rollwalk/state", ros.String, ros.LATCHED)
+        cls.motion = cls.client.reader("/rollwalk/motion", ros.String, ros.LATCHED)
+        cls.logs = cls.client.reader("/rosout", ros.Log, ros.LATCHED)
+        cls.play = cls.client.writer("/rollwalk/play", ros.String)
+        names = ("arm", "disarm", "return", "pause", "resume", "estop", "clear")
+        cls.services = {name: cls.client.service(f"/rollwalk/{name}") for name in names}
+
+    @classmethod
+    def tearDownClass(cls):
+        for process in reversed(cls.processes):
+            process.terminate()
+            process.wait(timeout=30)
+        cls.folder.cleanup()
+
+    @classmethod
+    def path(cls, name):
+        """A file of the test."""
+        return pathlib.Path(cls.folder.name) / name
+
+    @classmethod
+    def rollwalk(cls, *args):
+        """Runs the command line."""
+        cls.run_to_its_end([os.environ["ROLLWALK"], *map(str, args)])
+
+    @staticmethod
+    def run_to_its_end(command):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise AssertionError(f"{command}: {done.stderr}")
+
+    @classmethod
+    def start(cls, *command, **environment):
+        """Starts a program that runs until it is asked to end."""
+        environment = {**os.environ, **environment}
+        process = subprocess.Popen([str(part) for part in command], env=environment)
+        cls.processes.append(process)
+        return process
+
+    @classmethod
+    def start_node(cls, *args):
+        """Starts a node on the bus."""
+        return cls.start(
+            os.environ["ROLLWALK_ROS2"], "--bus", cls.bus, "--robot", ROBOT, "--library", cls.path("pup.rwl"), *args,
+            ROS_DOMAIN_ID=str(DOMAIN), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST", RMW_IMPLEMENTATION="rmw_cyclonedds_cpp",
+        )
+
+    def done(self, name):
+        """Calls a service that does what it is asked to."""
+        success, message = self.services[name].call()
+        self.assertTrue(success, f"{name}: {message}")
+        return message
+
+    def refused(self, name):
+        """Calls a service that refuses."""
+        success, message = self.services[name].call()
+        self.assertFalse(success, f"{name}: {message}")
+        return message
+
+    def await_text(self, reader, wanted, seconds=PLAYED_S):
+        """Reads texts until one is as wanted; those before it."""
+        seen = []
+
+        def is_there():
+            seen.extend(one.data for one in reader.take(100) if isinstance(one, ros.String))
+            return wanted in seen
+
+        ros.wait_for(is_there, f"{wanted!r}, seen {seen}", seconds)
+        return seen
+
+    def test_1_joints_and_urdf_have_the_same_names(self):
+        description = self.client.reader("/robot_description", ros.String, ros.LATCHED)
+        urdf = ros.wait_for(lambda: description.take(1), "a description of the robot")[0].data
+        robot = URDF.from_xml_string(urdf)
+        self.assertEqual(robot.name, "pup")
+        joints = self.client.reader("/joint_states", ros.JointState)
+        state = ros.wait_for(lambda: joints.take(1), "joint states")[0]
+        moving = {joint.name: joint for joint in robot.joints if joint.type != "fixed"}
+        self.assertEqual(set(state.name), set(moving))
+        for values in (state.position, state.velocity, state.effort):
+            self.assertEqual(len(values), len(state.name))
+        for name, angle in zip(state.name, state.position):
+            limit = moving[name].limit
+            if moving[name].type == "revolute":
+                self.assertTrue(limit.lower - 0.1 <= angle <= limit.upper + 0.1, f"{name}: {angle}")
+        self.assertLess(abs(state.header.stamp.sec - time.time()), 10)
+        self.assertEqual(state.header.frame_id, "")
+
+    def test_2_late_subscribers_get_what_is_latched(self):
+        motions = self.client.reader("/rollwalk/motions", ros.String, ros.LATCHED)
+        self.await_text(motions, "stand\ndrive\nwalk")
+        self.await_text(self.client.reader("/rollwalk/state", ros.String, ros.LATCHED), "Disarmed")
+
+    def test_3_diagnostics_say_how_the_robot_is(self):
+        reader = self.client.reader("/diagnostics", ros.DiagnosticArray)
+        controller, link = ros.wait_for(lambda: reader.take(1), "diagnostics")[0].status
+        self.assertEqual((controller.name, controller.level), ("rollwalk: controller", 0), controller)
+        self.assertEqual((controller.message, controller.hardware_id), ("disarmed", "pup, node 1"))
+        self.assertEqual((link.name, link.level, link.message), ("rollwalk: link", 0, "in contact"), link)
+
+    def test_3_messages_are_those_of_every_distribution(self):
+        for name, kind, of_ros, qos in (
+            ("/joint_states", ros.JointState, "sensor_msgs/msg/JointState", ros.STREAMED),
+            ("/diagnostics", ros.DiagnosticArray, "diagnostic_msgs/msg/DiagnosticArray", ros.STREAMED),
+            ("/rollwalk/motions", ros.String, "std_msgs/msg/String", ros.LATCHED),
+            ("/rosout", ros.Log, "rcl_interfaces/msg/Log", ros.LATCHED),
+        ):
+            reader = self.client.reader(name, kind, qos)
+            message = ros.wait_for(lambda reader=reader: reader.take(1), name)[0]
+            for distribution in DISTRIBUTIONS:
+                read = get_typestore(distribution).deserialize_cdr(message.serialize(), of_ros)
+                self.assertEqual(plain(read), plain(message), f"{of_ros} of {distribution}")
+
+    def test_4_nothing_moves_before_the_robot_is_armed(self):
+        ros.wait_for(lambda: self.play.get_matched_subscriptions(), "the node listens")
+        self.play.write(ros.String("walk"))
+        self.await_log("refused to play walk")
+        self.play.write(ros.String("wlak"))
+        self.await_log("the library has no motion `wlak`, but stand, drive, walk")
+        self.assertIn("no motion is paused", self.refused("resume"))
+        self.assertIn("refused to pause", self.refused("pause"))
+
+    def test_4_what_is_no_text_is_ignored(self):
+        other = ros.Client(DOMAIN)
+        writer = other.writer("/rollwalk/play", ros.Broken)
+        ros.wait_for(lambda: writer.get_matched_subscriptions(), "the node listens")
+        writer.write(ros.Broken(0xFFFFFFFF))
+        self.await_log("ignored, on ~/play: what is no message of its type")
+        self.assertIn("no motion is paused", self.refused("resume"))
+
+    def await_log(self, words):
+        """Reads /rosout until a line has these words."""
+        lines = []
+
+        def is_there():
+            lines.extend(one.msg for one in self.logs.take(100) if isinstance(one, ros.Log))
+            return any(words in line for line in lines)
+
+        ros.wait_for(is_there, f"a line with {words!r}: {lines}")
+
+    def test_5_an_armed_robot_plays_a_motion_to_its_end_and_comes_home(self):
+        joints = self.client.reader("/joint_states", ros.JointState)
+        self.assertIn("armed", self.done("arm"))
+        self.await_text(self.state, "Ready")
+        self.play.write(ros.String("drive"))
+        self.await_text(self.motion, "drive")
+        speeds = []
+        wheels = []
+
+        def is_home():
+            for state in joints.take(100):
+                wheels[:] = [k for k, name in enumerate(state.name) if not name.endswith(("_hip", "_knee"))]
+                speeds.append(max(abs(state.velocity[k]) for k in wheels))
+            seen = [one.data for one in self.motion.take(100) if isinstance(one, ros.String)]
+            return "stand" in seen
+
+        ros.wait_for(is_home, "the end of the motion", PLAYED_S)
+        self.assertEqual(len(wheels), 4)
+        self.assertGreater(max(speeds), 0.5, "its wheels turned, rad/s")
+        self.done("disarm")
+        self.await_text(self.state, "Disarmed")
+
+    def test_6_an_emergency_stop_bars_motion_until_it_is_cleared(self):
+        self.done("arm")
+        self.await_text(self.state, "Ready")
+        self.assertIn("torque is off", self.done("estop"))
+        self.await_text(self.state, "EStopped")
+        self.assertIn("clear it first", self.refused("arm"))
+        self.done("clear")
+        self.await_text(self.state, "Disarmed")
+
+    def test_7_a_second_host_is_refused(self):
+        second = self.start_node("--ros-args", "-r", "__node:=second")
+        self.assertEqual(second.wait(timeout=30), 5)
+
+    def test_8_sigterm_takes_an_armed_robot_home(self):
+        self.done("arm")
+        self.await_text(self.state, "Ready")
+        self.play.write(ros.String("walk"))
+        self.await_text(self.motion, "walk")
+        self.node.send_signal(signal.SIGTERM)
+        self.assertEqual(self.node.wait(timeout=PLAYED_S), 0)
+        # Disarmed in order: a robot that lost its host would have to be cleared.
+        self.rollwalk("send", "--arm", "stand:0.2", "--bus", self.bus)
+
+    def test_9_a_killed_node_leaves_a_robot_that_stops_by_itself(self):
+        node = self.start_node()
+        self.await_text(self.state, "Disarmed")
+        self.done("arm")
+        self.await_text(self.state, "Ready")
+        node.kill()
+        node.wait(timeout=10)
+
+        def is_stopped():
+            monitor = [os.environ["ROLLWALK"], "monitor", "--bus", self.bus, "--json", "--for", "0.3"]
+            heard = subprocess.run(monitor, capture_output=True, text=True, check=True).stdout
+            return '"TorqueOff"' in heard and '"HostLost"' in heard
+
+        ros.wait_for(is_stopped, "the robot without its host", PLAYED_S)
+
+
+def plain(message):
+    """A message of either library as dictionaries, lists, numbers and texts."""
+    if dataclasses.is_dataclass(message):
+        # Constants of a message are in capitals, and its type has a name that no field can have.
+        names = (field.name for field in dataclasses.fields(message))
+        return {name: plain(getattr(message, name)) for name in names if name.islower() and name[0] != "_"}
+    if isinstance(message, (str, int, float)):
+        return message
+    return [plain(one) for one in message]
+
+
+if __name__ == "__main__":
+    unittest.main()
