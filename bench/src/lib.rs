@@ -13,6 +13,7 @@ mod figure_2_4;
 mod figure_2_8;
 mod figure_3_2;
 mod figure_3_6;
+mod figure_3_8;
 mod library_format;
 mod measure;
 mod only;
@@ -59,6 +60,9 @@ pub enum Benchmark {
     /// Figure 3.6: planned and simulated trajectories of ANYmal's forward duck.
     #[command(name = "figure-3-6")]
     Figure36,
+    /// Figures 3.7 and 3.8: ANYmal ducks and turns in closed loop; the plan against the robot.
+    #[command(name = "figure-3-8")]
+    Figure38,
     /// Closed loop against servos: as planned, with other masses, friction, delay and slopes, and pushed.
     Tracking(tracking::Args),
     /// Sensors that break in closed loop: which robots go on, come to rest on their feet, or fall.
@@ -113,6 +117,7 @@ impl Benchmark {
             Self::Figure24 => whole(|| figure_2_4::run(program)),
             Self::Figure32(only) => whole(|| figure_3_2::run(only, program)),
             Self::Figure36 => whole(|| figure_3_6::run(program)),
+            Self::Figure38 => whole(|| figure_3_8::run(program)),
             Self::Table32(args) => Work::Split(table_3_2::split(args, program)?),
             Self::Table33(args) => Work::Split(table_3_3::split(args, program)?),
             Self::LibraryFormat(only) => whole(|| library_format::run(only, program)),
@@ -243,7 +248,7 @@ pub fn motions() -> impl Iterator<Item = String> {
     let rows = rows.chain(table_3_2::ROWS.map(|row| row.0)).chain(table_3_3::ROWS.map(|row| row.0));
     let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION, figure_3_6::MOTION]);
     let others = others.chain([figure_2_8::CAR, figure_2_8::WALK]);
-    let others = others.chain(tracking::MOTIONS);
+    let others = others.chain(tracking::MOTIONS).chain(figure_3_8::MOTIONS);
     rows.chain(others).map(str::to_owned).chain(gaits).chain(suggestions::motions())
 }
 

@@ -86,6 +86,23 @@ fn figure_3_6_compares_plan_and_world() {
 }
 
 #[test]
+fn figure_3_8_tracks_the_duck_and_the_turn() {
+    let desk = desk();
+    let text = bench(&desk, &["figure-3-8"]).succeeds();
+    let plots = ["duck", "turn"].map(|name| format!("out/figure-3-8-anymal_{name}.svg"));
+    let rows = written_rows(&desk, &text, "figure-3-8", &plots.each_ref().map(String::as_str));
+    let yaws = |of: &str| -> Vec<f64> {
+        let turn = rows.iter().filter(|row| row["motion"] == "anymal_turn");
+        turn.map(|row| row[of]["body"][5].as_f64().unwrap()).collect()
+    };
+    // Two periods of 0.4 rad, and the robot is not the plan.
+    for of in ["planned", "tracked"] {
+        assert!((yaws(of).last().unwrap() - 0.8).abs() < 0.03, "{of}");
+    }
+    assert_ne!(yaws("planned"), yaws("tracked"));
+}
+
+#[test]
 fn fault_campaign_on_the_ground_tells_what_the_robot_does() {
     let desk = desk();
     let args = ["fault-campaign", "--on", "ground", "--seeds", "1", "--loss", "3"];

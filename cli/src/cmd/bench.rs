@@ -30,6 +30,7 @@ Examples:
   rollwalk bench figure-2-4 --out bench
   rollwalk bench figure-3-2 --only trot --out bench
   rollwalk bench figure-3-6 --out bench
+  rollwalk bench figure-3-8 --out bench
   rollwalk bench tracking --only trot --phases 4 --out bench
   rollwalk bench sensor-faults --only trot --out bench
   rollwalk bench table-3-2 --out bench
