@@ -131,7 +131,10 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         if let Some(stop) = &mut self.stop {
             return (stop.tick(self.script, tick_s), Some(Untracked::Stopped));
         }
-        let reference = self.plan.reference(from_s + latency_s);
+        // A motion that ends has a rest before it, in which its reference does not move: wheels would creep ahead.
+        let moves = from_s > 0.0 || self.script.repeats();
+        let ahead_s = if moves { latency_s } else { 0.0 };
+        let reference = self.plan.reference(from_s + ahead_s);
         let known = match measured {
             Measured::State(state, touches) => Ok((state, touches)),
             Measured::Sensors(sensors) => {
@@ -149,7 +152,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
                 (laws.map(|(servo, setpoint)| law(servo, setpoint)).collect(), None)
             }
             Err(why) => {
-                let acts_s = to_s + latency_s;
+                let acts_s = to_s + ahead_s;
                 self.lost_s += tick_s;
                 // Before it moves it stands still, and the estimator may align itself.
                 if from_s > 0.0 && self.lost_s > LOST_S {

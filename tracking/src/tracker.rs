@@ -56,12 +56,10 @@ struct Channel {
 #[derive(Clone, Debug)]
 struct Foot {
     phase: Phase,
-    /// Whether it glides along itself.
-    is_blade: bool,
     /// Radius of the cone of forces to which it keeps, per normal force.
     friction: f64,
-    /// The same along a blade, which hardly has any.
-    friction_along: f64,
+    /// Along a blade, which glides along itself.
+    drag: Option<f64>,
     /// Of the material at the contact.
     jacobian: Matrix3xX<f64>,
     /// Acceleration of the material there, J ν̇, that keeps it still.
@@ -149,9 +147,8 @@ impl Tracker {
                 let drag = end_effector.contact.drag().map_or(0.0, |drag| drag.rolling_resistance);
                 Foot {
                     phase: Phase::Swing,
-                    is_blade,
                     friction,
-                    friction_along: if is_blade { drag } else { friction },
+                    drag: is_blade.then_some(drag),
                     jacobian: Matrix3xX::zeros(dofs),
                     still_m_s2: Vector3::zeros(),
                     along: Vector3::x(),

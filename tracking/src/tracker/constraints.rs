@@ -26,8 +26,7 @@ impl Tracker {
         // The pyramid is within the cone of friction; of a robot that recovers around it: to slide a little is better than to fall.
         let part = if self.recovery.is_active() { 1.0 } else { FRAC_1_SQRT_2 };
         for (j, foot) in self.feet.iter().enumerate().filter(|(_, foot)| foot.stands()) {
-            let [along, side] =
-                [foot.friction_along, foot.friction].map(|friction| self.normal * part * friction);
+            let [along, side] = foot.most(part).map(|most| self.normal * most);
             let sides = [
                 along - foot.along,
                 along + foot.along,
@@ -52,6 +51,15 @@ impl Tracker {
             }
         }
         self.program.constraints = constraint;
+    }
+}
+
+impl Foot {
+    /// Most force along the ground per normal force, along the way of a wheel or blade and to its side, in a pyramid whose sides are at this part of the cone.
+    pub(super) fn most(&self, part: f64) -> [f64; 2] {
+        // A blade has no cone, but the drag of its glide.
+        let along = self.drag.unwrap_or(part * self.friction);
+        [along, part * self.friction]
     }
 }
 

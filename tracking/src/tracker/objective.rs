@@ -17,7 +17,7 @@ impl Tracker {
         let Self { weights, program, row, feet, normal, .. } = self;
         let mut squares = Squares { program };
         for foot in feet.iter().filter(|foot| foot.stands()) {
-            if !foot.is_blade {
+            if foot.drag.is_none() {
                 squares.add(weights.contact, &foot.jacobian, &foot.still_m_s2);
                 continue;
             }

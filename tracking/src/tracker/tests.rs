@@ -6,6 +6,7 @@ use nalgebra::{DVector, Isometry3, Rotation3};
 use proptest::prelude::*;
 use rollwalk_multibody::forward_dynamics;
 use rollwalk_robot::Robot;
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::fs;
 
 const TICK_S: f64 = 0.002;
@@ -244,6 +245,21 @@ fn forces_are_where_the_robot_touches() {
     assert_eq!(tracker.feet[3].phase, Phase::Landing);
 }
 
+/// A robot that is pushed hard brakes with more than a pyramid within the cone has; one that is pushed softly does not.
+#[test]
+fn a_robot_that_recovers_uses_all_friction() {
+    for (pushed_m_s, recovers) in [(0.2, false), (1.5, true)] {
+        let (mut tracker, reference) = with_gains("anymal_wheels");
+        let mut state = reference.state.clone();
+        state.velocity[1] += pushed_m_s;
+        tracker.tick(&reference, &state, &reference.stands).unwrap();
+        assert_eq!(tracker.recovery.is_active(), recovers);
+        let share = |foot: &Foot| foot.force_n.dot(&foot.side).abs() / foot.force_n.z;
+        let beyond = |foot: &&Foot| share(foot) > 1.01 * FRAC_1_SQRT_2 * foot.friction;
+        assert_eq!(tracker.feet.iter().filter(beyond).count() > 0, recovers);
+    }
+}
+
 #[test]
 fn motors_that_are_too_weak_get_what_they_have() {
     let mut tracker = without_drives("anymal_wheels");
@@ -312,10 +328,11 @@ proptest! {
                 continue;
             }
             prop_assert!(force.z > -slack_n, "{force}");
-            let most = foot.friction * force.z + slack_n;
-            prop_assert!(force.dot(&foot.side).abs() < most, "{force}");
-            let most = foot.friction_along * force.z + slack_n;
-            prop_assert!(force.dot(&foot.along).abs() < most, "{force}");
+            let part = if tracker.recovery.is_active() { 1.0 } else { FRAC_1_SQRT_2 };
+            let along = foot.drag.unwrap_or(part * foot.friction);
+            for (direction, most) in [(foot.along, along), (foot.side, part * foot.friction)] {
+                prop_assert!(force.dot(&direction).abs() < most * force.z + slack_n, "{force}");
+            }
         }
         for (channel, setpoint) in tracker.channels.iter().zip(&tracker.setpoints) {
             prop_assert!(setpoint.torque_nm.abs() < channel.torque_max_nm * (1.0 + 1e-6));
