@@ -212,16 +212,26 @@ fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
     let rows: Vec<&Row> = rows.collect();
     let mut runs: Table = vec![["motion", "control"].map(str::to_owned).to_vec()];
     runs[0].extend(worlds().iter().map(|world| world.name.to_owned()));
-    let mut pushes = table(["motion", "control", "mean", "least"]);
+    let titles =
+        ["motion", "control", "mean", "least", "from the sides", "from behind", "from ahead"];
+    let mut pushes = table(titles);
     for row in &rows {
         let names = [row.motion.clone(), row.control.clone()];
         let mut cells = names.to_vec();
         cells.extend(row.runs.iter().map(said));
         runs.push(cells);
         if !row.pushes.is_empty() {
-            let mean = row.pushes.iter().sum::<f64>() / row.pushes.len() as f64;
+            let mean = |of: &dyn Fn(&[f64; 2]) -> bool| {
+                let directions = DIRECTIONS.iter().cycle();
+                let chosen = row.pushes.iter().zip(directions).filter(|(_, to)| of(to));
+                let (sum, count) = chosen.fold((0.0, 0.0), |(s, n), (push, _)| (s + push, n + 1.0));
+                sum / count
+            };
             let least = row.pushes.iter().copied().fold(f64::INFINITY, f64::min);
-            let numbers = [mean, least].map(|part| format!("{part:.2}"));
+            let [sides, behind, ahead] =
+                [mean(&|to| to[1] != 0.0), mean(&|to| to[0] > 0.0), mean(&|to| to[0] < 0.0)];
+            let numbers = [mean(&|_| true), least, sides, behind, ahead];
+            let numbers = numbers.map(|part| format!("{part:.2}"));
             pushes.push(names.into_iter().chain(numbers).collect());
         }
     }
