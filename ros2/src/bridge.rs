@@ -28,7 +28,8 @@ const STOPPED_US: u64 = 1_000_000;
 /// A call that waits for the robot's answer.
 struct Waiting {
     call: Call,
-    intent: Intent,
+    /// Number of its wish; an emergency stop is acknowledged without one.
+    wish: Option<u64>,
     since_us: u64,
 }
 
@@ -45,7 +46,7 @@ pub struct Bridge<'a> {
     /// Names of joints in the URDF, by channel.
     joints: Vec<String>,
     urdf: Option<String>,
-    waiting: Option<Waiting>,
+    waiting: Vec<Waiting>,
     /// Number of the last message of the operator that was passed on.
     said: u64,
     look_us: u64,
@@ -71,7 +72,7 @@ impl<'a> Bridge<'a> {
             catalog: None,
             joints: Vec::new(),
             urdf: None,
-            waiting: None,
+            waiting: Vec::new(),
             said: 0,
             look_us: 0,
             diagnose_us: 0,
@@ -107,11 +108,12 @@ impl<'a> Bridge<'a> {
             let text = format!("names are not known: {report}");
             self.operated.operator.say(now_us, Weight::Warning, text);
         }
+        // Before the calls, which may stop the robot.
+        if let Some(name) = self.graph.play()? {
+            self.on_play(&name);
+        }
         for call in self.graph.calls()? {
             self.on_call(call);
-        }
-        for name in self.graph.plays()? {
-            self.on_play(&name);
         }
         for frame in self.operated.heard() {
             if let Some(Joints::Measured(joints)) = self.reader.on_frame(&frame) {
@@ -146,8 +148,10 @@ impl<'a> Bridge<'a> {
             };
             self.graph.log(level, &message.text);
             output::say(&message.text);
-            let answered = |waiting: &mut Waiting| message.answers == Some(waiting.intent);
-            if let Some(Waiting { call, .. }) = self.waiting.take_if(answered) {
+            let is_answered = |waiting: &mut Waiting| {
+                waiting.wish.is_some_and(|wish| message.answers == Some(wish))
+            };
+            for Waiting { call, .. } in self.waiting.extract_if(.., is_answered) {
                 self.graph.answer(&call, message.weight == Weight::Note, &message.text);
             }
         }
@@ -164,28 +168,26 @@ impl<'a> Bridge<'a> {
 
     /// Answers calls whose outcome no message is about.
     fn answer_others(&mut self, view: &View) {
-        let Some(Waiting { call, intent, since_us }) = &self.waiting else { return };
-        let late = view.now_us > since_us + STOPPED_US;
-        let (success, text) = match intent {
-            Intent::Estop if !view.stopping => (true, "stopped: torque is off"),
-            Intent::Estop if late => (
-                false,
-                "the robot has not acknowledged the emergency stop; it is sent again until it does",
-            ),
-            Intent::Estop => return,
-            _ if self.operated.operator.is_asking() => return,
-            _ => (false, "another command took its place"),
-        };
-        self.graph.answer(call, success, text);
-        self.waiting = None;
+        let (graph, operator) = (&self.graph, &self.operated.operator);
+        self.waiting.retain(|Waiting { call, wish, since_us }| {
+            let late = view.now_us > since_us + STOPPED_US;
+            let (success, text) = match wish {
+                Some(wish) if operator.is_asking(*wish) => return true,
+                Some(_) => (false, "it was given up; /rosout says why"),
+                None if !view.stopping => (true, "stopped: torque is off"),
+                None if late => (
+                    false,
+                    "the robot has not acknowledged the emergency stop; it is sent again until it does",
+                ),
+                None => return true,
+            };
+            graph.answer(call, success, text);
+            false
+        });
     }
 
     fn on_call(&mut self, call: Call) {
         let now_us = self.operated.now_us();
-        if let Some(before) = self.waiting.take() {
-            let text = format!("`{}` took its place", call.service);
-            self.graph.answer(&before.call, false, &text);
-        }
         let status = self.view().status;
         let intent = match call.service {
             Service::Arm => Intent::Arm,
@@ -199,8 +201,10 @@ impl<'a> Bridge<'a> {
             Service::Estop => Intent::Estop,
             Service::Clear => Intent::Clear,
         };
-        self.waiting = Some(Waiting { call, intent, since_us: now_us });
-        self.operated.operator.want(now_us, intent);
+        let operator = &mut self.operated.operator;
+        operator.want(now_us, intent);
+        let wish = (intent != Intent::Estop).then(|| operator.wished());
+        self.waiting.push(Waiting { call, wish, since_us: now_us });
     }
 
     /// Plays a motion by its name in the library, or by its code.

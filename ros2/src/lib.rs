@@ -83,7 +83,7 @@ fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
     if let Some(warning) = environment::other_distribution() {
         output::say_warnings(&[warning]);
     }
-    let operator = Operator::new(cli.link.peer()?, cli.names.config_hash()?);
+    let operator = Operator::new(cli.link.peer()?, cli.names.config_hash()?).unwatched();
     interrupt::listen();
     let mut bus = cli.link.live().map_err(cannot_open)?;
     let node = cli.link.node;
