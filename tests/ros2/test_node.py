@@ -224,6 +224,7 @@ class Node(unittest.TestCase):
         self.await_text(self.motion, "walk")
         self.node.send_signal(signal.SIGTERM)
         self.assertEqual(self.node.wait(timeout=PLAYED_S), 0)
+        self.await_text(self.state, "Disarmed")
         # Disarmed in order: a robot that lost its host would have to be cleared.
         self.rollwalk("send", "--arm", "stand:0.2", "--bus", self.bus)
 
