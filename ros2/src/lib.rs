@@ -72,7 +72,7 @@ pub fn command_line() -> clap::Command {
 
 /// Parses the command line and runs the node.
 pub fn main() -> ExitCode {
-    end(Names::split(std::env::args()).and_then(|(names, arguments)| {
+    end(Names::split(std::env::args_os()).and_then(|(names, arguments)| {
         let matches = command_line().get_matches_from(arguments);
         run(&Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()), &names)
     }))
