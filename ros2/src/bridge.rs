@@ -12,40 +12,49 @@ use rollwalk::link::operated::{Operated, farewell};
 use rollwalk::{Exit, interrupt, output};
 use rollwalk_bus::port::Live;
 use rollwalk_host::catalog::Catalog;
-use rollwalk_host::joints::{Joints, Reader};
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
-use rollwalk_protocol::wire::State;
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::text::Shown;
+use rollwalk_protocol::wire::{FromController, JointTelemetry, State};
 use ros2_client::builtin_interfaces::Time;
 use ros2_client::log::LogLevel;
+use std::collections::BTreeMap;
 
 /// Interval between looks at what has changed, µs.
 const LOOK_US: u64 = 20_000;
 /// Interval between diagnostics, µs.
 const DIAGNOSE_US: u64 = 1_000_000;
+/// Characters of a stranger's text that a message repeats.
+const NAME_CHARS: usize = 64;
 /// Time after which the caller of an emergency stop hears that the robot has not acknowledged it, µs.
 const STOPPED_US: u64 = 1_000_000;
 
 /// A call that waits for the robot's answer.
 struct Waiting {
     call: Call,
-    intent: Intent,
+    /// Number of its wish; an emergency stop is acknowledged without one.
+    wish: Option<u64>,
     since_us: u64,
 }
 
 /// A robot and a node.
 pub struct Bridge<'a> {
     operated: Operated<'a>,
+    link: &'a LinkArgs,
+    /// Why ROS can no longer be reached.
+    lost: Option<Lost>,
     graph: Graph,
     bus: String,
     names: &'a NamesArgs,
-    reader: Reader<'static>,
     /// Configuration and library that the names are of.
     named: Option<(u32, Option<u32>)>,
     catalog: Option<Catalog>,
     /// Names of joints in the URDF, by channel.
     joints: Vec<String>,
+    /// Last telemetry of each channel since joints were published.
+    round: BTreeMap<u8, JointTelemetry>,
     urdf: Option<String>,
-    waiting: Option<Waiting>,
+    waiting: Vec<Waiting>,
     /// Number of the last message of the operator that was passed on.
     said: u64,
     look_us: u64,
@@ -63,15 +72,17 @@ impl<'a> Bridge<'a> {
     ) -> Self {
         Self {
             operated: Operated::new(link, bus, operator),
+            link,
+            lost: None,
             graph,
             bus: link.bus.to_string(),
             names,
-            reader: Reader::new(link.node, None),
             named: None,
             catalog: None,
             joints: Vec::new(),
+            round: BTreeMap::new(),
             urdf: None,
-            waiting: None,
+            waiting: Vec::new(),
             said: 0,
             look_us: 0,
             diagnose_us: 0,
@@ -81,62 +92,104 @@ impl<'a> Bridge<'a> {
     /// Serves until a signal asks the process to end, or ROS is lost; the robot has then returned to SAFE and is disarmed, or there
     /// is no contact with it.
     pub fn run(&mut self) -> Exit {
-        let mut lost = None;
         loop {
-            if lost.is_none()
-                && let Err(error) = self.serve()
+            let heard = self.operated.heard();
+            if self.lost.is_none()
+                && let Err(error) = self.serve(&heard)
             {
-                output::say(&error);
-                lost = Some(error);
+                self.lose(error);
             }
-            self.leave_if(interrupt::requested() || lost.is_some());
+            self.leave_if(interrupt::requested() || self.lost.is_some());
             self.operated.send();
-            if self.operated.operator.leaving() == Leaving::Now {
+            let leaves = self.operated.operator.leaving() == Leaving::Now;
+            if leaves || self.operated.now_us() >= self.look_us {
+                self.look();
+            }
+            if leaves {
                 let exit = farewell(&self.view());
-                return if lost.is_some() { Exit::NotDone } else { exit };
+                return if self.lost.is_some() { Exit::NotDone } else { exit };
             }
             self.operated.hear();
         }
     }
 
     /// Exchanges messages and calls with ROS.
-    fn serve(&mut self) -> Result<(), Lost> {
+    fn serve(&mut self, heard: &[Frame]) -> Result<(), Lost> {
         if let Err(report) = self.look_names() {
             // Of a file that has changed since the start. The robot may be moving: it goes on without names.
             let now_us = self.operated.now_us();
             let text = format!("names are not known: {report}");
             self.operated.operator.say(now_us, Weight::Warning, text);
         }
+        // Before the calls, which may stop the robot.
+        if let Some(name) = self.graph.play()? {
+            self.on_play(&name);
+        }
         for call in self.graph.calls()? {
             self.on_call(call);
         }
-        for name in self.graph.plays()? {
-            self.on_play(&name);
-        }
-        for frame in self.operated.heard() {
-            if let Some(Joints::Measured(joints)) = self.reader.on_frame(&frame) {
-                let message = convert::joint_state(Time::now(), &joints, &self.joints);
-                self.graph.joint_states(message)?;
+        heard.iter().try_for_each(|frame| self.on_frame(frame))
+    }
+
+    /// Publishes joints once every one of them, by its name, has reported since they were last published.
+    fn on_frame(&mut self, frame: &Frame) -> Result<(), Lost> {
+        let Ok((node, FromController::JointTelemetry(joint))) = FromController::decode(frame)
+        else {
+            return Ok(());
+        };
+        if node == self.link.node && usize::from(joint.channel) < self.joints.len() {
+            self.round.insert(joint.channel, joint);
+            if self.round.len() == self.joints.len() {
+                let round = std::mem::take(&mut self.round);
+                let joints = self.joints.iter().zip(round.values());
+                self.graph.joint_states(convert::joint_state(Time::now(), joints))?;
             }
-        }
-        let now_us = self.operated.now_us();
-        if now_us >= self.look_us {
-            self.look_us = now_us + LOOK_US;
-            self.operated.diagnose();
-            self.look()?;
         }
         Ok(())
     }
 
-    /// Passes on what has changed.
-    fn look(&mut self) -> Result<(), Lost> {
+    /// Says what is new, and publishes it as long as ROS can be reached.
+    fn look(&mut self) {
+        self.operated.diagnose();
         let view = self.view();
-        let catalog = self.catalog.as_ref();
-        let motion = convert::motion(view.status.as_ref(), catalog);
-        self.graph.robot(&convert::state(&view), &motion, &convert::motions(catalog))?;
+        self.look_us = view.now_us + LOOK_US;
+        self.pass_on_messages(&view);
+        if !view.link.contact {
+            // With what is heard after a loss it would be a state that never was.
+            self.round.clear();
+        }
+        if self.lost.is_none()
+            && let Err(error) = self.publish(&view)
+        {
+            self.lose(error);
+        }
+    }
+
+    fn lose(&mut self, error: Lost) {
+        output::say(&error);
+        self.lost = Some(error);
+    }
+
+    /// Passes on what has changed.
+    fn publish(&mut self, view: &View) -> Result<(), Lost> {
+        let motion = convert::motion(view, self.catalog.as_ref());
+        let motions = convert::motions(self.library());
+        self.graph.robot(&convert::state(view), &motion, &motions)?;
         if let Some(urdf) = &self.urdf {
             self.graph.robot_description(urdf)?;
         }
+        if view.now_us >= self.diagnose_us {
+            self.diagnose_us = view.now_us + DIAGNOSE_US;
+            let (node, bus, catalog) = (self.graph.name(), &*self.bus, self.catalog.as_ref());
+            let node = node.trim_start_matches('/');
+            let of = Diagnosed { view, bus, node, catalog };
+            self.graph.diagnostics(convert::diagnostics(Time::now(), &of))?;
+        }
+        Ok(())
+    }
+
+    /// Passes on messages of the operator, and answers calls.
+    fn pass_on_messages(&mut self, view: &View) {
         let said = self.said;
         for message in view.messages.iter().filter(|message| message.number > said) {
             self.said = message.number;
@@ -144,48 +197,45 @@ impl<'a> Bridge<'a> {
                 Weight::Note => LogLevel::Info,
                 Weight::Refused | Weight::Warning => LogLevel::Warn,
             };
-            self.graph.log(level, &message.text);
             output::say(&message.text);
-            let answered = |waiting: &mut Waiting| message.answers == Some(waiting.intent);
-            if let Some(Waiting { call, .. }) = self.waiting.take_if(answered) {
+            if self.lost.is_some() {
+                continue;
+            }
+            self.graph.log(level, &message.text);
+            let is_answered = |waiting: &mut Waiting| {
+                waiting.wish.is_some_and(|wish| message.answers == Some(wish))
+            };
+            for Waiting { call, .. } in self.waiting.extract_if(.., is_answered) {
                 self.graph.answer(&call, message.weight == Weight::Note, &message.text);
             }
         }
-        self.answer_others(&view);
-        if view.now_us >= self.diagnose_us {
-            self.diagnose_us = view.now_us + DIAGNOSE_US;
-            let (node, bus, catalog) = (self.graph.name(), &*self.bus, self.catalog.as_ref());
-            let node = node.trim_start_matches('/');
-            let of = Diagnosed { view: &view, bus, node, catalog };
-            self.graph.diagnostics(convert::diagnostics(Time::now(), &of))?;
+        if self.lost.is_none() {
+            self.answer_others(view);
         }
-        Ok(())
     }
 
     /// Answers calls whose outcome no message is about.
     fn answer_others(&mut self, view: &View) {
-        let Some(Waiting { call, intent, since_us }) = &self.waiting else { return };
-        let late = view.now_us > since_us + STOPPED_US;
-        let (success, text) = match intent {
-            Intent::Estop if !view.stopping => (true, "stopped: torque is off"),
-            Intent::Estop if late => (
-                false,
-                "the robot has not acknowledged the emergency stop; it is sent again until it does",
-            ),
-            Intent::Estop => return,
-            _ if self.operated.operator.is_asking() => return,
-            _ => (false, "another command took its place"),
-        };
-        self.graph.answer(call, success, text);
-        self.waiting = None;
+        let (graph, operator) = (&self.graph, &self.operated.operator);
+        self.waiting.retain(|Waiting { call, wish, since_us }| {
+            let late = view.now_us > since_us + STOPPED_US;
+            let (success, text) = match wish {
+                Some(wish) if operator.is_asking(*wish) => return true,
+                Some(_) => (false, "it was given up; /rosout says why"),
+                None if !view.stopping => (true, "stopped: torque is off"),
+                None if late => (
+                    false,
+                    "the robot has not acknowledged the emergency stop; it is sent again until it does",
+                ),
+                None => return true,
+            };
+            graph.answer(call, success, text);
+            false
+        });
     }
 
     fn on_call(&mut self, call: Call) {
         let now_us = self.operated.now_us();
-        if let Some(before) = self.waiting.take() {
-            let text = format!("`{}` took its place", call.service);
-            self.graph.answer(&before.call, false, &text);
-        }
         let status = self.view().status;
         let intent = match call.service {
             Service::Arm => Intent::Arm,
@@ -199,22 +249,35 @@ impl<'a> Bridge<'a> {
             Service::Estop => Intent::Estop,
             Service::Clear => Intent::Clear,
         };
-        self.waiting = Some(Waiting { call, intent, since_us: now_us });
-        self.operated.operator.want(now_us, intent);
+        let operator = &mut self.operated.operator;
+        operator.want(now_us, intent);
+        let wish = (intent != Intent::Estop).then(|| operator.wished());
+        self.waiting.push(Waiting { call, wish, since_us: now_us });
+    }
+
+    /// Names of the library that the controller has said to have: with those of another one a name would play something else.
+    fn library(&self) -> Option<&Catalog> {
+        let library = self.operated.operator.hello()?.library?;
+        self.catalog.as_ref().filter(|catalog| catalog.library == library)
     }
 
     /// Plays a motion by its name in the library, or by its code.
     fn on_play(&mut self, name: &str) {
         let now_us = self.operated.now_us();
-        let by_name = self.catalog.as_ref().and_then(|catalog| catalog.motion(name));
+        let by_name = self.library().and_then(|catalog| catalog.motion(name));
         let code = by_name.and_then(|motion| motion.code).or_else(|| name.parse().ok());
         if let Some(code) = code {
             return self.operated.operator.want(now_us, Intent::Play { code });
         }
-        let text = match &self.catalog {
+        let cut: String = name.chars().take(NAME_CHARS).collect();
+        let name = Shown(&cut);
+        let text = match self.library() {
             Some(catalog) if !catalog.motions.is_empty() => format!(
                 "not sent: the library has no motion `{name}`, but {}",
                 convert::motions(Some(catalog)).replace('\n', ", ")
+            ),
+            _ if self.operated.operator.hello().is_none() => format!(
+                "not sent, to play `{name}`: the controller has not said yet which library it has"
             ),
             _ => format!(
                 "not sent, to play `{name}`: the names of the controller's library are not known on this computer; \
@@ -244,6 +307,12 @@ impl<'a> Bridge<'a> {
             return Ok(());
         }
         self.named = wanted;
+        // Of another library: without them, where a lookup fails, its codes are not sent to this one.
+        self.catalog = None;
+        self.operated.operator.set_catalog(None);
+        self.joints.clear();
+        self.round.clear();
+        self.urdf = None;
         let now_us = self.operated.now_us();
         self.catalog = self.names.look_up(Some(&hello))?;
         self.operated.operator.set_catalog(self.catalog.clone());

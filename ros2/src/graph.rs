@@ -43,14 +43,16 @@ pub enum Service {
 }
 
 impl Service {
+    /// In the order in which calls of one pass are handled, which is not known to be that of their arrival: what stops the robot is
+    /// last, so that nothing else takes its place.
     const ALL: [Self; 7] = [
-        Self::Arm,
-        Self::Disarm,
-        Self::Return,
-        Self::Pause,
-        Self::Resume,
-        Self::Estop,
         Self::Clear,
+        Self::Arm,
+        Self::Resume,
+        Self::Pause,
+        Self::Return,
+        Self::Disarm,
+        Self::Estop,
     ];
 }
 
@@ -195,19 +197,21 @@ impl Graph {
         rosout!(self.node, level, "{text}");
     }
 
-    /// Motions to play that were published since the last call.
+    /// The newest motion to play that was published since the last call. As for calls, more than [`DEPTH`] messages wait for the next
+    /// one: heartbeats do, too.
     ///
     /// # Errors
     /// As [`joint_states`](Self::joint_states).
-    pub fn plays(&self) -> Result<Vec<String>, Lost> {
-        let mut names = Vec::new();
-        while let Some((name, _)) = self.read(self.play.take(), "~/play")? {
-            names.push(name);
+    pub fn play(&self) -> Result<Option<String>, Lost> {
+        let mut newest = None;
+        for _ in 0..DEPTH {
+            let Some((name, _)) = self.read(self.play.take(), "~/play")? else { break };
+            newest = Some(name);
         }
-        Ok(names)
+        Ok(newest)
     }
 
-    /// Calls since the last call of this.
+    /// Calls since the last call of this, those that stop the robot last.
     ///
     /// # Errors
     /// As [`joint_states`](Self::joint_states).
@@ -215,7 +219,8 @@ impl Graph {
         let mut calls = Vec::new();
         for (service, server) in &self.services {
             let name = format!("~/{service}");
-            while let Some((id, _)) = self.read(server.receive_request(), &name)? {
+            for _ in 0..DEPTH {
+                let Some((id, _)) = self.read(server.receive_request(), &name)? else { break };
                 calls.push(Call { service: *service, id });
             }
         }

@@ -72,7 +72,7 @@ pub fn command_line() -> clap::Command {
 
 /// Parses the command line and runs the node.
 pub fn main() -> ExitCode {
-    end(Names::split(std::env::args()).and_then(|(names, arguments)| {
+    end(Names::split(std::env::args_os()).and_then(|(names, arguments)| {
         let matches = command_line().get_matches_from(arguments);
         run(&Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()), &names)
     }))
@@ -83,7 +83,7 @@ fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
     if let Some(warning) = environment::other_distribution() {
         output::say_warnings(&[warning]);
     }
-    let operator = Operator::new(cli.link.peer()?, cli.names.config_hash()?);
+    let operator = Operator::new(cli.link.peer()?, cli.names.config_hash()?).unwatched();
     interrupt::listen();
     let mut bus = cli.link.live().map_err(cannot_open)?;
     let node = cli.link.node;

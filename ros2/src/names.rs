@@ -2,6 +2,7 @@
 
 use miette::{IntoDiagnostic, WrapErr, miette};
 use ros2_client::{Name, NodeName};
+use std::ffi::OsString;
 
 /// What follows `--ros-args` on a command line.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,24 +19,26 @@ impl Names {
     /// # Errors
     /// An argument that this node does not have, or a name that ROS does not allow.
     pub fn split(
-        arguments: impl IntoIterator<Item = String>,
-    ) -> miette::Result<(Self, Vec<String>)> {
+        arguments: impl IntoIterator<Item = OsString>,
+    ) -> miette::Result<(Self, Vec<OsString>)> {
         let mut own = Vec::new();
         let mut rules = Vec::new();
         let mut arguments = arguments.into_iter();
         let mut for_ros = false;
         while let Some(argument) = arguments.next() {
-            match (argument.as_str(), for_ros) {
-                ("--ros-args", _) => for_ros = true,
-                ("--", true) => for_ros = false,
-                ("-r" | "--remap", true) => rules.push(rule(arguments.next())?),
+            // Names of files need not be text; those of ROS are.
+            match (argument.to_str(), for_ros) {
+                (Some("--ros-args"), _) => for_ros = true,
+                (_, false) => own.push(argument),
+                (Some("--"), true) => for_ros = false,
+                (Some("-r" | "--remap"), true) => rules.push(rule(arguments.next())?),
                 (_, true) => {
                     return Err(miette!(
                         help = "after --ros-args it takes `-r __node:=NAME`, `-r __ns:=/NAMESPACE` and `-r TOPIC:=OTHER`",
-                        "the node has no argument `{argument}` for ROS"
+                        "the node has no argument `{}` for ROS",
+                        argument.display()
                     ));
                 }
-                (_, false) => own.push(argument),
             }
         }
         Ok((Self::new(&rules)?, own))
@@ -77,8 +80,9 @@ impl Names {
 }
 
 /// A rule `FROM:=TO`.
-fn rule(text: Option<String>) -> miette::Result<(String, String)> {
+fn rule(text: Option<OsString>) -> miette::Result<(String, String)> {
     let text = text.unwrap_or_default();
+    let text = text.to_string_lossy();
     let halves = text.split_once(":=").filter(|(from, to)| !from.is_empty() && !to.is_empty());
     let (from, to) = halves.ok_or_else(|| miette!("`-r {text}`: a rule is FROM:=TO"))?;
     Ok((from.to_owned(), to.to_owned()))
@@ -88,8 +92,8 @@ fn rule(text: Option<String>) -> miette::Result<(String, String)> {
 mod tests {
     use super::*;
 
-    fn split(line: &str) -> miette::Result<(Names, Vec<String>)> {
-        Names::split(line.split(' ').map(str::to_owned))
+    fn split(line: &str) -> miette::Result<(Names, Vec<OsString>)> {
+        Names::split(line.split(' ').map(OsString::from))
     }
 
     #[test]
@@ -117,6 +121,20 @@ mod tests {
             ("robot_description", "/lab/robot_description"),
         ] {
             assert_eq!(names.resolve(name).unwrap().to_string(), full);
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_text_is_left_to_the_command_line_or_refused() {
+        use std::os::unix::ffi::OsStringExt;
+        let file = || OsString::from_vec(b"caf\xe9.toml".to_vec());
+        let (_, own) = Names::split(["node".into(), "--robot".into(), file()]).unwrap();
+        assert_eq!(own, ["node".into(), "--robot".into(), file()]);
+        for before in ["--ros-args", "--ros-args -r"] {
+            let all = before.split(' ').map(OsString::from).chain([file()]);
+            let error = Names::split(all).unwrap_err().to_string();
+            assert!(error.contains("caf\u{fffd}.toml"), "{error}");
         }
     }
 

@@ -147,14 +147,22 @@ class Trigger:
 
     def call(self, seconds=5.0):
         """The answer: whether it was done, and a message."""
+        return self.answer(self.begin(), seconds)
+
+    def begin(self):
+        """Calls, without waiting for the answer: which call it is."""
         wait_for(lambda: self.writer.get_matched_subscriptions(), f"{self.name} is offered")
         wait_for(lambda: self.reader.get_matched_publications(), f"{self.name} answers")
         client, number = 0x0123456789ABCDEF, next(self.numbers)
         self.writer.write(TriggerRequest(client, number, 0))
+        return client, number
+
+    def answer(self, call, seconds=5.0):
+        """The answer to a call that was begun."""
 
         def answer():
             answers = [one for one in self.reader.take(10) if isinstance(one, TriggerResponse)]
-            return [one for one in answers if (one.client, one.number) == (client, number)]
+            return [one for one in answers if (one.client, one.number) == call]
 
         found = wait_for(answer, f"an answer of {self.name}", seconds)
         return found[0].success, found[0].message

@@ -213,6 +213,17 @@ class Node(unittest.TestCase):
         self.done("clear")
         self.await_text(self.state, "Disarmed")
 
+    def test_6_each_call_has_its_own_outcome_and_a_stop_is_the_last_word(self):
+        arm, resume = (self.services[name].begin() for name in ("arm", "resume"))
+        self.assertEqual(self.services["resume"].answer(resume), (False, "no motion is paused"))
+        self.assertEqual(self.services["arm"].answer(arm), (True, "armed: it goes to SAFE"))
+        self.await_text(self.state, "Ready")
+        disarm = self.services["disarm"].begin()
+        self.play.write(ros.String("walk"))
+        success, message = self.services["disarm"].answer(disarm)
+        self.assertTrue(success, message)
+        self.assertNotIn("Playing", self.await_text(self.state, "Disarmed"))
+
     def test_7_a_second_host_is_refused(self):
         second = self.start_node("--ros-args", "-r", "__node:=second")
         self.assertEqual(second.wait(timeout=30), 5)
@@ -224,6 +235,7 @@ class Node(unittest.TestCase):
         self.await_text(self.motion, "walk")
         self.node.send_signal(signal.SIGTERM)
         self.assertEqual(self.node.wait(timeout=PLAYED_S), 0)
+        self.await_text(self.state, "Disarmed")
         # Disarmed in order: a robot that lost its host would have to be cleared.
         self.rollwalk("send", "--arm", "stand:0.2", "--bus", self.bus)
 

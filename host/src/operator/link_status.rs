@@ -108,13 +108,15 @@ impl LinkStatus {
         self.contact = self.contact.map(|_| false);
     }
 
-    /// Reports a loss of contact; returns whether it happened just now.
-    pub fn watch(&mut self, now_us: u64, log: &mut Log) -> bool {
+    /// Reports a loss of contact; returns whether it happened just now. Without a
+    /// person who watches, there is none who could do something about it.
+    pub fn watch(&mut self, now_us: u64, unwatched: bool, log: &mut Log) -> bool {
         if self.contact == Some(true) && !self.in_contact(now_us) {
             self.contact = Some(false);
-            let text = format!(
-                "no contact: nothing was heard for 0.5 s; quit, or let go of the deadman, and {LEFT_ALONE}"
-            );
+            let mut text = "no contact: nothing was heard for 0.5 s".to_owned();
+            if !unwatched {
+                text += &format!("; quit, or let go of the deadman, and {LEFT_ALONE}");
+            }
             log.say(now_us, Weight::Warning, text);
             return true;
         }

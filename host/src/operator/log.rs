@@ -1,6 +1,5 @@
 //! Messages to the operator, with times.
 
-use super::Intent;
 use std::collections::VecDeque;
 
 /// Number of messages kept.
@@ -28,8 +27,8 @@ pub struct Message {
     pub weight: Weight,
     /// The message.
     pub text: String,
-    /// The intent whose outcome it is: a [`Weight::Note`] says that it is done.
-    pub answers: Option<Intent>,
+    /// Number of the [wish](super::Operator::wished) whose outcome it is: a [`Weight::Note`] says that it is done.
+    pub answers: Option<u64>,
 }
 
 /// The last messages, oldest first.
@@ -45,12 +44,12 @@ impl Log {
         self.push(at_us, weight, text.into(), None);
     }
 
-    /// Adds the outcome of an intent.
-    pub fn answer(&mut self, at_us: u64, intent: Intent, weight: Weight, text: impl Into<String>) {
-        self.push(at_us, weight, text.into(), Some(intent));
+    /// Adds the outcome of a wish.
+    pub fn answer(&mut self, at_us: u64, wish: u64, weight: Weight, text: impl Into<String>) {
+        self.push(at_us, weight, text.into(), Some(wish));
     }
 
-    fn push(&mut self, at_us: u64, weight: Weight, text: String, answers: Option<Intent>) {
+    fn push(&mut self, at_us: u64, weight: Weight, text: String, answers: Option<u64>) {
         if self.kept.len() == KEPT {
             self.kept.pop_front();
         }

@@ -3,7 +3,7 @@
 //!
 //! An [`Operator`] sends heartbeats, so it is the robot's host while it is polled. One command is in flight at a
 //! time, repeated with the same number until it is answered or expires; a newer motion supersedes a waiting one.
-//! Stopping commands pre-empt motion commands, and an emergency stop pre-empts everything.
+//! Stopping commands pre-empt motion commands, no motion replaces one that waits, and an emergency stop pre-empts everything.
 //!
 //! [Setpoints](Operator::stream) are sent while the controller is Streaming. Who streams decides what a released deadman means: it can stop the robot on its
 //! feet, a command cannot.
@@ -11,7 +11,8 @@
 //! Three interlocks bar motion: an emergency stop, until the operator has cleared and armed; a deadman that is not
 //! held; a controller with another protocol or robot. A released deadman is a condition, not a single command: as
 //! long as STATUS reports motion, stopping commands repeat. Without contact the operator cannot know whether commands
-//! arrive. A released deadman, or leaving, then withholds heartbeats, and the robot returns to SAFE on the timeout.
+//! arrive. A released deadman, leaving, or a host [without a person](Operator::unwatched) then withholds heartbeats, and the
+//! robot returns to SAFE on the timeout.
 
 mod flashing;
 mod intent;
@@ -71,6 +72,8 @@ pub struct Operator {
     config_hash: Option<u32>,
     catalog: Option<Catalog>,
     orders: Orders,
+    /// Number of intents.
+    wished: u64,
     link: LinkStatus,
     log: Log,
     hello: Option<Hello>,
@@ -92,6 +95,8 @@ pub struct Operator {
     silent: bool,
     /// No operator is known to be at the controls.
     unattended: bool,
+    /// No person watches the robot.
+    unwatched: bool,
     /// A frame that the bus refused.
     unsent: Option<Frame>,
     /// A library on its way to the controller.
@@ -115,6 +120,7 @@ impl Operator {
             config_hash,
             catalog: None,
             orders: Orders::default(),
+            wished: 0,
             link: LinkStatus::default(),
             log: Log::default(),
             hello: None,
@@ -130,12 +136,21 @@ impl Operator {
             visiting: false,
             silent: false,
             unattended: false,
+            unwatched: false,
             unsent: None,
             flashing: None,
             stream: Stream::default(),
             ends_stream: false,
             awaited: None,
         }
+    }
+
+    /// For a host without a person who watches the robot: when contact is lost with torque on, heartbeats are withheld until the
+    /// controller is heard again, because what it does then is not known, and commands may not arrive.
+    #[must_use]
+    pub fn unwatched(mut self) -> Self {
+        self.unwatched = true;
+        self
     }
 
     /// Adds a frame to the stream of setpoints, of all channels. A stream begins anew with [`Intent::Stream`]: then its first frames are
@@ -277,7 +292,7 @@ impl Operator {
         if let Some(frame) = self.unsent.take() {
             return Some(frame);
         }
-        if self.link.watch(now_us, &mut self.log) {
+        if self.link.watch(now_us, self.unwatched, &mut self.log) {
             // After a loss of contact another controller may answer.
             self.hello = None;
         }
@@ -293,7 +308,8 @@ impl Operator {
                 if order.stops() {
                     self.asked = None;
                 }
-                self.orders.give(now_us, order, true, &mut self.client);
+                // No order is there that it could not replace.
+                let _ = self.orders.give(now_us, order, None, &mut self.client);
             }
         }
         while let Some(ended) = self.orders.poll(now_us, &mut self.client) {
@@ -364,9 +380,15 @@ impl Operator {
         }
     }
 
-    /// Whether a command is in flight or waits to be sent.
-    pub fn is_asking(&self) -> bool {
-        self.orders.current().is_some()
+    /// Number of the last intent: messages name it that [answer](Message::answers) it.
+    pub fn wished(&self) -> u64 {
+        self.wished
+    }
+
+    /// Whether the command of the intent with this number is in flight or waits to be sent. One that no longer is, and
+    /// that no message has answered, was dropped.
+    pub fn is_asking(&self, wish: u64) -> bool {
+        self.orders.has(wish)
     }
 
     /// Commanded speed in 64ths of the planned one.
@@ -385,7 +407,9 @@ impl Operator {
     fn update_silence(&mut self, now_us: u64) {
         if self.link.in_contact(now_us) {
             self.silent = false;
-        } else if self.leaving != Leaving::No || matches!(self.deadman, Some(Deadman::Released(_)))
+        } else if self.leaving != Leaving::No
+            || matches!(self.deadman, Some(Deadman::Released(_)))
+            || self.unwatched && self.link.state().is_some_and(has_torque)
         {
             if !self.silent {
                 // The refused frame may be a heartbeat; one refused later is not, and may be a stop.
@@ -467,7 +491,7 @@ impl Operator {
 
     /// Reports the outcome of an order.
     fn end(&mut self, now_us: u64, ended: Ended) {
-        let Ended { order, outcome, quiet } = ended;
+        let Ended { order, outcome, wish } = ended;
         let words = order.words(self.catalog.as_ref());
         let (weight, text) = match outcome {
             Outcome::Done(ack) => {
@@ -482,8 +506,8 @@ impl Operator {
             }
             Outcome::Unsent => (Weight::Warning, format!("not sent, no contact: to {words}")),
         };
-        if !quiet {
-            self.log.answer(now_us, order.intent(), weight, text);
+        if let Some(wish) = wish {
+            self.log.answer(now_us, wish, weight, text);
         }
     }
 

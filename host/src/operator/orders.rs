@@ -1,6 +1,5 @@
 //! Command queue: one in flight, repeated until it is answered or expires, and one waiting.
 
-use super::Intent;
 use crate::catalog::Catalog;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, SEQUENCE_TRIES};
 use crate::refusal::command_refusal_in;
@@ -42,20 +41,6 @@ impl Order {
         }
     }
 
-    /// The intent that it comes from.
-    pub fn intent(self) -> Intent {
-        match self {
-            Order::Play { code, .. } => Intent::Play { code },
-            Order::Pause => Intent::Pause,
-            Order::Resume => Intent::PauseOrResume,
-            Order::Return => Intent::Return,
-            Order::Disarm => Intent::Disarm,
-            Order::Arm => Intent::Arm,
-            Order::Clear => Intent::Clear,
-            Order::Stream => Intent::Stream,
-        }
-    }
-
     /// Whether it can start motion.
     pub fn moves(self) -> bool {
         matches!(self, Order::Play { .. } | Order::Resume | Order::Arm | Order::Stream)
@@ -94,7 +79,7 @@ struct Flight {
     command: Command,
     /// The second of two steps.
     confirming: bool,
-    quiet: bool,
+    wish: Option<u64>,
     numbers: u32,
     next_us: u64,
     until_us: u64,
@@ -104,7 +89,7 @@ struct Flight {
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     order: Order,
-    quiet: bool,
+    wish: Option<u64>,
     until_us: u64,
 }
 
@@ -113,8 +98,8 @@ struct Waiting {
 pub struct Ended {
     pub order: Order,
     pub outcome: Outcome,
-    /// Sent without a request of the operator: its outcome is not reported.
-    pub quiet: bool,
+    /// Number of the operator's wish. Without one the situation required the order, and its outcome is not reported.
+    pub wish: Option<u64>,
 }
 
 /// Outcome of an order.
@@ -126,6 +111,10 @@ pub enum Outcome {
     /// It could not be sent at all.
     Unsent,
 }
+
+/// An order was not taken, because a stopping one waits.
+#[derive(Clone, Copy, Debug)]
+pub struct StopWaits;
 
 /// Commands in flight and waiting.
 #[derive(Clone, Debug, Default)]
@@ -146,12 +135,30 @@ impl Orders {
         self.flight.map_or(u64::MAX, |flight| flight.next_us)
     }
 
+    /// Whether the order of a wish is in flight or waits.
+    pub fn has(&self, wish: u64) -> bool {
+        let wishes = [self.flight.and_then(|of| of.wish), self.waiting.and_then(|of| of.wish)];
+        wishes.contains(&Some(wish))
+    }
+
     /// Queues an order in place of the waiting one. A stopping order also withdraws a motion command in flight.
-    pub fn give(&mut self, now_us: u64, order: Order, quiet: bool, client: &mut Client) {
+    ///
+    /// # Errors
+    /// A stopping order waits, which no other one may replace.
+    pub fn give(
+        &mut self,
+        now_us: u64,
+        order: Order,
+        wish: Option<u64>,
+        client: &mut Client,
+    ) -> Result<(), StopWaits> {
         if order.stops() {
             self.drop_moving(client);
+        } else if self.waiting.is_some_and(|waiting| waiting.order.stops()) {
+            return Err(StopWaits);
         }
-        self.waiting = Some(Waiting { order, quiet, until_us: now_us + WAIT_US });
+        self.waiting = Some(Waiting { order, wish, until_us: now_us + WAIT_US });
+        Ok(())
     }
 
     /// Drops the orders in flight and waiting.
@@ -174,16 +181,16 @@ impl Orders {
         if let Some(flight) = self.flight.filter(|flight| now_us >= flight.until_us) {
             self.flight = None;
             client.withdraw_command();
-            let Flight { order, quiet, .. } = flight;
-            return Some(Ended { order, outcome: Outcome::Unanswered, quiet });
+            let Flight { order, wish, .. } = flight;
+            return Some(Ended { order, outcome: Outcome::Unanswered, wish });
         }
         if let Some(waiting) = self.waiting.filter(|waiting| now_us >= waiting.until_us) {
             self.waiting = None;
-            let Waiting { order, quiet, .. } = waiting;
-            return Some(Ended { order, outcome: Outcome::Unsent, quiet });
+            let Waiting { order, wish, .. } = waiting;
+            return Some(Ended { order, outcome: Outcome::Unsent, wish });
         }
         if self.flight.is_none()
-            && let Some(Waiting { order, quiet, .. }) = self.waiting
+            && let Some(Waiting { order, wish, .. }) = self.waiting
             && now_us >= client.next_command_us()
             && let Some(command) = client.command(now_us, order.first_step())
         {
@@ -191,7 +198,7 @@ impl Orders {
             let until_us = now_us + COMMAND_LIFE_US;
             let (confirming, numbers) = (false, 1);
             let flight =
-                Flight { order, command, confirming, quiet, numbers, next_us: now_us, until_us };
+                Flight { order, command, confirming, wish, numbers, next_us: now_us, until_us };
             self.flight = Some(flight);
         }
         if let Some(flight) = &mut self.flight
@@ -209,7 +216,7 @@ impl Orders {
             (ack.seq, ack.kind) == (flight.command.seq, flight.command.action.kind())
         })?;
         client.withdraw_command();
-        let Flight { order, quiet, .. } = flight;
+        let Flight { order, wish, .. } = flight;
         let next = match (ack.result, order) {
             (CommandResult::Ok, Order::Arm) if !flight.confirming => {
                 Some((Action::ArmConfirm { nonce: ack.value }, true, 1))
@@ -228,7 +235,7 @@ impl Orders {
         {
             let until_us = now_us + COMMAND_LIFE_US;
             let flight =
-                Flight { order, command, confirming, quiet, numbers, next_us: now_us, until_us };
+                Flight { order, command, confirming, wish, numbers, next_us: now_us, until_us };
             self.flight = Some(flight);
             return None;
         }
@@ -236,6 +243,6 @@ impl Orders {
             CommandResult::Ok => Outcome::Done(ack),
             result => Outcome::Refused(command_refusal_in(result, Some(ack.state), None)),
         };
-        Some(Ended { order, outcome, quiet })
+        Some(Ended { order, outcome, wish })
     }
 }

@@ -1,7 +1,7 @@
 //! Interlocks: they decide which intents become orders and bar the others.
 
 use super::log::Weight;
-use super::orders::Order;
+use super::orders::{Order, StopWaits};
 use super::view::Leaving;
 use super::{Deadman, Intent, LetGo, Operator, has_torque};
 use crate::stream::Stream;
@@ -31,6 +31,7 @@ impl Latch {
 impl Operator {
     /// Processes an intent.
     pub fn want(&mut self, now_us: u64, intent: Intent) {
+        self.wished += 1;
         match intent {
             Intent::Estop => self.estop(now_us),
             Intent::Speed { sixty_fourths } => self.speed_64ths = sixty_fourths.clamp(1, 64),
@@ -130,6 +131,11 @@ impl Operator {
     fn order(&mut self, now_us: u64, order: Order) {
         match self.permit(order) {
             Ok(()) => {
+                let wish = Some(self.wished);
+                if let Err(StopWaits) = self.orders.give(now_us, order, wish, &mut self.client) {
+                    let why = "a command that stops the robot is sent first; try again";
+                    return self.refuse(now_us, order, why);
+                }
                 self.automatic_us = self.automatic_us.max(now_us);
                 if order.stops() {
                     self.drop_moving();
@@ -143,18 +149,19 @@ impl Operator {
                 if order == Order::Stream && self.link.state() != Some(State::Streaming) {
                     self.stream = Stream::default();
                 }
-                self.orders.give(now_us, order, false, &mut self.client);
             }
-            Err(Barred::Refused(why)) => {
-                let words = order.words(self.catalog.as_ref());
-                let text = format!("not sent, to {words}: {why}");
-                self.log.answer(now_us, order.intent(), Weight::Refused, text);
-            }
+            Err(Barred::Refused(why)) => self.refuse(now_us, order, &why),
             Err(Barred::NeedsNothing(latch, why)) => {
                 self.latch = latch;
-                self.log.answer(now_us, order.intent(), Weight::Note, why);
+                self.log.answer(now_us, self.wished, Weight::Note, why);
             }
         }
+    }
+
+    fn refuse(&mut self, now_us: u64, order: Order, why: &str) {
+        let words = order.words(self.catalog.as_ref());
+        let text = format!("not sent, to {words}: {why}");
+        self.log.answer(now_us, self.wished, Weight::Refused, text);
     }
 
     fn permit(&self, order: Order) -> Result<(), Barred> {

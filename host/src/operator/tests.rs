@@ -170,14 +170,15 @@ fn arming_takes_two_steps_and_confirms_by_itself() {
 }
 
 #[test]
-fn an_outcome_names_the_intent_that_it_answers() {
+fn an_outcome_has_the_number_of_the_wish_that_it_answers() {
     let mut desk = Desk::new();
     desk.want(Intent::Arm);
     desk.poll();
+    let arm = desk.operator.wished();
     desk.answer(CommandResult::Ok, 777);
-    assert!(desk.operator.is_asking(), "the second step");
+    assert!(desk.operator.is_asking(arm), "the second step");
     desk.answer(CommandResult::Ok, 0);
-    assert!(!desk.operator.is_asking());
+    assert!(!desk.operator.is_asking(arm));
     desk.want(Intent::Pause);
     desk.poll();
     desk.answer(CommandResult::NotArmed, 0);
@@ -186,10 +187,10 @@ fn an_outcome_names_the_intent_that_it_answers() {
     let answers: Vec<_> =
         desk.operator.log.messages().iter().map(|m| (m.answers, m.weight)).collect();
     let expected = [
-        (Some(Intent::Arm), Weight::Note),
-        (Some(Intent::Pause), Weight::Refused),
+        (Some(arm), Weight::Note),
+        (Some(arm + 1), Weight::Refused),
         (None, Weight::Warning),
-        (Some(Intent::Return), Weight::Refused),
+        (Some(arm + 3), Weight::Refused),
     ];
     assert_eq!(answers[answers.len() - 4..], expected, "{:?}", desk.operator.log.messages());
     let numbers: Vec<_> = desk.operator.log.messages().iter().map(|m| m.number).collect();
@@ -227,6 +228,27 @@ fn of_several_motions_the_newest_counts_and_a_pause_waits_for_none() {
     desk.pass(200_000);
     let last = desk.commands().split_off(2);
     assert!(last.iter().all(|command| command.action == Action::Pause), "{last:?}");
+}
+
+#[test]
+fn a_motion_does_not_replace_a_stop_that_waits() {
+    let orders = [Intent::Disarm, Intent::Return, Intent::Pause];
+    for (stop, order) in orders.into_iter().zip([Action::Disarm, Action::Return, Action::Pause]) {
+        let mut desk = Desk::new();
+        // Until it is answered, the next command waits.
+        desk.want(Intent::Clear);
+        desk.poll();
+        desk.want(stop);
+        let wish = desk.operator.wished();
+        for other in [Intent::Play { code: 3 }, Intent::Arm, Intent::Stream] {
+            desk.want(other);
+            assert!(desk.last_words().contains("stops the robot is sent first"), "{other:?}");
+        }
+        assert!(desk.operator.is_asking(wish));
+        desk.pass(1_500_000);
+        let last = desk.commands().last().map(|command| command.action);
+        assert_eq!(last, Some(order), "{:?}", desk.commands());
+    }
 }
 
 #[test]
@@ -423,6 +445,29 @@ fn without_contact_and_without_the_deadman_it_is_silent_but_for_asking() {
     assert_eq!(desk.sent, [], "what was held again brings nothing back");
     desk.hear(status(State::Disarmed, 0).encode(node()));
     assert!(matches!(desk.poll()[..], [ToController::Heartbeat(_), ..]), "{:?}", desk.sent);
+}
+
+#[test]
+fn a_host_without_a_person_leaves_a_robot_with_torque_alone_that_it_does_not_hear() {
+    for (state, is_left) in [(State::Playing, true), (State::Disarmed, false)] {
+        let mut desk = Desk::new();
+        desk.operator = desk.operator.unwatched();
+        desk.hear(status(state, 1).encode(node()));
+        desk.pass(600_000);
+        let messages: Vec<_> =
+            desk.operator.log.messages().iter().map(|message| &*message.text).collect();
+        let left = messages.iter().any(|text| text.starts_with("no heartbeats any more"));
+        assert_eq!(left, is_left, "{messages:?}");
+        assert_eq!(desk.last_words(), "no contact: nothing was heard for 0.5 s");
+        desk.sent.clear();
+        desk.pass(400_000);
+        let lives = desk.sent.iter().any(|sent| matches!(sent, ToController::Heartbeat(_)));
+        assert_eq!(lives, !is_left, "{state:?}: {:?}", desk.sent);
+        desk.hear(status(State::Returning, 2).encode(node()));
+        desk.sent.clear();
+        desk.pass(100_000);
+        assert!(desk.sent.iter().any(|sent| matches!(sent, ToController::Heartbeat(_))));
+    }
 }
 
 #[test]

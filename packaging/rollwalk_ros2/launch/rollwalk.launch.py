@@ -1,5 +1,7 @@
 """A robot and the transforms of its links: `ros2 launch rollwalk_ros2 rollwalk.launch.py bus:=sim robot:=robots/agilebot.toml`."""
 
+import shlex
+
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import Command, LaunchConfiguration
@@ -25,7 +27,7 @@ def nodes(context):
     )
     if not given["robot"]:
         return [robot]
-    urdf = Command(["rollwalk robot export '", given["robot"], "' -o /dev/stdout"], on_stderr="ignore")
+    urdf = Command(["rollwalk robot export ", shlex.quote(given["robot"]), " -o /dev/stdout"], on_stderr="ignore")
     transforms = Node(
         package="robot_state_publisher",
         executable="robot_state_publisher",
