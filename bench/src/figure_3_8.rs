@@ -16,6 +16,8 @@ pub const MOTIONS: [&str; 2] = ["motions/anymal_duck.toml", "motions/anymal_turn
 const CYCLES: usize = 2;
 /// Ticks of the controller and steps of the world per second.
 const RATE_HZ: u32 = 500;
+/// Steps from one row to the next.
+const STEPS: usize = 5;
 /// Quantities of the body.
 const OF_BODY: [(&str, &str); 6] =
     [("ahead", "m"), ("left", "m"), ("up", "m"), ("roll", "rad"), ("pitch", "rad"), ("yaw", "rad")];
@@ -88,11 +90,12 @@ fn track(plan: &Plan, program: &dyn Program) -> miette::Result<(Vec<Row>, bool)>
         ..rollwalk_simulate::Options::new(Control::Tracking(Feedback::Gains), RATE_HZ)
     };
     let mut planned = WholeBody::new(plan);
-    let mut rows = Vec::new();
+    let (mut rows, mut steps) = (Vec::new(), 0);
     let outcome = play(plan, &options, |moment| {
+        steps += 1;
         let time_s = if script.repeats() { moment.done_s } else { moment.motion_s };
         let moves = script.repeats() || (time_s > 0.0 && time_s < script.duration_s());
-        if moves {
+        if moves && steps % STEPS == 0 {
             rows.push(row(plan, &mut planned, moment, time_s));
         }
         !program.interrupted()
