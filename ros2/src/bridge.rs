@@ -32,7 +32,7 @@ const STOPPED_US: u64 = 1_000_000;
 /// A call that waits for the robot's answer.
 struct Waiting {
     call: Call,
-    /// Number of its wish; an emergency stop is acknowledged without one.
+    /// Number of its intent; an emergency stop is acknowledged without one.
     wish: Option<u64>,
     since_us: u64,
 }

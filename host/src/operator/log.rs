@@ -27,7 +27,7 @@ pub struct Message {
     pub weight: Weight,
     /// The message.
     pub text: String,
-    /// Number of the [wish](super::Operator::wished) whose outcome it is: a [`Weight::Note`] says that it is done.
+    /// Number of the [intent](super::Operator::wished) whose outcome it is: a [`Weight::Note`] says that it is done.
     pub answers: Option<u64>,
 }
 
@@ -44,7 +44,7 @@ impl Log {
         self.push(at_us, weight, text.into(), None);
     }
 
-    /// Adds the outcome of a wish.
+    /// Adds the outcome of an intent.
     pub fn answer(&mut self, at_us: u64, wish: u64, weight: Weight, text: impl Into<String>) {
         self.push(at_us, weight, text.into(), Some(wish));
     }

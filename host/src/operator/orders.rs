@@ -98,7 +98,7 @@ struct Waiting {
 pub struct Ended {
     pub order: Order,
     pub outcome: Outcome,
-    /// Number of the operator's wish. Without one the situation required the order, and its outcome is not reported.
+    /// Number of the intent. Without one the situation required the order, and its outcome is not reported.
     pub wish: Option<u64>,
 }
 
@@ -135,7 +135,7 @@ impl Orders {
         self.flight.map_or(u64::MAX, |flight| flight.next_us)
     }
 
-    /// Whether the order of a wish is in flight or waits.
+    /// Whether the order of an intent is in flight or waits.
     pub fn has(&self, wish: u64) -> bool {
         let wishes = [self.flight.and_then(|of| of.wish), self.waiting.and_then(|of| of.wish)];
         wishes.contains(&Some(wish))
