@@ -148,7 +148,7 @@ impl<'a> Bridge<'a> {
         Ok(())
     }
 
-    /// Says what is new, and publishes it as long as ROS can be reached.
+    /// Prints new messages of the operator, and publishes the robot's state while DDS works.
     fn look(&mut self) {
         self.operated.diagnose();
         let view = self.view();

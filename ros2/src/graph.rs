@@ -227,7 +227,7 @@ impl Graph {
         Ok(calls)
     }
 
-    /// What was read, if there was something; what is no message of its kind is reported and ignored.
+    /// The message that was read, if one had come. A malformed message is logged and dropped; any other error ends the node's use of DDS.
     fn read<T>(&self, outcome: ReadResult<Option<T>>, of: &str) -> Result<Option<T>, Lost> {
         match outcome {
             Ok(value) => Ok(value),

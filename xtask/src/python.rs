@@ -85,7 +85,7 @@ impl Environment {
         self.script("python")
     }
 
-    /// A program of what is installed there.
+    /// Path of a program that a package of the environment installed, such as `colcon`.
     pub fn script(&self, name: &str) -> PathBuf {
         self.0.join("bin").join(name)
     }

@@ -33,7 +33,7 @@ const INSTALLED: [&str; 4] = [
 /// Tests the node of the workspace; in full the one that colcon builds, which is optimised.
 ///
 /// # Errors
-/// A failed test or build, or the command that installs what is missing.
+/// A test or the build failed; or a tool is missing, and the error names the command that installs it.
 pub fn check(extent: Extent) -> Result<(), String> {
     let node = match extent {
         Extent::Short => workspace::program("ros2", "rollwalk-ros2")?.path,
