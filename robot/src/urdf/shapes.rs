@@ -21,6 +21,9 @@ const SHAPES_MAX: usize = 16;
 /// Room around a foot or wheel within which a shape is part of it, as a share of its radius.
 const PART_OF_TIP: f64 = 0.1;
 
+/// Most that a leg leans, as a multiple of the height by which a point of it lies above its foot: 60°.
+const LEAN: f64 = 2.0;
+
 /// Shapes of all bodies; notes where meshes are replaced.
 pub(super) fn shapes(
     urdf: &Urdf,
@@ -31,6 +34,7 @@ pub(super) fn shapes(
 ) -> Vec<Vec<Shape>> {
     let mut meshes = Vec::new();
     let all = bodies.bodies.iter().enumerate().map(|(index, body)| {
+        let tips: Vec<_> = tips.iter().filter(|tip| tip.body == index).collect();
         let mut shapes = Vec::new();
         for link in body.links.iter().map(|&link| (link, &urdf.links[link])) {
             let (link, Some((_, body_from_link))) = (link.1, &bodies.places[link.0]) else {
@@ -40,12 +44,15 @@ pub(super) fn shapes(
             if wheels.contains(&link.name) {
                 continue;
             }
-            shapes.extend(of_link(link, body_from_link, index == 0));
+            shapes.extend(of_solids(link, body_from_link, index == 0));
             if link.shapes.iter().any(|shape| shape.collision && shape.solid == Solid::Mesh) {
+                let guess = of_inertia(link, body_from_link, index == 0);
+                shapes.extend(guess.and_then(|shape| {
+                    tips.iter().try_fold(shape, |shape, tip| behind(shape, tip))
+                }));
                 meshes.push(link);
             }
         }
-        let tips: Vec<_> = tips.iter().filter(|tip| tip.body == index).collect();
         thinned(shapes, &tips)
     });
     let all = all.collect();
@@ -56,9 +63,14 @@ pub(super) fn shapes(
     all
 }
 
-fn of_link(link: &Link, body_from_link: &Isometry3<f64>, root: bool) -> Vec<Shape> {
+/// Of the solids of a link.
+fn of_solids(
+    link: &Link,
+    body_from_link: &Isometry3<f64>,
+    root: bool,
+) -> impl Iterator<Item = Shape> {
     let collision = link.shapes.iter().filter(|shape| shape.collision);
-    let solid = |shape: &super::xml::Shape| {
+    collision.filter_map(move |shape| {
         let pose = body_from_link * shape.link_from_shape;
         match shape.solid {
             Solid::Sphere { radius_m } => Some(capsule(&pose, &Vector3::zeros(), radius_m)),
@@ -69,14 +81,34 @@ fn of_link(link: &Link, body_from_link: &Isometry3<f64>, root: bool) -> Vec<Shap
             Solid::Box { size_m } => cuboid(&pose, size_m, root),
             Solid::Mesh => None,
         }
+    })
+}
+
+/// Of a link whose mesh is not read.
+fn of_inertia(link: &Link, body_from_link: &Isometry3<f64>, root: bool) -> Option<Shape> {
+    let (link_from_box, size_m) = inertia_box(link.mass.as_ref()?)?;
+    cuboid(&(body_from_link * link_from_box), size_m, root)
+}
+
+/// What is left of a guessed shape that does not touch the ground before the foot or wheel of its body does: a shin that reaches
+/// below its foot would drag along. A shape at the foot is the foot.
+fn behind(shape: Shape, tip: &Tip) -> Option<Shape> {
+    let Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } = shape else {
+        return Some(shape);
     };
-    let mut shapes: Vec<_> = collision.clone().filter_map(solid).collect();
-    if collision.clone().any(|shape| shape.solid == Solid::Mesh) {
-        shapes.extend(link.mass.as_ref().and_then(inertia_box).and_then(
-            |(link_from_box, size_m)| cuboid(&(body_from_link * link_from_box), size_m, root),
-        ));
+    let mut ends = [from_in_link_m, to_in_link_m];
+    ends.sort_by(|a, b| (b - tip.center_m).norm().total_cmp(&(a - tip.center_m).norm()));
+    let [far, near] = ends;
+    if (far - tip.center_m).norm() <= tip.radius_m {
+        return None;
     }
-    shapes
+    let Some(along) = (near - far).try_normalize(1e-9) else { return Some(shape) };
+    let to_tip = tip.center_m - far;
+    let (way_m, aside_m) = (to_tip.dot(&along), to_tip.cross(&along).norm());
+    let room_m = LEAN * (radius_m - tip.radius_m + aside_m).max(0.0);
+    let length_m = (near - far).norm().min((way_m - room_m).max(0.0));
+    let to_in_link_m = far + along * length_m;
+    Some(Shape::Capsule { from_in_link_m: far, to_in_link_m, radius_m })
 }
 
 /// The capsule with ends at ± `half` in the frame of `pose`.
@@ -186,6 +218,32 @@ mod tests {
         }
         let longest = pose.rotation * Vector3::ith(found.imax(), 1.0);
         assert!((turn * Vector3::x()).cross(&longest).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_guessed_shin_ends_above_its_foot() {
+        let line = |from: f64, to: f64, radius_m| Shape::Capsule {
+            from_in_link_m: Vector3::new(0.01, 0.0, from),
+            to_in_link_m: Vector3::new(0.01, 0.0, to),
+            radius_m,
+        };
+        let tip = Tip { body: 1, center_m: Vector3::new(0.0, 0.0, -0.2), radius_m: 0.02 };
+        // It leans by 60° to each side, and its foot touches first.
+        for (from, to) in [(0.0, -0.23), (-0.23, 0.0)] {
+            let shin = behind(line(from, to, 0.025), &tip).unwrap();
+            assert_eq!(shin, line(0.0, -0.17, 0.025));
+            let Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } = shin else { panic!() };
+            for lean in [-1.04, -0.5, 0.0, 0.5, 1.04] {
+                let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), lean);
+                let lowest = |point: Vector3<f64>, radius_m: f64| (turn * point).z - radius_m;
+                let foot = lowest(tip.center_m, tip.radius_m);
+                let ends = [from_in_link_m, to_in_link_m];
+                assert!(ends.iter().all(|end| lowest(*end, radius_m) >= foot), "{lean}");
+            }
+        }
+        // One that ends above its foot stays as it is, one at the foot goes.
+        assert_eq!(behind(line(0.0, -0.1, 0.025), &tip), Some(line(0.0, -0.1, 0.025)));
+        assert_eq!(behind(line(-0.2, -0.21, 0.03), &tip), None);
     }
 
     #[test]
