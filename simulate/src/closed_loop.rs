@@ -45,6 +45,9 @@ pub enum Untracked {
     /// The tracker found no setpoints.
     #[error("no setpoints meet the constraints, or the state is not finite")]
     Setpoints(Unsolved),
+    /// It was pushed to its side: the steps of its plan go on under it.
+    #[error("it was pushed to its side, and catches itself by the steps of its plan")]
+    PushedAside,
     /// It was not tracked for 0.1 s: it comes to rest, and stays so.
     #[error(
         "it was not tracked for {LOST_S} s, and is brought to a stop for good: begin the motion anew"
@@ -142,17 +145,21 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
                 estimate.map(|state| (state, sensors.touches)).map_err(Untracked::State)
             }
         };
-        let setpoints = known.and_then(|(state, touches)| {
-            self.tracker.tick(&reference, state, touches).map_err(Untracked::Setpoints)
+        let solved = known.and_then(|(state, touches)| {
+            self.tracker.tick(&reference, state, touches).map(drop).map_err(Untracked::Setpoints)
         });
-        match setpoints {
-            Ok(setpoints) => {
+        let acts_s = to_s + ahead_s;
+        match solved {
+            Ok(()) if self.tracker.is_pushed_aside() => {
                 self.lost_s = 0.0;
-                let laws = self.servos.iter().zip(setpoints);
+                (self.script.laws(acts_s), Some(Untracked::PushedAside))
+            }
+            Ok(()) => {
+                self.lost_s = 0.0;
+                let laws = self.servos.iter().zip(self.tracker.setpoints());
                 (laws.map(|(servo, setpoint)| law(servo, setpoint)).collect(), None)
             }
             Err(why) => {
-                let acts_s = to_s + ahead_s;
                 self.lost_s += tick_s;
                 // Before it moves it stands still, and the estimator may align itself.
                 if from_s > 0.0 && self.lost_s > LOST_S {

@@ -1,16 +1,18 @@
 //! Whether the robot is on its plan or recovers from a push, and where its plan lies.
 //!
 //! A robot whose capture point, c + v √(h/g), is far from the planned one recovers: end effectors on the ground stay
-//! there, those in the air land, and centre of mass and body are led back each by itself. Recovery ends when the capture point is back, or when the robot
+//! there, those in the air land, and centre of mass and body are led back each by itself; of one pushed far to its side servos play the plan. Recovery ends when the capture point is back, or when the robot
 //! stands while its plan walks on: it then resumes the plan from where it is. A push is not paid back by a sprint: the plan moves along
 //! with a robot that is far off.
 
-use nalgebra::Vector2;
+use nalgebra::{Rotation2, Vector2};
 use rollwalk_robot::GRAVITY_M_S2;
 
 /// Error of the capture point from which on a robot recovers, and until which it does, as parts of the height of its centre of mass.
 const RECOVERS: f64 = 0.2;
 const RECOVERED: f64 = 0.1;
+/// Error to the side, more than ahead or behind, from which on it does not stand still, as a part of the same height.
+const ASIDE: f64 = 0.4;
 /// Part of that height by which the velocity of a robot that stands moves its capture point at most; √(h/g) long it has to stand.
 const STANDS: f64 = 0.1;
 /// Error of place from which on the plan moves along with the robot, as a part of the same height.
@@ -26,13 +28,18 @@ pub(crate) struct Errors {
     pub planned_m_s: Vector2<f64>,
     /// Planned height above the ground, m.
     pub height_m: f64,
+    /// Planned heading of the body, rad.
+    pub heading_rad: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Stage {
     #[default]
     OnPlan,
-    Recovers,
+    Recovers {
+        /// Whether it was pushed too far to its side to stand still.
+        aside: bool,
+    },
     /// It stood, and has not reached the planned speed again.
     Resumes,
 }
@@ -50,7 +57,13 @@ pub(crate) struct Recovery {
 impl Recovery {
     /// Whether the robot recovers.
     pub fn is_active(&self) -> bool {
-        self.stage == Stage::Recovers
+        matches!(self.stage, Stage::Recovers { .. })
+    }
+
+    /// Whether it recovers from a push to its side, where its support is narrow: standing, it would tip over the edge, and the steps of its
+    /// plan, which go on under it, catch it more often.
+    pub fn is_aside(&self) -> bool {
+        self.stage == Stage::Recovers { aside: true }
     }
 
     /// From where the centre of mass is and how it moves, a tick later. An upright pendulum comes to rest over its capture point.
@@ -58,18 +71,23 @@ impl Recovery {
         let height_m = errors.height_m.max(0.0);
         let pendulum_s = (height_m / GRAVITY_M_S2).sqrt();
         let velocity = errors.velocity_m_s - errors.planned_m_s;
-        let off_m = (errors.from_plan_m + velocity * pendulum_s).norm();
+        let way_m = errors.from_plan_m + velocity * pendulum_s;
+        let off_m = way_m.norm();
+        let of_body_m = Rotation2::new(-errors.heading_rad) * way_m;
+        let [ahead_m, side_m] = [of_body_m.x.abs(), of_body_m.y.abs()];
+        let aside = side_m > ahead_m.max(ASIDE * height_m);
         let stands = errors.velocity_m_s.norm() * pendulum_s < STANDS * height_m;
         self.stood_s = if self.is_active() && stands { self.stood_s + tick_s } else { 0.0 };
         let most_m = RECOVERS * height_m;
         // A robot that stood is slow at first.
         let slow_m = errors.planned_m_s.norm() * pendulum_s;
         self.stage = match self.stage {
-            Stage::OnPlan if off_m > most_m => Stage::Recovers,
-            Stage::Recovers if off_m < RECOVERED * height_m => Stage::OnPlan,
-            Stage::Recovers if self.stood_s > pendulum_s => Stage::Resumes,
-            Stage::Resumes if off_m > most_m + slow_m => Stage::Recovers,
+            Stage::OnPlan if off_m > most_m => Stage::Recovers { aside },
+            Stage::Recovers { .. } if off_m < RECOVERED * height_m => Stage::OnPlan,
+            Stage::Recovers { .. } if self.stood_s > pendulum_s => Stage::Resumes,
+            Stage::Resumes if off_m > most_m + slow_m => Stage::Recovers { aside },
             Stage::Resumes if off_m < most_m => Stage::OnPlan,
+            Stage::Recovers { aside: false } if aside => Stage::Recovers { aside: true },
             same => same,
         };
     }
@@ -79,7 +97,7 @@ impl Recovery {
         // One that resumes begins where it is.
         let most_m = match self.stage {
             Stage::Resumes => 0.0,
-            Stage::OnPlan | Stage::Recovers => ANCHOR * errors.height_m.max(0.0),
+            Stage::OnPlan | Stage::Recovers { .. } => ANCHOR * errors.height_m.max(0.0),
         };
         let off_m = errors.from_plan_m;
         let shift_m = off_m * (1.0 - most_m / off_m.norm().max(most_m).max(f64::MIN_POSITIVE));
@@ -98,6 +116,7 @@ mod tests {
         velocity_m_s: Vector2::new(0.0, 0.0),
         planned_m_s: Vector2::new(0.0, 0.0),
         height_m: 0.5,
+        heading_rad: 0.0,
     };
 
     /// At a speed that moves the capture point by a part of the height.
@@ -143,6 +162,29 @@ mod tests {
         assert_eq!(seen, [(true, 0.0), (true, 0.0), (true, 0.0), (false, 0.05)]);
         let later = [(0.0, 0.1), (0.2, 0.1), (0.4, 0.1), (0.5, 0.1), (0.2, 0.1)].map(&mut at);
         assert_eq!(later, [(false, 0.05), (false, 0.05), (false, 0.0), (false, 0.0), (true, 0.0)]);
+    }
+
+    /// In axes of the body, and until it has recovered.
+    #[test]
+    fn a_push_to_the_side_lets_the_plan_step_on() {
+        let off = |ahead: f64, left: f64| Errors {
+            from_plan_m: Rotation2::new(1.0) * Vector2::new(0.5 * ahead, 0.5 * left),
+            heading_rad: 1.0,
+            ..STILL
+        };
+        let seen = |way: &[[f64; 2]]| {
+            let mut recovery = Recovery::default();
+            let step = |[ahead, left]: &[f64; 2]| {
+                recovery.update(&off(*ahead, *left), 0.0);
+                (recovery.is_active(), recovery.is_aside())
+            };
+            way.iter().map(step).collect::<Vec<_>>()
+        };
+        assert_eq!(seen(&[[0.6, 0.5], [0.0, -0.3]]), [(true, false); 2]);
+        assert_eq!(
+            seen(&[[0.0, 0.3], [0.3, -0.5], [0.3, 0.0], [0.05, 0.0]]),
+            [(true, false), (true, true), (true, true), (false, false)]
+        );
     }
 
     #[test]

@@ -14,6 +14,7 @@
 use crate::contacts::{self, Phase, Planned};
 use crate::correction::{Correction, Place};
 use crate::gains::Gains;
+use crate::model::heading_rad;
 use crate::quadratic::{Program, Solver, Unsolved};
 use crate::recovery::{Errors, Recovery};
 use crate::reference::Reference;
@@ -212,6 +213,17 @@ impl Tracker {
         &self.tree
     }
 
+    /// Setpoints of the last tick that had some, in channel order.
+    pub fn setpoints(&self) -> &[Setpoint] {
+        &self.setpoints
+    }
+
+    /// Whether at the last tick the robot recovered from a push to its side. Its setpoints have it stand still; servos that play its plan,
+    /// with the planned torques, step on and catch it more often (docs/tracking.md, pushes).
+    pub fn is_pushed_aside(&self) -> bool {
+        self.recovery.is_aside()
+    }
+
     /// Steps of the solver in the last tick.
     pub fn steps(&self) -> u32 {
         self.solver.steps()
@@ -372,6 +384,7 @@ impl Tracker {
             velocity_m_s: measured.com_velocity(tree).xy(),
             planned_m_s: planned.com_velocity(tree).xy(),
             height_m,
+            heading_rad: heading_rad(&planned.frames.world_from_link[0]),
         };
         self.recovery.update(&self.errors, self.tick_s);
         for (j, foot) in self.feet.iter_mut().enumerate() {

@@ -133,6 +133,22 @@ fn a_tracked_robot_keeps_its_feet_when_the_world_is_another() {
     assert!(pushed.fell_at_s.is_none(), "{pushed:?}");
 }
 
+/// Pushed ahead it stands still until it has recovered; pushed to its side its servos play the plan, whose steps catch it.
+#[test]
+fn a_robot_that_is_pushed_to_its_side_steps_on() {
+    let trot = plan("agilebot", "trot");
+    let pushed = |force_n: [f64; 3]| {
+        let shoves = vec![Shove::new(1.0, 0.1, force_n)];
+        let options = Options { cycles: 3, shoves, ..Options::new(TRACKING, 500) };
+        let outcome = play(&trot, &options, |_| true).unwrap();
+        assert!(outcome.fell_at_s.is_none(), "{outcome:?}");
+        outcome.untracked
+    };
+    // 0.8 of its weight.
+    let [ahead, aside] = [[35.0, 0.0, 0.0], [0.0, 35.0, 0.0]].map(pushed);
+    assert!(ahead == 0 && aside > 0, "{ahead} {aside}");
+}
+
 /// Without a state the robot comes to rest on its feet, at whatever moment of its turn that is.
 #[test]
 fn a_robot_that_loses_its_sensors_comes_to_rest() {
