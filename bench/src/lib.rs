@@ -35,7 +35,7 @@ use rollwalk_robot::Robot;
 use serde::Serialize;
 use split::Split;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A benchmark with its options.
 #[derive(clap::Subcommand)]
@@ -142,6 +142,12 @@ pub trait Program: Sync {
     /// # Errors
     /// There is no such file.
     fn motion(&self, file: &str) -> miette::Result<(Robot, Motion)>;
+
+    /// A motion of the user's and its robot, by the path of the motion file.
+    ///
+    /// # Errors
+    /// There is no such file, or it or that of its robot cannot be used.
+    fn own_motion(&self, file: &Path) -> miette::Result<(Robot, Motion)>;
 
     /// A shipped design with its robot and motions, by the design file's path in the checkout.
     ///

@@ -80,6 +80,7 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
     words.extend(args.only.words());
     Ok(Box::new(Rows {
         words,
+        inputs: Vec::new(),
         is_timed: false,
         rows: args.only.choose(&MOTIONS[..COUNT], |row| row)?,
         row: Box::new(|file| row(file, program)),

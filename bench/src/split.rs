@@ -11,6 +11,10 @@ use std::collections::BTreeMap;
 pub trait Split: Sync {
     /// Words of the command line behind `bench`: the name, and all options. The same words ask for the same work.
     fn words(&self) -> Vec<String>;
+    /// Texts of the user's own files on which the work depends.
+    fn inputs(&self) -> Vec<String> {
+        Vec::new()
+    }
     /// Number of units.
     fn units(&self) -> usize;
     /// What units are called.
@@ -38,6 +42,8 @@ pub type Found<'a, R> = dyn Fn(&[R]) -> Findings + Sync + 'a;
 pub struct Rows<'a, T, R> {
     /// [`Split::words`].
     pub words: Vec<String>,
+    /// [`Split::inputs`].
+    pub inputs: Vec<String>,
     /// [`Split::is_timed`].
     pub is_timed: bool,
     /// What there is a row of.
@@ -51,6 +57,10 @@ pub struct Rows<'a, T, R> {
 impl<T: Sync, R: Serialize + DeserializeOwned> Split for Rows<'_, T, R> {
     fn words(&self) -> Vec<String> {
         self.words.clone()
+    }
+
+    fn inputs(&self) -> Vec<String> {
+        self.inputs.clone()
     }
 
     fn units(&self) -> usize {

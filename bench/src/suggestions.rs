@@ -216,6 +216,7 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> Box<dyn Split + 'a
     words.extend(args.only.iter().flat_map(|only| ["--only".to_owned(), only.clone()]));
     Box::new(Rows {
         words,
+        inputs: Vec::new(),
         is_timed: true,
         rows: requests(args),
         row: Box::new(|asked: &Asked| {

@@ -63,6 +63,7 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
     words.extend(args.only.words());
     Ok(Box::new(Rows {
         words,
+        inputs: Vec::new(),
         is_timed: false,
         rows: args.only.choose(&ROWS, |row| row.0)?,
         row: Box::new(|of| row(of, args.steps, program)),

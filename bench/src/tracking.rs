@@ -7,13 +7,14 @@ use crate::{Block, Findings, Program, Table, table, unless_interrupted};
 use miette::IntoDiagnostic;
 use rollwalk_physics::ground::Plane;
 use rollwalk_physics::push::Shove;
-use rollwalk_planner::motion::Ends;
+use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::{Options as SolverOptions, optimise};
-use rollwalk_robot::GRAVITY_M_S2;
+use rollwalk_robot::{GRAVITY_M_S2, Robot};
 use rollwalk_simulate::sensors::Noise;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Options, Outcome, play};
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Motion files.
@@ -77,6 +78,9 @@ fn worlds() -> [World; 9] {
 /// What to run.
 #[derive(clap::Args)]
 pub struct Args {
+    /// Motion files of your own, in place of the shipped ones.
+    #[arg(value_name = "MOTION.toml", conflicts_with = "only")]
+    motions: Vec<PathBuf>,
     /// Periods of motions that repeat.
     #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = clap::value_parser!(u32).range(2..=1000))]
     cycles: u32,
@@ -112,24 +116,40 @@ struct Played {
 /// The benchmark, a unit for each motion.
 ///
 /// # Errors
-/// A row that does not exist.
+/// A row that does not exist, or a motion that cannot be read.
 pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
     let mut words = ["tracking", "--cycles"].map(str::to_owned).to_vec();
     words.extend([args.cycles.to_string(), "--phases".into(), args.phases.to_string()]);
     words.extend(args.only.words());
+    words.extend(args.motions.iter().map(|file| file.to_string_lossy().into_owned()));
+    let own = args.motions.iter().map(|file| program.own_motion(file));
+    let own: Vec<(Robot, Motion)> = own.collect::<miette::Result<_>>()?;
+    let inputs = own.iter().map(serde_json::to_string).collect::<Result<_, _>>();
+    let rows = match own.is_empty() {
+        true => {
+            let shipped = args.only.choose(&MOTIONS, |row| row)?.into_iter();
+            shipped.map(|file| program.motion(file)).collect::<miette::Result<_>>()?
+        }
+        false => own,
+    };
     Ok(Box::new(Rows {
         words,
+        inputs: inputs.into_diagnostic()?,
         is_timed: false,
-        rows: args.only.choose(&MOTIONS, |row| row)?,
-        row: Box::new(|file| rows(file, args, program)),
+        rows,
+        row: Box::new(|(robot, motion)| self::rows(robot, motion, args, program)),
         findings: Box::new(|rows: &[Vec<Row>]| findings(rows.iter().flatten())),
     }))
 }
 
-fn rows(file: &str, args: &Args, program: &dyn Program) -> miette::Result<Option<Vec<Row>>> {
-    let (robot, motion) = program.motion(file)?;
+fn rows(
+    robot: &Robot,
+    motion: &Motion,
+    args: &Args,
+    program: &dyn Program,
+) -> miette::Result<Option<Vec<Row>>> {
     let mut watch = |_: &_| unless_interrupted(program);
-    let plan = optimise(&robot, &motion, &SolverOptions::default(), &mut watch);
+    let plan = optimise(robot, motion, &SolverOptions::default(), &mut watch);
     let mut rows = Vec::new();
     for (name, control) in CONTROLS {
         program.say(&format!("{}, {name}", motion.name));
@@ -237,7 +257,7 @@ fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
     }
     let text = format!(
         "Way or turn over plan, the mean of the periods. {RATE_HZ} ticks a second; exact state but where there is noise; contacts by the force of the ground.\n\
-         *: in some ticks the state was not known well enough, and the servos got the plan as in open loop. Delay and noise act on closed loops only.\n\
+         *: in some ticks the servos got the plan as in open loop, because the state was not known well enough or the robot was pushed to its side. Delay and noise act on closed loops only.\n\
          Pushes: for {PUSH_S} s at every phase of the second period, to the front, back, left and right; the largest after which the robot \
          stands to the end, in weights, up to {:.1}.",
         PUSH_MOST - PUSH_STEP

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 ///
 /// Solves run on one thread, and their time is CPU time of that thread. The fault campaign is not timed, and runs on all
 /// cores. Results go to stdout and, as Markdown, JSON and SVG, to the output folder. docs/benchmarks.md describes them. The fault
-/// campaign, table-3-2, table-3-3 and suggestions can be split into shards (docs/shards.md).
+/// campaign, table-3-2, table-3-3, tracking, sensor-faults and suggestions can be split into shards (docs/shards.md).
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -32,6 +32,7 @@ Examples:
   rollwalk bench figure-3-6 --out bench
   rollwalk bench figure-3-8 --out bench
   rollwalk bench tracking --only trot --phases 4 --out bench
+  rollwalk bench tracking my_walk.toml my_trot.toml --out bench
   rollwalk bench sensor-faults --only trot --out bench
   rollwalk bench table-3-2 --out bench
   rollwalk bench table-3-3 --out bench
@@ -61,7 +62,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let findings = match args.which.work(&Rollwalk)? {
         Work::Whole(_) if args.shards.is_given() => {
             return Err(miette!(
-                help = "leave out --shard, --shards and --cores; what can be split: fault-campaign, table-3-2, table-3-3, suggestions",
+                help = "leave out --shard, --shards and --cores; what can be split: fault-campaign, table-3-2, table-3-3, tracking, sensor-faults, suggestions",
                 "this benchmark is not done in parts: it is short, or one run, or measures times"
             ));
         }
@@ -123,7 +124,7 @@ impl shards::Work for Units<'_> {
     }
 
     fn depends_on(&self) -> Vec<String> {
-        self.words.clone()
+        [self.words.clone(), self.split.inputs()].concat()
     }
 
     fn units(&self) -> usize {
@@ -153,6 +154,10 @@ struct Rollwalk;
 impl Program for Rollwalk {
     fn motion(&self, file: &str) -> miette::Result<(Robot, Motion)> {
         Source::Shipped.motion(Path::new(file))
+    }
+
+    fn own_motion(&self, file: &Path) -> miette::Result<(Robot, Motion)> {
+        Source::Disk.motion(file)
     }
 
     fn design(&self, file: &str) -> miette::Result<Designed> {
