@@ -58,7 +58,7 @@ impl Catalog {
     /// # Panics
     /// Never: a test reads what ships.
     pub fn shipped() -> Self {
-        Self::from_toml("servos/servos.toml", SHIPPED).expect("the catalogue that ships is sound")
+        Self::from_toml("design/servos.toml", SHIPPED).expect("the catalogue that ships is sound")
     }
 
     /// Reads a catalogue. `name` is for messages only.
@@ -83,7 +83,7 @@ impl Catalog {
 }
 
 /// Text of the catalogue that ships.
-const SHIPPED: &str = include_str!("../../servos/servos.toml");
+const SHIPPED: &str = include_str!("../servos.toml");
 
 fn catalog(document: &Document<'_>) -> Option<Catalog> {
     let root = document.root();

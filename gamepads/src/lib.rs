@@ -24,9 +24,15 @@ mod tests;
 
 use file::Mapping;
 
-/// Paths of the mappings that ship, with their texts; the first that fits a device counts.
+/// The files beside `Cargo.toml`, so that the package of this crate has them.
+const SHIPPED: [(&str, &str); 2] = [
+    ("gamepads/xbox.toml", include_str!("../xbox.toml")),
+    ("gamepads/playstation.toml", include_str!("../playstation.toml")),
+];
+
+/// Paths in the checkout of the mappings that ship, with their texts; the first that fits a device counts.
 pub fn shipped() -> impl Iterator<Item = (&'static str, &'static str)> {
-    rollwalk_shipped::FILES.iter().copied().filter(|(path, _)| path.starts_with("gamepads/"))
+    SHIPPED.iter().copied()
 }
 
 /// The shipped mapping that is made for a device, by its name.

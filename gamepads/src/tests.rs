@@ -33,6 +33,22 @@ BTN_MODE = "return"
 BTN_SELECT = "disarm"
 "#;
 
+#[test]
+fn every_mapping_of_the_folder_ships_and_can_be_read() {
+    let mut found = 0;
+    for entry in std::fs::read_dir(env!("CARGO_MANIFEST_DIR")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        if name.ends_with(".toml") && name != "Cargo.toml" {
+            let path = format!("gamepads/{name}");
+            let shipped = crate::shipped().find(|(shipped, _)| *shipped == path);
+            let (_, text) = shipped.unwrap_or_else(|| panic!("{path} is not shipped"));
+            assert!(Mapping::from_toml(&path, text).is_ok(), "{path}");
+            found += 1;
+        }
+    }
+    assert_eq!(found, crate::shipped().count());
+}
+
 fn pad() -> Pad {
     Pad::new(Mapping::from_toml("test.toml", TEXT).unwrap())
 }

@@ -28,9 +28,7 @@ impl Reader {
     /// One who has done nothing yet.
     pub fn new() -> Self {
         let desk = desk_with_shipped_files();
-        for folder in ["designs", "servos"] {
-            desk.copy_folder(&checkout().join(folder), folder);
-        }
+        desk.copy_folder(&checkout().join("designs"), "designs");
         Self { desk, exported: Vec::new(), robot: None, files: 0, commands: 0 }
     }
 

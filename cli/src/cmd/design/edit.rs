@@ -29,7 +29,7 @@ pub struct Args {
     /// Another servo for an actuator of the robot file: its limits, torque-speed line and mass; may be given several times.
     #[arg(long, value_name = "ACTUATOR=SERVO", value_parser = given::parse_servo)]
     servo: Vec<[String; 2]>,
-    /// Catalogue of servos (TOML) [default: the one that ships, servos/servos.toml].
+    /// Catalogue of servos (TOML) [default: the one that ships, design/servos.toml].
     #[arg(long, value_name = "SERVOS.toml", requires = "servo")]
     servos: Option<PathBuf>,
     #[command(flatten)]

@@ -41,7 +41,7 @@ pub struct Args {
     /// Folder for journals, tables and the figure; made if it is missing.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Catalogue of servos (TOML) [default: the one that ships, servos/servos.toml].
+    /// Catalogue of servos (TOML) [default: the one that ships, design/servos.toml].
     #[arg(long, value_name = "SERVOS.toml")]
     servos: Option<PathBuf>,
     /// Column of the tables that the figure shows [default: the first that the design's goal minimises, else

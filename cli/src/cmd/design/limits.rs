@@ -27,7 +27,7 @@ pub struct Args {
     /// Design file (TOML).
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
-    /// Catalogue of servos (TOML) [default: the one that ships, servos/servos.toml].
+    /// Catalogue of servos (TOML) [default: the one that ships, design/servos.toml].
     #[arg(long, value_name = "SERVOS.toml")]
     servos: Option<PathBuf>,
     /// Print as JSON.
