@@ -3,7 +3,7 @@
 //! [`steps`] has the steps of `cargo xtask test` and `cargo xtask nightly`, [`quick`] the check of a change in one
 //! crate. [`tidy`] checks the house rules, [`bare_metal`] builds the controller's crates for the Cortex-M4, [`board`]
 //! builds, measures and emulates the board images, [`fuzz`] and [`miri`] test protocol and firmware, [`deny`] and [`sbom`] look
-//! after the crates of others, [`package`] makes what is installed, [`mod@studio`] builds the studio, [`browsers`] tests its page, [`docs`]
+//! after the crates of others, [`crates`] packages ours, [`package`] makes what is installed, [`mod@studio`] builds the studio, [`browsers`] tests its page, [`docs`]
 //! builds the site of the documents, [`wheel`] the Python package, [`exports`] has other tools read what is exported, [`vcan`] runs a
 //! command on a machine with SocketCAN.
 
@@ -11,6 +11,7 @@ mod bare_metal;
 mod board;
 mod browsers;
 mod cantools;
+mod crates;
 mod debian;
 mod deny;
 mod docs;
@@ -123,6 +124,13 @@ enum Task {
         #[arg(long, value_name = "FOLDER")]
         out: Option<std::path::PathBuf>,
     },
+    /// Compare the public items of the published crates with those of the last release: what breaks users needs a version that
+    /// says so.
+    Semver {
+        /// Compare with this revision instead.
+        #[arg(long, value_name = "REVISION")]
+        since: Option<String>,
+    },
     /// Build the studio into `studio` of the target folder: `studio.wasm`, its engine; `site`, for any web server; and
     /// `studio.html`, one file that opens from disk.
     Studio,
@@ -146,6 +154,7 @@ fn main() -> ExitCode {
         Task::Package(options) => package::write(&options),
         Task::Sbom { out } => sbom::write(out.as_deref()),
         Task::Replay(options) => replay::document(&options),
+        Task::Semver { since } => crates::compare(since.as_deref()),
         Task::Studio => studio::build(),
         Task::Vcan(options) => return exit(vcan::run(&options)),
     };

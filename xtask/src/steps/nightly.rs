@@ -2,8 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    board, browsers, deny, docs, explore, fuzz, hostile, miri, mujoco, package, replay, ros2, sbom,
-    shell, studio, vcan, wheel, workspace,
+    board, browsers, crates, deny, docs, explore, fuzz, hostile, miri, mujoco, package, replay,
+    ros2, sbom, shell, studio, vcan, wheel, workspace,
 };
 use clap::ValueEnum;
 
@@ -34,6 +34,8 @@ const GROUND_CAMPAIGN_SEEDS: &str = "9";
 pub enum NightlyStep {
     /// Advisories, licences, duplicates and sources of all crates; the bills of materials.
     Deny,
+    /// Packages of the published crates, built alone; their public items against the last release.
+    Crates,
     /// The site of the documents, with all that comes from the code.
     Docs,
     /// The Debian package, installed where nothing else is, with the tutorial of README.
@@ -79,6 +81,7 @@ impl Step for NightlyStep {
     fn title(&self) -> &'static str {
         match self {
             Self::Deny => "advisories, licences and duplicates; bills of materials",
+            Self::Crates => "packages of the published crates, built alone",
             Self::Docs => "the site of the documents, and its links",
             Self::Package => "the Debian package on a fresh Debian",
             Self::Vcan => "AgileBot and the emulated board on real CAN interfaces",
@@ -105,6 +108,7 @@ impl Step for NightlyStep {
     fn check(&self) -> Result<(), String> {
         match self {
             Self::Deny => deny::check().and_then(|()| sbom::write(None)),
+            Self::Crates => crates::check(Extent::Full),
             Self::Docs => docs::build(&docs::Options { reference: true }),
             Self::Package => package::check(),
             Self::Vcan => vcan::check(),

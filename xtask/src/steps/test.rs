@@ -2,8 +2,8 @@
 
 use super::{Extent, Step};
 use crate::{
-    bare_metal, board, browsers, cantools, debian, exports, hostile, mujoco, programs, replay,
-    ros2, shell, tidy, toolchain, workspace,
+    bare_metal, board, browsers, cantools, crates, debian, exports, hostile, mujoco, programs,
+    replay, ros2, shell, tidy, toolchain, workspace,
 };
 use clap::ValueEnum;
 
@@ -14,6 +14,8 @@ pub enum TestStep {
     Fmt,
     /// House rules that no compiler checks.
     Tidy,
+    /// Packages of the crates that are published, without building them.
+    Crates,
     /// Clippy over every target, warnings denied.
     Clippy,
     /// Every program and test of the workspace, built for the steps that follow.
@@ -50,6 +52,7 @@ impl Step for TestStep {
         match self {
             Self::Fmt => "formatting",
             Self::Tidy => "house rules",
+            Self::Crates => "packages of the published crates",
             Self::Clippy => "clippy, warnings denied",
             Self::Build => "programs and tests of the workspace",
             Self::Studio => "the studio's page in real browsers",
@@ -70,6 +73,7 @@ impl Step for TestStep {
         match self {
             Self::Fmt => format(),
             Self::Tidy => tidy::check(&shell::workspace_root()),
+            Self::Crates => crates::check(Extent::Short),
             Self::Clippy => clippy(),
             Self::Build => workspace::programs().map(drop),
             Self::Studio => browsers::check(Extent::Short),

@@ -1,0 +1,228 @@
+//! What cargo says of the workspace: which crates are published, and what their users must find.
+
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Categories of the registry that our crates are in. It refuses others, but only when a crate is published.
+const CATEGORIES: [&str; 10] = [
+    "config",
+    "embedded",
+    "emulators",
+    "encoding",
+    "hardware-support",
+    "mathematics",
+    "no-std",
+    "parser-implementations",
+    "science::robotics",
+    "simulation",
+];
+/// What the registry takes of keywords and of categories, and how long a keyword may be.
+const WORDS: std::ops::RangeInclusive<usize> = 1..=5;
+const KEYWORD_BYTES: usize = 20;
+
+/// A crate that is published.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Published {
+    /// Its name.
+    pub name: String,
+    /// Its version.
+    pub version: String,
+    /// Folder of its manifest.
+    pub folder: PathBuf,
+}
+
+impl Published {
+    /// Name of its package, and of the folder in it.
+    pub fn stem(&self) -> String {
+        format!("{}-{}", self.name, self.version)
+    }
+}
+
+/// The published crates, in the output of `cargo metadata --no-deps`.
+///
+/// # Errors
+/// There is none, or `metadata` is not what cargo prints.
+pub fn published(metadata: &str) -> Result<Vec<Published>, String> {
+    let of_package = |package: &Value| {
+        let text = |key| package[key].as_str().map(str::to_owned);
+        let folder = Path::new(package["manifest_path"].as_str()?).parent()?.into();
+        Some(Published { name: text("name")?, version: text("version")?, folder })
+    };
+    let packages = packages(metadata)?;
+    let published = packages.iter().filter(|package| is_published(package));
+    let published: Option<Vec<_>> = published.map(of_package).collect();
+    published.filter(|all| !all.is_empty()).ok_or("cargo metadata: no crate is published".into())
+}
+
+/// What published crates lack.
+///
+/// # Errors
+/// `metadata` is not what cargo prints.
+pub fn violations(metadata: &str) -> Result<Vec<String>, String> {
+    let packages = packages(metadata)?;
+    let mut found = Vec::new();
+    for package in packages.iter().filter(|package| is_published(package)) {
+        let name = package["name"].as_str().unwrap_or_default();
+        for key in ["description", "license", "readme", "rust_version"] {
+            if package[key].as_str().is_none_or(str::is_empty) {
+                found.push(format!("{name}: {} is missing", key.replace('_', "-")));
+            }
+        }
+        let words = |key: &str| -> Vec<&str> {
+            package[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
+        };
+        for key in ["keywords", "categories"] {
+            if !WORDS.contains(&words(key).len()) {
+                found.push(format!("{name}: {key} must be one to five"));
+            }
+        }
+        for keyword in words("keywords").iter().filter(|keyword| !is_keyword(keyword)) {
+            found.push(format!(
+                "{name}: the keyword `{keyword}` must be at most {KEYWORD_BYTES} letters, digits, - or _, a letter first"
+            ));
+        }
+        for category in words("categories").iter().filter(|one| !CATEGORIES.contains(one)) {
+            found.push(format!(
+                "{name}: if the registry has the category `{category}`, add it to CATEGORIES of the check"
+            ));
+        }
+        for dependency in package["dependencies"].as_array().into_iter().flatten() {
+            found.extend(of_dependency(name, dependency, &packages));
+        }
+    }
+    Ok(found)
+}
+
+/// What is wrong with a dependency on another crate of ours: in a package only its version is left.
+fn of_dependency(name: &str, dependency: &Value, packages: &[Value]) -> Option<String> {
+    dependency["path"].as_str()?;
+    let to = dependency["name"].as_str()?;
+    let Some(package) = packages.iter().find(|package| package["name"] == to) else {
+        return Some(format!("{name}: depends on {to}, which is no crate of the workspace"));
+    };
+    if !is_published(package) {
+        return Some(format!("{name}: depends on {to}, which is not published"));
+    }
+    let (version, required) = (package["version"].as_str()?, dependency["req"].as_str()?);
+    // An older version that fits may lack what this one uses.
+    (required != format!("^{version}")).then(|| {
+        format!("{name}: takes {to} {required}, which is {version}; the root Cargo.toml has both")
+    })
+}
+
+/// Published crates that a page does not name in a table, and crates that it names and that are not published.
+pub fn unlisted(page: &str, published: &[Published]) -> Vec<String> {
+    let rows = page.lines().filter(|line| line.starts_with('|'));
+    // Odd pieces between backticks are code spans.
+    let spans = rows.flat_map(|row| row.split('`').skip(1).step_by(2));
+    let listed: BTreeSet<&str> = spans.filter(|span| span.starts_with("rollwalk")).collect();
+    let existing: BTreeSet<&str> = published.iter().map(|one| one.name.as_str()).collect();
+    let missing = existing.difference(&listed).map(|name| format!("{name} is published"));
+    let extra = listed.difference(&existing).map(|name| format!("{name} is not published"));
+    missing.chain(extra).map(|what| format!("{}: {what}", super::PAGE)).collect()
+}
+
+fn packages(metadata: &str) -> Result<Vec<Value>, String> {
+    let metadata: Value =
+        serde_json::from_str(metadata).map_err(|error| format!("cargo metadata: {error}"))?;
+    metadata["packages"].as_array().cloned().ok_or("cargo metadata: no packages".into())
+}
+
+/// Cargo lists the registries that a crate may go to; without a list to any.
+fn is_published(package: &Value) -> bool {
+    package["publish"].is_null()
+}
+
+fn is_keyword(word: &str) -> bool {
+    word.len() <= KEYWORD_BYTES
+        && word.starts_with(|c: char| c.is_ascii_alphabetic())
+        && word.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// A workspace of a published crate `a`, which takes `b`, and one that is not published.
+    fn workspace(change: impl FnOnce(&mut Value)) -> String {
+        let package = |name: &str, publish: Value, dependencies: Value| {
+            json!({
+                "name": name, "version": "0.2.0", "publish": publish, "dependencies": dependencies,
+                "manifest_path": format!("/w/{name}/Cargo.toml"),
+                "description": "d", "license": "MIT", "readme": "README.md", "rust_version": "1.95",
+                "keywords": ["no-std"], "categories": ["simulation"],
+            })
+        };
+        let takes = json!([{ "name": "b", "path": "/w/b", "req": "^0.2.0" }, { "name": "serde", "req": "^1" }]);
+        let (a, b) = (package("a", Value::Null, takes), package("b", Value::Null, json!([])));
+        let mut all = json!({ "packages": [a, b, package("c", json!([]), json!([]))] });
+        change(&mut all["packages"]);
+        all.to_string()
+    }
+
+    #[test]
+    fn a_crate_that_says_all_is_fine() {
+        let metadata = workspace(|_| {});
+        assert_eq!(violations(&metadata).unwrap(), Vec::<String>::new());
+        let published = published(&metadata).unwrap();
+        let stems: Vec<_> = published.iter().map(Published::stem).collect();
+        assert_eq!(stems, ["a-0.2.0", "b-0.2.0"]);
+        assert_eq!(published[0].folder, Path::new("/w/a"));
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let found = |key: &str, value: Value| {
+            violations(&workspace(|packages| packages[0][key] = value)).unwrap()
+        };
+        assert_eq!(found("description", json!("")), ["a: description is missing"]);
+        assert_eq!(found("readme", Value::Null), ["a: readme is missing"]);
+        assert_eq!(found("keywords", json!([])), ["a: keywords must be one to five"]);
+        let categories = json!(["config", "config", "config", "config", "config", "config"]);
+        assert_eq!(found("categories", categories), ["a: categories must be one to five"]);
+        for keyword in ["trajectory-optimization", "3d", "two words"] {
+            let found = found("keywords", json!([keyword]));
+            assert!(found.len() == 1 && found[0].contains(keyword), "{found:?}");
+        }
+        assert!(found("categories", json!(["robots"]))[0].contains("`robots`"));
+    }
+
+    #[test]
+    fn dependencies_must_be_found_by_users() {
+        let found = |key: &str, value: Value| {
+            let of_first = |packages: &mut Value| packages[0]["dependencies"][0][key] = value;
+            violations(&workspace(of_first)).unwrap()
+        };
+        assert_eq!(found("name", json!("c")), ["a: depends on c, which is not published"]);
+        assert!(found("name", json!("d"))[0].contains("no crate of the workspace"));
+        for old in ["^0.1.0", "*"] {
+            let found = found("req", json!(old));
+            assert!(found.len() == 1 && found[0].starts_with("a: takes b"), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_workspace_that_publishes_nothing_is_refused() {
+        let nothing = workspace(|packages| {
+            packages.as_array_mut().unwrap().drain(..2);
+        });
+        assert!(published(&nothing).is_err());
+        assert!(published("{}").is_err());
+    }
+
+    #[test]
+    fn the_page_must_list_what_is_published() {
+        let published = published(&workspace(|packages| {
+            packages[0]["name"] = json!("rollwalk-a");
+            packages[1]["name"] = json!("rollwalk-b");
+        }));
+        let published = published.unwrap();
+        let page = "`rollwalk-x`\n| what | `rollwalk-a`, `rollwalk-b` of `b/` |\n";
+        assert_eq!(unlisted(page, &published), Vec::<String>::new());
+        let found = unlisted(&page.replace("-b`", "-c`"), &published);
+        let expected = ["rollwalk-b is published", "rollwalk-c is not published"];
+        assert_eq!(found, expected.map(|what| format!("docs/crates.md: {what}")));
+    }
+}

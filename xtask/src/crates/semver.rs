@@ -1,0 +1,57 @@
+//! Public items of the published crates, compared with those of the last release by cargo-semver-checks: what breaks users needs a
+//! version that says so.
+
+use super::manifest::{self, Published};
+use super::metadata;
+use crate::{shell, toolchain};
+
+const CARGO_SEMVER_CHECKS: (&str, &str) = ("cargo-semver-checks", "0.51.0");
+/// Tags of releases.
+const TAGS: &str = "v[0-9]*";
+
+/// Compares with a revision, or else with the last release before this commit. Says so where there is none.
+///
+/// # Errors
+/// The changes that the version does not allow, which are on the terminal; a revision that has none of the crates; the command that installs
+/// cargo-semver-checks.
+pub fn compare(since: Option<&str>) -> Result<(), String> {
+    let revision = match since {
+        Some(revision) => Some(revision.to_owned()),
+        None => last_release()?,
+    };
+    let Some(revision) = revision else {
+        eprintln!(
+            "public items are NOT compared: no tag `{TAGS}` is before this commit, so that there is no release to compare with; \
+             `cargo xtask semver --since REVISION` compares with any revision"
+        );
+        return Ok(());
+    };
+    let published = manifest::published(&metadata()?)?;
+    let (old, new): (Vec<_>, Vec<_>) =
+        published.iter().partition(|one| is_in(&revision, one).unwrap_or(false));
+    if old.is_empty() {
+        return Err(format!("`{revision}` has none of the published crates"));
+    }
+    for one in new {
+        eprintln!("{}: not in {revision}, so that it has nothing to keep", one.name);
+    }
+    let checks = toolchain::subcommand(CARGO_SEMVER_CHECKS)?;
+    let mut check = shell::command(&checks, &["semver-checks", "--baseline-rev", &revision]);
+    check.args(old.iter().flat_map(|one| ["--package", one.name.as_str()]));
+    shell::run(&mut check)
+}
+
+/// Tag of the last release before this commit.
+fn last_release() -> Result<Option<String>, String> {
+    let tags = ["tag", "--list", TAGS, "--merged", "HEAD", "--sort=-version:refname"];
+    let tags = shell::output(&mut shell::command("git", &tags))?;
+    Ok(tags.lines().next().map(str::to_owned))
+}
+
+/// Whether a revision has a crate, in the same folder.
+fn is_in(revision: &str, one: &Published) -> Result<bool, String> {
+    let folder = one.folder.strip_prefix(shell::workspace_root()).map_err(|e| e.to_string())?;
+    let manifest = format!("{revision}:{}/Cargo.toml", folder.display());
+    let manifest = shell::output(&mut shell::command("git", &["show", &manifest]))?;
+    Ok(manifest.contains(&format!("name = \"{}\"", one.name)))
+}
