@@ -51,7 +51,7 @@ fn subcommands(help: &str) -> Vec<&str> {
 /// The library crates of the workspace, with what each is and a link to its page.
 fn crates(metadata: &str) -> Result<String, String> {
     let metadata: Value = serde_json::from_str(metadata).map_err(|error| error.to_string())?;
-    let mut table = "\n| crate | is |\n|---|---|\n".to_owned();
+    let mut table = "\n## Documentation of all crates\n\n| crate | is |\n|---|---|\n".to_owned();
     for package in metadata["packages"].as_array().into_iter().flatten() {
         let targets = package["targets"].as_array().into_iter().flatten();
         let mut libraries = targets.filter(|target| target["kind"][0] == "lib");
@@ -92,6 +92,6 @@ mod tests {
             {"name": "c", "targets": [{"kind": ["bin"], "name": "c"}]}]}"#;
         let table = crates(metadata).unwrap();
         assert!(table.ends_with("| [`a-b`](rustdoc/a_b/index.html) | Bees |\n"), "{table}");
-        assert_eq!(table.lines().count(), 4);
+        assert_eq!(table.lines().count(), 6);
     }
 }
