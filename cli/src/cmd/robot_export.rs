@@ -26,8 +26,22 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Add a section for ros2_control to a URDF, with this plugin for the hardware; without a name one that plays the robot.
-    #[arg(long, value_name = "PLUGIN", num_args = 0..=1, default_missing_value = rollwalk_interchange::MOCK)]
+    #[arg(long, value_name = "PLUGIN", num_args = 0..=1, default_missing_value = rollwalk_interchange::MOCK, value_parser = plugin)]
     ros2_control: Option<String>,
+}
+
+/// A name that pluginlib can find: package and class.
+fn plugin(name: &str) -> Result<String, String> {
+    let is_word = |text: &str| {
+        !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == ':')
+    };
+    match name.split_once('/') {
+        Some((package, class)) if is_word(package) && is_word(class) => Ok(name.to_owned()),
+        _ => Err(format!(
+            "a plugin is called PACKAGE/CLASS, such as {}; without a name put the option behind the robot file",
+            rollwalk_interchange::MOCK
+        )),
+    }
 }
 
 /// Runs the subcommand.
@@ -51,4 +65,19 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     place.write(text.into_diagnostic()?.as_bytes())?;
     place.comment(&format!("wrote {}", args.output.display()))?;
     Ok(Exit::Ok)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::plugin;
+
+    #[test]
+    fn plugins_have_a_package_and_a_class() {
+        for name in [rollwalk_interchange::MOCK, "my_robot/Arm2", "a/b::C"] {
+            assert_eq!(plugin(name).as_deref(), Ok(name));
+        }
+        for name in ["", "Arm", "/Arm", "a/", "a/b/c", "robots/agilebot.toml", "a/b c", "<a>/b"] {
+            assert!(plugin(name).is_err(), "{name}");
+        }
+    }
 }
