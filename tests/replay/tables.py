@@ -166,15 +166,17 @@ def tracked(results):
     pushes = [result for result in results if "push" in result]
     runs = [result for result in results if "push" not in result]
     cases = list(dict.fromkeys(result["case"] for result in runs))
-    ratios, drifts = [["motion", "control", *cases]], [["motion", "control", *(f"{case}: path, side, yaw" for case in DRIFTS)]]
+    ratios, drifts = [["motion of robot", "control", *cases]], [["motion of robot", "control", *(f"{case}: path, side, yaw" for case in DRIFTS)]]
     for (motion, control), of in _by_control(runs).items():
         found = {result["case"]: result for result in of}
         ratios.append([motion, control, *(_played(found[case]) for case in cases)])
         drifts.append([motion, control, *(_drift(found[case]) for case in DRIFTS)])
-    worst = [["motion", "control", "mean", "least"]]
+    worst = [["motion of robot", "control", "mean", "least", "from the sides"]]
     for (motion, control), of in _by_control(pushes).items():
         parts = [result["push"] for result in of]
-        worst.append([motion, control, f"{sum(parts) / len(parts):.2f}", f"{min(parts):.1f}"])
+        sides = [result["push"] for result in of if result["direction"][1]]
+        means = [f"{sum(values) / len(values):.2f}" for values in (parts, sides)]
+        worst.append([motion, control, means[0], f"{min(parts):.1f}", means[1]])
     return "\n\n".join(map(_markdown, (ratios, drifts, worst) if pushes else (ratios, drifts)))
 
 
@@ -182,7 +184,7 @@ def _by_control(results):
     """Results by motion and controller."""
     found = {}
     for result in results:
-        found.setdefault((f"`{result['motion']}`", result["control"]), []).append(result)
+        found.setdefault((_name(result), result["control"]), []).append(result)
     return found
 
 

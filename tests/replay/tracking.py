@@ -96,9 +96,9 @@ def run(job):
     """Results of a job."""
     result = {"plan": Path(job.plan).name, "control": job.control}
     if job.world is None:
-        motion, part = _largest(job)
-        words = [motion, job.control, f"phase {job.phase}", str(job.direction), f"{part:.1f}"]
-        return result | {"motion": motion, "phase": job.phase, "direction": job.direction, "push": part, "words": words}
+        of, part = _largest(job)
+        words = [of["motion"], job.control, f"phase {job.phase}", str(job.direction), f"{part:.1f}"]
+        return result | of | {"phase": job.phase, "direction": job.direction, "push": part, "words": words}
     summary = _play(job, job.world.case, job.world.noise, CYCLES)
     ratio = ", ".join(f"{value:.3f}" for value in (summary["ratio"] or {}).values())
     fate = ratio if summary["fell_at_s"] is None else f"fell at {summary['fell_at_s']:.2f} s"
@@ -106,7 +106,7 @@ def run(job):
 
 
 def _largest(job):
-    """Largest push after which the robot stands to the end, found by halving."""
+    """Motion and robot, and the largest push after which it stands to the end, found by halving."""
     low, high = 0.0, PUSH_MOST
     while high - low > 1.01 * PUSH_STEP:
         middle = 0.5 * (low + high)
@@ -115,11 +115,11 @@ def _largest(job):
         case = replace(WORLDS[0].case, push=push)
         summary = _play(job, case, None, PUSH_CYCLES)
         low, high = (middle, high) if summary["fell_at_s"] is None else (low, middle)
-    return summary["motion"], low
+    return {"motion": summary["motion"], "robot": summary["robot"]}, low
 
 
 def _play(job, case, noise, cycles):
-    motion, robot, _, _ = jobs.load(job.plan, "torque", jobs.Inputs(None, ROBOTS))
+    motion, robot, _, _ = jobs.load(job.plan, "torque", jobs.Inputs(_beside(job.plan), ROBOTS))
     untracked = 0
     if job.control in OPEN:
         track = world.run(motion, robot, OPEN[job.control], case, cycles)
@@ -127,6 +127,12 @@ def _play(job, case, noise, cycles):
         track, untracked = tracked.run(job.rollwalk, job.plan, motion, robot, CLOSED[job.control], case, cycles, noise)
     summary = measure.summary(motion, track, cycles)
     return {"motion": motion.name, "robot": robot["name"], "case": case.name, "untracked": untracked, **summary}
+
+
+def _beside(plan):
+    """The robot file of an imported robot, which is beside its plans; None of a shipped robot."""
+    file = Path(plan).with_name("robot.toml")
+    return str(file) if file.exists() else None
 
 
 def _options(arguments):

@@ -29,7 +29,8 @@ const DISTURBED_CYCLES: &str = "6";
 /// Options of `cargo xtask replay`.
 #[derive(clap::Args)]
 pub struct Options {
-    /// URDF files of legged robots: imported with what the import proposes, and replayed with motions made for their size.
+    /// URDF files of legged robots: imported with what the import proposes, and replayed with motions made for their size, or with
+    /// --tracking their walk and trot tracked.
     #[arg(value_name = "ROBOT.urdf")]
     urdf: Vec<PathBuf>,
     /// Only retargeted motions, before and after: the table of docs/retargeting.md.
@@ -78,7 +79,7 @@ pub fn document(options: &Options) -> Result<(), String> {
         return shell::run(replay.python("document.py").arg("--identified").arg(results));
     }
     if options.tracking {
-        return tracked::document(&replay);
+        return tracked::document(&replay.optimised()?, &options.urdf);
     }
     let plans = replay.shipped("both", false)?;
     replay.grounded(&plans)?;
@@ -112,6 +113,12 @@ impl Replay {
         let built = workspace::programs()?;
         let rollwalk = workspace::find(&built, "tests", "rollwalk-under-test", false)?.path.clone();
         Ok(Self { rollwalk, path: mujoco::path()?, out })
+    }
+
+    /// The same with an optimised command line, for programs that call it at every tick.
+    fn optimised(self) -> Result<Self, String> {
+        let rollwalk = workspace::optimised_program("tests", "rollwalk-under-test")?.path;
+        Ok(Self { rollwalk, ..self })
     }
 
     /// A command of the command line.

@@ -1,8 +1,8 @@
 //! Controllers in MuJoCo, open loop and closed: the tables of `docs/tracking.md`.
 
-use super::Replay;
+use super::{Replay, urdf};
 use crate::shell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A motion that open loop on the servos does not make a half of.
 const TURN: &str = "motions/anymal_turn.toml";
@@ -20,8 +20,16 @@ const MOTIONS: [&str; 11] = [
     "motions/table_2_1/swizzlebot_forward.toml",
     "motions/table_2_1/creature3_walk.toml",
 ];
-/// Plans of these robots are pushed as well.
-const PUSHED: [&str; 2] = ["motions-anymal_turn.json", "motions-trot.json"];
+/// These are pushed as well.
+const PUSHED: [&str; 5] = [
+    "motions-anymal_turn.json",
+    "motions-trot.json",
+    "motions-flying_trot.json",
+    "motions-legbot_walk.json",
+    "table_2_1-creature3_walk.json",
+];
+/// Motions of imported robots.
+const IMPORTED: [&str; 2] = ["walk.json", "trot.json"];
 
 /// Tests the controller in MuJoCo, on ANYmal's turn.
 ///
@@ -32,14 +40,19 @@ pub fn check(replay: &Replay) -> Result<(), String> {
     shell::run(replay.python("test_tracked.py").arg(&replay.rollwalk).arg(plan))
 }
 
-/// Plays all motions under all controllers, and writes the tables.
+/// Plays all motions under all controllers, and those of robots from URDF files; writes the tables.
 ///
 /// # Errors
 /// A program that fails.
-pub fn document(replay: &Replay) -> Result<(), String> {
+pub fn document(replay: &Replay, urdfs: &[PathBuf]) -> Result<(), String> {
     let root = shell::workspace_root();
-    let plans: Vec<PathBuf> =
+    let mut plans: Vec<PathBuf> =
         MOTIONS.iter().map(|motion| replay.plan(&root.join(motion))).collect::<Result<_, _>>()?;
+    let is_tracked = |plan: &Path| IMPORTED.iter().any(|name| plan.ends_with(name));
+    for urdf in urdfs {
+        let imported = urdf::planned(replay, urdf)?.plans;
+        plans.extend(imported.into_iter().filter(|plan| is_tracked(plan)));
+    }
     let results = replay.out.join("tracking.json");
     let mut tracking = replay.python("tracking.py");
     tracking

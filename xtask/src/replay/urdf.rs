@@ -23,6 +23,30 @@ const GRAVITY_M_S2: f64 = 9.80665;
 /// # Errors
 /// The import, or a motion of which no plan is written.
 pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
+    let Planned { stem, robot, plans } = planned(replay, urdf)?;
+    let json = format!("{stem}/results.json");
+    let options = ["--feed-forward", "both", "--robot", &robot];
+    // Exit code 1: some motion does not hold, which the table tells.
+    let status = replay.run(&options, &plans, &json).status();
+    match status.map(|status| status.code()) {
+        Ok(Some(0 | 1)) => Ok(replay.out.join(json)),
+        other => Err(format!("tests/replay: {other:?}")),
+    }
+}
+
+/// A robot from a URDF, with plans beside its robot file.
+pub struct Planned {
+    stem: String,
+    robot: String,
+    /// Of the motions, in their order.
+    pub plans: Vec<PathBuf>,
+}
+
+/// Imports the robot and plans its motions.
+///
+/// # Errors
+/// The import, or a motion of which no plan is written.
+pub fn planned(replay: &Replay, urdf: &Path) -> Result<Planned, String> {
     let run = |args: &[&str]| shell::output(&mut replay.rollwalk(args));
     let stem = urdf.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let folder = replay.out.join(&stem);
@@ -53,14 +77,7 @@ pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
         }
         plans.push(PathBuf::from(plan));
     }
-    let json = format!("{stem}/results.json");
-    let options = ["--feed-forward", "both", "--robot", &robot];
-    // Exit code 1: some motion does not hold, which the table tells.
-    let status = replay.run(&options, &plans, &json).status();
-    match status.map(|status| status.code()) {
-        Ok(Some(0 | 1)) => Ok(replay.out.join(json)),
-        other => Err(format!("tests/replay: {other:?}")),
-    }
+    Ok(Planned { stem, robot, plans })
 }
 
 /// A motion file.
