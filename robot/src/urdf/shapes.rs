@@ -99,10 +99,12 @@ fn behind(shape: Shape, tip: &Tip) -> Option<Shape> {
     let mut ends = [from_in_link_m, to_in_link_m];
     ends.sort_by(|a, b| (b - tip.center_m).norm().total_cmp(&(a - tip.center_m).norm()));
     let [far, near] = ends;
-    if (far - tip.center_m).norm() <= tip.radius_m {
+    let above_m = (far - tip.center_m).norm();
+    if above_m <= tip.radius_m {
         return None;
     }
-    let Some(along) = (near - far).try_normalize(1e-9) else { return Some(shape) };
+    let radius_m = radius_m.min(tip.radius_m + above_m / LEAN);
+    let along = (near - far).try_normalize(1e-9).unwrap_or_default();
     let to_tip = tip.center_m - far;
     let (way_m, aside_m) = (to_tip.dot(&along), to_tip.cross(&along).norm());
     let room_m = LEAN * (radius_m - tip.radius_m + aside_m).max(0.0);
@@ -241,6 +243,11 @@ mod tests {
                 assert!(ends.iter().all(|end| lowest(*end, radius_m) >= foot), "{lean}");
             }
         }
+        // One that is thick for where it is gets thinner.
+        let Some(Shape::Capsule { radius_m, .. }) = behind(line(-0.15, -0.15, 0.08), &tip) else {
+            panic!()
+        };
+        assert!((radius_m - 0.02 - 0.5 * 0.05_f64.hypot(0.01)).abs() < 1e-12, "{radius_m}");
         // One that ends above its foot stays as it is, one at the foot goes.
         assert_eq!(behind(line(0.0, -0.1, 0.025), &tip), Some(line(0.0, -0.1, 0.025)));
         assert_eq!(behind(line(-0.2, -0.21, 0.03), &tip), None);
