@@ -71,6 +71,8 @@ pub struct ClosedLoop<'s, 'p> {
     servos: Vec<Law>,
     plan: Placed,
     tracker: Tracker,
+    /// Whether end effectors of the plan leave the ground: its steps may catch a robot.
+    steps: bool,
     estimator: Estimator,
     timing: Timing,
     /// Time without setpoints of the tracker, s, and the stop that ends it.
@@ -106,7 +108,9 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         }
         let servos = script.robot().channels().map(|channel| servo(&channel)).collect();
         let estimator = Estimator::new(tree);
-        Self { script, servos, plan, tracker, estimator, timing, lost_s: 0.0, stop: None }
+        let motion = &script.plan().motion;
+        let steps = (motion.stance.iter()).any(|row| row.iter().any(|&stands| !stands));
+        Self { script, servos, plan, tracker, steps, estimator, timing, lost_s: 0.0, stop: None }
     }
 
     /// The robot with turning wheels and rotors, whose states and velocities those of [`Measured`] are.
@@ -150,7 +154,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         });
         let acts_s = to_s + ahead_s;
         match solved {
-            Ok(()) if self.tracker.is_pushed_aside() => {
+            Ok(()) if self.steps && self.tracker.is_pushed_aside() => {
                 self.lost_s = 0.0;
                 (self.script.laws(acts_s), Some(Untracked::PushedAside))
             }

@@ -97,7 +97,9 @@ impl Recovery {
         // One that resumes begins where it is.
         let most_m = match self.stage {
             Stage::Resumes => 0.0,
-            Stage::OnPlan | Stage::Recovers { .. } => ANCHOR * errors.height_m.max(0.0),
+            // While its servos play the plan, nothing leads it back to its place.
+            Stage::Recovers { aside: true } => 0.0,
+            Stage::OnPlan | Stage::Recovers { aside: false } => ANCHOR * errors.height_m.max(0.0),
         };
         let off_m = errors.from_plan_m;
         let shift_m = off_m * (1.0 - most_m / off_m.norm().max(most_m).max(f64::MIN_POSITIVE));
@@ -149,7 +151,8 @@ mod tests {
     #[test]
     fn a_robot_that_stands_resumes_a_fast_plan() {
         let mut recovery = Recovery::default();
-        let fast = Errors { planned_m_s: speed_m_s(0.5), ..STILL };
+        let heading_rad = std::f64::consts::FRAC_PI_2;
+        let fast = Errors { planned_m_s: speed_m_s(0.5), heading_rad, ..STILL };
         let mut at = |(part, tick_s): (f64, f64)| {
             let from_plan_m = Vector2::new(0.05, 0.0);
             let errors = Errors { velocity_m_s: speed_m_s(part), from_plan_m, ..fast };
@@ -185,6 +188,22 @@ mod tests {
             seen(&[[0.0, 0.3], [0.3, -0.5], [0.3, 0.0], [0.05, 0.0]]),
             [(true, false), (true, true), (true, true), (false, false)]
         );
+    }
+
+    /// However fast the plan walks on under it.
+    #[test]
+    fn a_robot_that_steps_on_is_tracked_again_when_it_is_as_fast_as_its_plan() {
+        let fast = speed_m_s(0.5);
+        let on_plan = Errors { planned_m_s: fast, velocity_m_s: fast, ..STILL };
+        let mut recovery = Recovery::default();
+        for _ in 0..2 {
+            recovery.update(&Errors { velocity_m_s: 2.0 * fast, ..on_plan }, 0.002);
+        }
+        assert!(recovery.is_aside());
+        let mut off = Errors { from_plan_m: Vector2::new(0.0, 0.1), ..on_plan };
+        off.from_plan_m -= recovery.follow(&off);
+        recovery.update(&off, 0.002);
+        assert!(!recovery.is_active());
     }
 
     #[test]

@@ -263,6 +263,10 @@ impl Tracker {
             }
             Ok(()) => self.keep(),
         }
+        if self.is_pushed_aside() {
+            // Motors that play the plan do something else.
+            self.expected.fill(0.0);
+        }
         solved.map(|()| &self.setpoints[..])
     }
 

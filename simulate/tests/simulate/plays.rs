@@ -146,7 +146,8 @@ fn a_robot_that_is_pushed_to_its_side_steps_on() {
     };
     // 0.8 of its weight.
     let [ahead, aside] = [[35.0, 0.0, 0.0], [0.0, 35.0, 0.0]].map(pushed);
-    assert!(ahead == 0 && aside > 0, "{ahead} {aside}");
+    // Tracked again before the last of its periods of 400 steps.
+    assert!(ahead == 0 && (1..400).contains(&aside), "{ahead} {aside}");
 }
 
 /// Without a state the robot comes to rest on its feet, at whatever moment of its turn that is.
