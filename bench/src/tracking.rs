@@ -4,7 +4,7 @@
 use crate::only::Only;
 use crate::split::{Rows, Split};
 use crate::{Block, Findings, Program, Table, table, unless_interrupted};
-use miette::IntoDiagnostic;
+use miette::{IntoDiagnostic, miette};
 use rollwalk_physics::ground::Plane;
 use rollwalk_physics::push::Shove;
 use rollwalk_planner::motion::{Ends, Motion};
@@ -14,7 +14,7 @@ use rollwalk_robot::{GRAVITY_M_S2, Robot};
 use rollwalk_simulate::sensors::Noise;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Options, Outcome, play};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{self, PathBuf};
 use std::sync::Arc;
 
 /// Motion files.
@@ -95,6 +95,7 @@ pub struct Args {
 #[derive(Serialize, Deserialize)]
 struct Row {
     motion: String,
+    robot: String,
     control: String,
     /// In every world.
     runs: Vec<Played>,
@@ -121,7 +122,17 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
     let mut words = ["tracking", "--cycles"].map(str::to_owned).to_vec();
     words.extend([args.cycles.to_string(), "--phases".into(), args.phases.to_string()]);
     words.extend(args.only.words());
-    words.extend(args.motions.iter().map(|file| file.to_string_lossy().into_owned()));
+    for file in &args.motions {
+        // A part of the work may be done in another folder.
+        let path = path::absolute(file).into_diagnostic()?;
+        let path = path.to_str().ok_or_else(|| {
+            miette!(
+                "{}: the path is not UTF-8, and cannot be an argument of a part",
+                path.display()
+            )
+        })?;
+        words.push(path.to_owned());
+    }
     let own = args.motions.iter().map(|file| program.own_motion(file));
     let own: Vec<(Robot, Motion)> = own.collect::<miette::Result<_>>()?;
     let inputs = own.iter().map(serde_json::to_string).collect::<Result<_, _>>();
@@ -159,7 +170,13 @@ fn rows(
         if program.interrupted() {
             return Ok(None);
         }
-        rows.push(Row { motion: motion.name.clone(), control: name.into(), runs, pushes });
+        rows.push(Row {
+            motion: motion.name.clone(),
+            robot: robot.name.clone(),
+            control: name.into(),
+            runs,
+            pushes,
+        });
     }
     Ok(Some(rows))
 }
@@ -230,13 +247,20 @@ impl Bench<'_> {
 
 fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
     let rows: Vec<&Row> = rows.collect();
-    let mut runs: Table = vec![["motion", "control"].map(str::to_owned).to_vec()];
+    let mut runs: Table = vec![["motion of robot", "control"].map(str::to_owned).to_vec()];
     runs[0].extend(worlds().iter().map(|world| world.name.to_owned()));
-    let titles =
-        ["motion", "control", "mean", "least", "from the sides", "from behind", "from ahead"];
+    let titles = [
+        "motion of robot",
+        "control",
+        "mean",
+        "least",
+        "from the sides",
+        "from behind",
+        "from ahead",
+    ];
     let mut pushes = table(titles);
     for row in &rows {
-        let names = [row.motion.clone(), row.control.clone()];
+        let names = [format!("{} of {}", row.motion, row.robot), row.control.clone()];
         let mut cells = names.to_vec();
         cells.extend(row.runs.iter().map(said));
         runs.push(cells);

@@ -30,18 +30,19 @@ pub struct Args {
     ros2_control: Option<String>,
 }
 
-/// A name that pluginlib can find: package and class.
+/// The name of a plugin as pluginlib has it, and not a robot file that was meant as one.
 fn plugin(name: &str) -> Result<String, String> {
     let is_word = |text: &str| {
-        !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == ':')
+        !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
     };
-    match name.split_once('/') {
-        Some((package, class)) if is_word(package) && is_word(class) => Ok(name.to_owned()),
-        _ => Err(format!(
-            "a plugin is called PACKAGE/CLASS, such as {}; without a name put the option behind the robot file",
-            rollwalk_interchange::MOCK
-        )),
+    let parts: Vec<&str> = name.split('/').flat_map(|part| part.split("::")).collect();
+    if parts.len() > 1 && parts.iter().all(|part| is_word(part)) {
+        return Ok(name.to_owned());
     }
+    Err(format!(
+        "a plugin is called PACKAGE/CLASS or NAMESPACE::CLASS, such as {}; to leave it out, put the option behind the robot file",
+        rollwalk_interchange::MOCK
+    ))
 }
 
 /// Runs the subcommand.
@@ -73,10 +74,12 @@ mod tests {
 
     #[test]
     fn plugins_have_a_package_and_a_class() {
-        for name in [rollwalk_interchange::MOCK, "my_robot/Arm2", "a/b::C"] {
+        for name in [rollwalk_interchange::MOCK, "my_robot/Arm2", "a/b::C", "my_robot::Arm"] {
             assert_eq!(plugin(name).as_deref(), Ok(name));
         }
-        for name in ["", "Arm", "/Arm", "a/", "a/b/c", "robots/agilebot.toml", "a/b c", "<a>/b"] {
+        for name in
+            ["", "Arm", "/Arm", "a/", "a::", "a:b", "robots/agilebot.toml", "a/b c", "<a>/b"]
+        {
             assert!(plugin(name).is_err(), "{name}");
         }
     }
