@@ -26,6 +26,9 @@ pub fn compare(since: Option<&str>) -> Result<(), String> {
         );
         return Ok(());
     };
+    let commit = format!("{revision}^{{commit}}");
+    shell::output(&mut shell::command("git", &["rev-parse", "--verify", "--quiet", &commit]))
+        .map_err(|_| format!("`{revision}` is no revision of this checkout"))?;
     let published = manifest::published(&metadata()?)?;
     let (old, new): (Vec<_>, Vec<_>) =
         published.iter().partition(|one| is_in(&revision, one).unwrap_or(false));
@@ -43,8 +46,9 @@ pub fn compare(since: Option<&str>) -> Result<(), String> {
 
 /// Tag of the last release before this commit.
 fn last_release() -> Result<Option<String>, String> {
-    let tags = ["tag", "--list", TAGS, "--merged", "HEAD", "--sort=-version:refname"];
-    let tags = shell::output(&mut shell::command("git", &tags))?;
+    // A release comes after its candidates, `v1.0.0-rc.1`.
+    let mut git = shell::command("git", &["-c", "versionsort.suffix=-", "tag", "--list", TAGS]);
+    let tags = shell::output(git.args(["--merged", "HEAD", "--sort=-version:refname"]))?;
     Ok(tags.lines().next().map(str::to_owned))
 }
 

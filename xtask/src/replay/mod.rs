@@ -40,7 +40,7 @@ pub struct Options {
     #[arg(long, conflicts_with_all = ["urdf", "retargeted"])]
     identified: bool,
     /// Only controllers in closed loop and open loop, in worlds other than planned and under pushes: the tables of docs/tracking.md.
-    #[arg(long, conflicts_with_all = ["urdf", "retargeted", "identified"])]
+    #[arg(long, conflicts_with_all = ["retargeted", "identified"])]
     tracking: bool,
 }
 
