@@ -538,6 +538,18 @@ class Words(unittest.TestCase):
         self.assertEqual(heading, "|  | true | file | `walk` 1 | `trot` 1 | together 1 |")
         self.assertEqual(row, "| `friction` | 0.3 | 0.8 | 0.31 ± 0.005 (+2.0) | not told | 0.302 ± 0.01 (+0.2) |")
 
+    def test_runs_and_pushes_of_controllers_have_rows(self):
+        of = {"motion": "walk", "robot": "a1", "plan": "walk.json", "control": "servos"}
+        run = {"fell_at_s": None, "ratio": {"forward_m": 0.5}, "drift": {"left_m": 0.001, "turn_rad": 0.0}, "path_rms_m": 0.002, "untracked": 0}
+        results = [of | run | {"case": case} for case in tables.DRIFTS]
+        results[1] |= {"untracked": 3}
+        results[2] |= {"fell_at_s": 1.25}
+        results += [of | {"push": push, "direction": way} for push, way in ((0.4, (1.0, 0.0)), (0.8, (0.0, -1.0)))]
+        ratios, drifts, pushes = (block.splitlines()[-1] for block in tables.tracked(results).split("\n\n"))
+        self.assertEqual(ratios, "| `walk` of a1 | servos | 0.500 | 0.500 * | falls 1.2 s |")
+        self.assertEqual(drifts, "| `walk` of a1 | servos | 2, 1, 0 | 2, 1, 0 | – |")
+        self.assertEqual(pushes, "| `walk` of a1 | servos | 0.60 | 0.4 | 0.80 |")
+
     def test_tables_and_words_count_what_holds(self):
         results = []
         for motion, fed, bare, marked, fell in [

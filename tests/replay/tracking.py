@@ -142,7 +142,11 @@ def _options(arguments):
     parser.add_argument("--json", required=True, metavar="RESULTS.json")
     parser.add_argument("--push", nargs="*", metavar="PLAN.json", help="names of the plans that are pushed as well")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at a time (as many as cores)")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    unknown = set(options.push or ()) - {Path(plan).name for plan in options.plans}
+    if unknown:
+        parser.error(f"--push {' '.join(sorted(unknown))}: not among the plans")
+    return options
 
 
 if __name__ == "__main__":
