@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Number of motions, the first ones of the benchmark of tracking: their robots stay on their feet in closed loop with noisy sensors.
-const COUNT: usize = 11;
+const COUNT: usize = 12;
 const KINDS: [(&str, SensorFaultKind); 13] = [
     ("no IMU", NoImu),
     ("gyro NaN", GyroNan),

@@ -18,10 +18,11 @@ use std::path::{self, PathBuf};
 use std::sync::Arc;
 
 /// Motion files.
-pub const MOTIONS: [&str; 14] = [
+pub const MOTIONS: [&str; 15] = [
     "motions/anymal_drive.toml",
     "motions/anymal_duck.toml",
     "motions/anymal_turn.toml",
+    "motions/anymal_walk.toml",
     "motions/drive_1m.toml",
     "motions/walk.toml",
     "motions/trot.toml",

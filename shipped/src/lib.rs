@@ -27,6 +27,7 @@ shipped!(
     "motions/anymal_library.toml",
     "motions/anymal_stand.toml",
     "motions/anymal_turn.toml",
+    "motions/anymal_walk.toml",
     "motions/car_drive.toml",
     "motions/drive_1m.toml",
     "motions/duck.toml",

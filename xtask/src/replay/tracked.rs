@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 /// A motion that open loop on the servos does not make a half of.
 const TURN: &str = "motions/anymal_turn.toml";
 /// Motion files, below the root.
-const MOTIONS: [&str; 11] = [
+const MOTIONS: [&str; 12] = [
     TURN,
     "motions/anymal_drive.toml",
     "motions/anymal_duck.toml",
+    "motions/anymal_walk.toml",
     "motions/walk.toml",
     "motions/trot.toml",
     "motions/pace.toml",
