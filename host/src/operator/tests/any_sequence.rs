@@ -3,6 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::wire::FromController;
 
 /// A step of a random sequence.
 #[derive(Clone, Debug)]
@@ -160,10 +161,14 @@ proptest! {
                 }
                 Happens::Frame(frame) => {
                     // A stop of another node counts as well.
-                    if let Ok((_, rollwalk_protocol::wire::FromController::Status(status))) =
-                        rollwalk_protocol::wire::FromController::decode(&frame)
-                        && status.state == State::EStopped
-                    {
+                    // Of this controller.
+                    let heard = FromController::decode(&frame).ok().filter(|of| of.0 == node());
+                    let stopped = match heard {
+                        Some((_, FromController::Status(status))) => status.state == State::EStopped,
+                        Some((_, FromController::EstopAck(_))) => true,
+                        _ => false,
+                    };
+                    if stopped {
                         watch.since_stop = watch.since_stop.or(Some((false, false)));
                     }
                     desk.hear(frame);
