@@ -1,11 +1,19 @@
 //! `cargo xtask`: the development tasks of the workspace; the README and CI run `cargo xtask test`.
 //!
-//! [`steps`] has the steps of `cargo xtask test` and `cargo xtask nightly`, [`quick`] the check of a change in one
-//! crate. [`tidy`] checks the house rules, [`bare_metal`] builds the controller's crates for the Cortex-M4, [`board`]
-//! builds, measures and emulates the board images, [`fuzz`] and [`miri`] test protocol and firmware, [`deny`] and [`sbom`] look
-//! after the crates of others, [`crates`] packages ours, [`package`] makes what is installed, [`mod@studio`] builds the studio, [`browsers`] tests its page, [`docs`]
-//! builds the site of the documents, [`wheel`] the Python package, [`exports`] has other tools read what is exported, [`vcan`] runs a
-//! command on a machine with SocketCAN.
+//! | modules | what they do |
+//! |---|---|
+//! | [`steps`] | the steps of `cargo xtask test` and `cargo xtask nightly` |
+//! | [`quick`] | checks a change in one crate |
+//! | [`tidy`] | checks the house rules |
+//! | [`bare_metal`], [`board`] | build the controller's crates for the Cortex-M4; build, measure and emulate board images |
+//! | [`fuzz`], [`miri`] | test protocol and firmware |
+//! | [`deny`], [`sbom`] | check licences and advisories of dependencies; write the bills of materials |
+//! | [`crates`] | checks that the library crates can be published |
+//! | [`package`], [`wheel`] | make the archive, the Debian package and the Python package |
+//! | [`mod@studio`], [`browsers`] | build the studio; test its page |
+//! | [`docs`] | builds the site of the documents |
+//! | [`exports`], [`mod@replay`] | have other tools read what is exported; replay plans in MuJoCo |
+//! | [`vcan`] | runs a command on a machine with SocketCAN |
 
 mod bare_metal;
 mod board;
