@@ -94,11 +94,9 @@ impl Recovery {
 
     /// Moves the plan along with the robot, and returns by how much, m.
     pub fn follow(&mut self, errors: &Errors) -> Vector2<f64> {
-        // One that resumes begins where it is.
         let most_m = match self.stage {
-            Stage::Resumes => 0.0,
-            // While its servos play the plan, nothing leads it back to its place.
-            Stage::Recovers { aside: true } => 0.0,
+            // One that resumes begins where it is; while servos play the plan, nothing leads the robot back to its place.
+            Stage::Resumes | Stage::Recovers { aside: true } => 0.0,
             Stage::OnPlan | Stage::Recovers { aside: false } => ANCHOR * errors.height_m.max(0.0),
         };
         let off_m = errors.from_plan_m;
