@@ -13,6 +13,7 @@ use crate::authentication::Authentication;
 use crate::bus::Buses;
 use crate::bus_watch::BusWatch;
 use crate::gate::Gate;
+use crate::imu::Imu;
 use crate::journal::Journal;
 use crate::limiter::Target;
 use crate::link::Link;
@@ -37,6 +38,7 @@ pub struct Controller<S, P = NoParameters> {
     pub(crate) tuning: Tuning<P>,
     pub(crate) bus_watch: BusWatch,
     pub(crate) tilt: TiltWatch,
+    pub(crate) imu: Imu,
     pub(crate) journal: Journal,
     pub(crate) authentication: Authentication,
     safety: StateMachine,
@@ -83,6 +85,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             tuning: Tuning::new(parameters),
             bus_watch: BusWatch::default(),
             tilt: TiltWatch::default(),
+            imu: Imu::default(),
             journal: Journal::new(),
             authentication: Authentication::default(),
             safety: StateMachine::new(State::Boot),
@@ -125,6 +128,19 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.tilt.observe(now_us, up_body);
     }
 
+    /// Records what an IMU measures, for hosts that close the loop over the link: angular velocity of the root link, rad/s, and specific force at
+    /// its origin, m/s², both in its axes (x forward, y left, z to the robot's top). Call in every control period, before
+    /// [`tick`](Self::tick).
+    pub fn on_imu(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
+        self.imu.observe(gyro_rad_s, force_m_s2);
+    }
+
+    /// Records which end effectors touch the ground, a bit each in the order of the robot file, for hosts that close the loop over the link. Call in
+    /// every control period, before [`tick`](Self::tick), or never.
+    pub fn on_contacts(&mut self, contacts: u32) {
+        self.imu.observe_contacts(contacts);
+    }
+
     /// Expected attitude of the body: that of the playing clip, before that the one of SAFE.
     pub(crate) fn expected_attitude(&self) -> Attitude {
         let clip = |library: &Library<'_>| match self.motion.playing() {
@@ -163,9 +179,17 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
         self.storage.settle(self.state());
 
+        let sample = self.motion.take_sample();
+        if let Some(number) = sample
+            && self.link.begin_batch(number)
+        {
+            self.imu.sample();
+        }
         if self.ticks_to_frame == 0 {
             self.ticks_to_frame = self.setup.settings.ticks_per_frame();
-            self.link.allow_telemetry();
+            if !self.motion.is_tracking() {
+                self.link.allow_telemetry();
+            }
         }
         self.ticks_to_frame -= 1;
         let status = self.status(0);

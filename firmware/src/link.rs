@@ -37,6 +37,9 @@ pub(crate) enum Outgoing {
     CommandAck(CommandAck),
     ParameterAck(ParameterAck),
     Telemetry { channel: u8 },
+    Gyro,
+    Accelerometer,
+    Sample { number: u8 },
     Frame(Frame),
     Discovered,
 }
@@ -65,6 +68,16 @@ pub(crate) struct Link {
     report_counter: u8,
     telemetry_left: u8,
     telemetry_next: u8,
+    batch: Option<Batch>,
+}
+
+/// A batch of measurements that is being sent.
+#[derive(Clone, Copy, Debug)]
+struct Batch {
+    /// Number of its sample.
+    number: u8,
+    /// Next message: gyro, accelerometer, channels, sample.
+    next: u8,
 }
 
 impl Link {
@@ -89,6 +102,7 @@ impl Link {
             report_counter: 0,
             telemetry_left: 0,
             telemetry_next: 0,
+            batch: None,
         }
     }
 
@@ -176,6 +190,17 @@ impl Link {
         self.telemetry_left = TELEMETRY_PER_FRAME;
     }
 
+    /// Sends the measurements of a sample next, in place of other telemetry. Returns false, and sends none, while those of the sample before
+    /// are not through.
+    pub fn begin_batch(&mut self, number: u8) -> bool {
+        let is_free = self.batch.is_none();
+        if is_free {
+            self.batch = Some(Batch { number, next: 0 });
+        }
+        self.telemetry_left = 0;
+        is_free
+    }
+
     /// Reports known faults again, because a command was refused for them.
     pub fn report(&mut self, faults: FaultBits) {
         self.reports.0 |= faults.0;
@@ -219,6 +244,18 @@ impl Link {
         }
         if let Some(ack) = self.parameter.take() {
             return Some(Outgoing::ParameterAck(ack));
+        }
+        if let Some(Batch { number, next }) = self.batch {
+            self.batch = Some(Batch { number, next: next.saturating_add(1) });
+            return Some(match next {
+                0 => Outgoing::Gyro,
+                1 => Outgoing::Accelerometer,
+                next if next - 2 < channels => Outgoing::Telemetry { channel: next - 2 },
+                _ => {
+                    self.batch = None;
+                    Outgoing::Sample { number }
+                }
+            });
         }
         if self.telemetry_left > 0 && channels > 0 {
             self.telemetry_left -= 1;

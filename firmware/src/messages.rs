@@ -7,16 +7,21 @@ use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
 use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult, TransportError};
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, CommandResult, DecodeError, Discovered, EstopAck, FaultReport,
-    JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request, Response, SCHEMA_HASH, State,
-    Status, ToController, Torque,
+    JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Parameter, Request, Response,
+    SCHEMA_HASH, Sample, State, Status, ToController, Torque,
 };
 
 use crate::authentication::Admission;
 use crate::controller::Controller;
 use crate::gate::{Permit, Verdict};
 use crate::link::Outgoing;
+use crate::motion::Setup;
 use crate::player::PLANNED_SPEED_64THS;
 use crate::store::{LibraryStore, ParameterStore};
+use crate::track::Tracking;
+
+/// Lowest rate of samples of a robot that is tracked, Hz.
+const SLOWEST_HZ: u16 = 20;
 
 /// Values acknowledged with an accepted command: the motion, and a nonce or a number of frames.
 type Done = (Option<NodeId>, u16);
@@ -85,8 +90,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     pub fn poll_link(&mut self, now_us: u64) -> Option<Frame> {
         let node = self.link.node?;
         let channels = self.setup.config.channels.len() as u8;
-        // Channels without telemetry are skipped; all other messages are sent as they come.
-        for _ in 0..=channels {
+        // Channels without telemetry and an IMU that is not there are skipped; all other messages are sent as they come.
+        for _ in 0..=channels.saturating_add(2) {
             let frame = match self.link.next(now_us, channels)? {
                 Outgoing::EstopAck => Some(EstopAck { state: self.state() }.encode(node)),
                 Outgoing::HeartbeatReply(reply) => Some(reply.encode(node)),
@@ -97,6 +102,15 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 Outgoing::CommandAck(ack) => Some(ack.encode(node)),
                 Outgoing::ParameterAck(ack) => Some(ack.encode(node)),
                 Outgoing::Telemetry { channel } => self.telemetry(channel).map(|t| t.encode(node)),
+                Outgoing::Gyro => self.imu.sampled().gyro.map(|gyro| gyro.encode(node)),
+                Outgoing::Accelerometer => {
+                    self.imu.sampled().accelerometer.map(|of| of.encode(node))
+                }
+                Outgoing::Sample { number } => {
+                    let answered = self.motion.answered();
+                    let contacts = self.imu.sampled().contacts;
+                    Some(Sample { number, answered, contacts }.encode(node))
+                }
                 Outgoing::Frame(frame) => Some(frame),
                 Outgoing::Discovered => {
                     let uid = self.setup.settings.uid;
@@ -155,6 +169,14 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.may_stream()?;
                 self.raise(now_us, Event::StreamStarted);
                 Ok(NOTHING_TO_SAY)
+            }
+            Action::Track { rate_hz, kp_percent, kd_percent } => {
+                self.may_stream()?;
+                let control_hz = self.setup.settings.control_hz;
+                let tracking = self.tracking(rate_hz, [kp_percent, kd_percent])?;
+                self.motion.want_tracking(tracking);
+                self.raise(now_us, Event::StreamStarted);
+                Ok((None, control_hz.checked_div(tracking.periods).unwrap_or(0)))
             }
             Action::Return if self.state() == State::Streaming => {
                 self.raise(now_us, Event::StreamEnded);
@@ -261,6 +283,28 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             state if state.torque() == Torque::Driven => Err(CommandResult::WrongState),
             _ => Err(CommandResult::NotArmed),
         }
+    }
+
+    /// What a host asks for, as far as this robot can do it.
+    fn tracking(&self, rate_hz: u16, percent: [u8; 2]) -> Result<Tracking, CommandResult> {
+        let Setup { config, settings, .. } = &self.setup;
+        let actuators = &self.motion.actuators;
+        let mut channels = 0..config.channels.len();
+        let fit = channels.all(|channel| {
+            actuators.takes_torque(channel) && actuators.heeds(config, channel, Parameter::Kd)
+        });
+        if !fit {
+            return Err(CommandResult::UnfitActuators);
+        }
+        let control_hz = settings.control_hz;
+        let is_rate = (SLOWEST_HZ..=control_hz).contains(&rate_hz);
+        if !is_rate || percent.iter().any(|&part| part > 100) {
+            return Err(CommandResult::BadTracking);
+        }
+        // The nearest whole number of periods.
+        let twice = control_hz.saturating_mul(2).saturating_add(rate_hz);
+        let periods = twice.checked_div(rate_hz.saturating_mul(2)).unwrap_or(1).max(1);
+        Ok(Tracking { periods, parts: percent.map(|part| f32::from(part) / 100.0) })
     }
 
     fn may_clear(&self) -> Result<(), CommandResult> {
@@ -403,7 +447,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 (None, excess.filter(|_| awake).unwrap_or(-1.0))
             }
             Fault::Overrun => (None, self.tick_gap_us as f32 * 1e-6),
-            Fault::SetpointTimeout => (None, self.motion.starved_s()),
+            Fault::SetpointTimeout => (None, self.motion.starved_s(&self.setup.settings)),
             Fault::BusNoAck | Fault::BusPassive | Fault::BusOff => {
                 (None, self.bus_watch.about(fault).map_or(0.0, f32::from))
             }

@@ -5,7 +5,7 @@
 //! last off.
 
 use heapless::Vec;
-use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
+use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::faults::{Event, Fault};
 use rollwalk_protocol::library::{Library, NodeId, RATE_HZ, Unreadable};
 use rollwalk_protocol::wire::Setpoint;
@@ -20,6 +20,8 @@ use crate::player::{Player, Playing};
 use crate::safety::EventSet;
 use crate::settings::Settings;
 use crate::stream::Stream;
+use crate::track::{Track, Tracking};
+use crate::window::WINDOW;
 
 /// Rate at which each actuator is queried for its pose while torque is off, Hz.
 const QUERY_HZ: u16 = 20;
@@ -32,6 +34,7 @@ enum Stage {
     Ramping { ramp: Ramp, settling_ticks: u32 },
     Playing(Player),
     Streaming(Stream),
+    Tracking(Track),
     Damped,
 }
 
@@ -52,6 +55,10 @@ pub(crate) struct Motion {
     /// Ticks for which a joint has been far from its setpoint.
     behind_ticks: u32,
     ticks_to_query: u16,
+    /// What the next stream is to be, if its setpoints answer samples.
+    tracking: Option<Tracking>,
+    /// Number of the sample that is due.
+    sample: Option<u8>,
 }
 
 impl Motion {
@@ -64,6 +71,8 @@ impl Motion {
             emitted: [None; MAX_CHANNELS],
             behind_ticks: 0,
             ticks_to_query: 0,
+            tracking: None,
+            sample: None,
         }
     }
 
@@ -179,7 +188,27 @@ impl Motion {
         Ok(())
     }
 
-    /// Starts to follow streamed setpoints, at rest in SAFE.
+    /// Has the next stream follow setpoints that answer samples.
+    pub fn want_tracking(&mut self, tracking: Tracking) {
+        self.tracking = Some(tracking);
+    }
+
+    /// Whether setpoints that answer samples are followed.
+    pub fn is_tracking(&self) -> bool {
+        matches!(self.stage, Stage::Tracking(_))
+    }
+
+    /// Number of the sample that is due, once.
+    pub fn take_sample(&mut self) -> Option<u8> {
+        self.sample.take()
+    }
+
+    /// Sample whose setpoints are in force.
+    pub fn answered(&self) -> Option<u8> {
+        if let Stage::Tracking(track) = &self.stage { track.sample().1 } else { None }
+    }
+
+    /// Starts to follow setpoints of the host, at rest in SAFE.
     // Of its own, because a stream is large on the stack.
     #[inline(never)]
     pub fn start_stream(
@@ -188,31 +217,42 @@ impl Motion {
         library: Option<Library<'_>>,
     ) -> Result<(), Unreadable> {
         let (values, torques) = safe(&library.ok_or(Unreadable)?)?;
-        let stream = Stream::start(values, torques, setup.settings.ticks_per_frame());
-        self.stage = Stage::Streaming(stream);
+        self.stage = match self.tracking.take() {
+            Some(tracking) => Stage::Tracking(Track::start(tracking, values, torques)),
+            None => {
+                let ticks_per_frame = setup.settings.ticks_per_frame();
+                Stage::Streaming(Stream::start(values, torques, ticks_per_frame))
+            }
+        };
         Ok(())
     }
 
-    /// Keeps a streamed setpoint until it is due. Ignored unless a stream is followed.
+    /// Takes a setpoint of the host. Ignored unless they are followed.
     pub fn stream(&mut self, setup: &Setup, setpoint: &Setpoint) {
-        if let Stage::Streaming(stream) = &mut self.stage {
-            stream.receive(&setup.config, setpoint, setup.settings.align_tolerance_rad);
+        let nearest_rad = setup.settings.align_tolerance_rad;
+        match &mut self.stage {
+            Stage::Streaming(stream) => stream.receive(&setup.config, setpoint, nearest_rad),
+            Stage::Tracking(track) => track.receive(&setup.config, setpoint, nearest_rad),
+            _ => {}
         }
     }
 
-    /// Ramps to SAFE from the present setpoints of the stream.
+    /// Ramps to SAFE from the present setpoints of the host.
     pub fn align_from_stream(
         &mut self,
         setup: &Setup,
         library: Option<Library<'_>>,
     ) -> Result<(), Unreadable> {
         let library = library.ok_or(Unreadable)?;
-        let Stage::Streaming(stream) = &self.stage else { return Err(Unreadable) };
         let config = &setup.config;
         // From what the actuators were commanded: what was streamed may be out of their limits.
         let ramp = ramp_to_safe(setup, &library, |i| {
             let most_nm = config.channels.get(i)?.max_torque_nm;
-            let torque_nm = stream.target(config, i)?.torque_nm;
+            let torque_nm = match &self.stage {
+                Stage::Streaming(stream) => stream.target(config, i)?.torque_nm,
+                Stage::Tracking(track) => track.target(config, i)?.0.torque_nm,
+                _ => return None,
+            };
             let torque_nm = if torque_nm.abs() <= most_nm { torque_nm } else { 0.0 };
             Some((self.limiter.meant(i)?, torque_nm))
         })?;
@@ -222,20 +262,29 @@ impl Motion {
 
     /// Brings the stream to rest where it is.
     pub fn halt_stream(&mut self) {
-        if let Stage::Streaming(stream) = &mut self.stage {
-            stream.halt();
+        match &mut self.stage {
+            Stage::Streaming(stream) => stream.halt(),
+            Stage::Tracking(track) => track.halt(),
+            _ => {}
         }
     }
 
-    /// Frames of the stream that were taken, modulo 65,536; 0 without a stream.
+    /// Frames of the stream that were taken, or answers, modulo 65,536; 0 without.
     pub fn streamed_frames(&self) -> u16 {
-        if let Stage::Streaming(stream) = &self.stage { stream.taken() } else { 0 }
+        match &self.stage {
+            Stage::Streaming(stream) => stream.taken(),
+            Stage::Tracking(track) => track.answers(),
+            _ => 0,
+        }
     }
 
-    /// Time since the last frame of the stream was taken, s.
-    pub fn starved_s(&self) -> f32 {
-        let frames = if let Stage::Streaming(stream) = &self.stage { stream.starved() } else { 0 };
-        f32::from(frames) / f32::from(RATE_HZ)
+    /// Time since the last setpoints of the host were taken, s.
+    pub fn starved_s(&self, settings: &Settings) -> f32 {
+        match &self.stage {
+            Stage::Streaming(stream) => f32::from(stream.starved()) / f32::from(RATE_HZ),
+            Stage::Tracking(track) => f32::from(track.starved()) * settings.period_s(),
+            _ => 0.0,
+        }
     }
 
     /// Sends the player to SAFE.
@@ -305,7 +354,10 @@ impl Motion {
             Stage::Off => return,
             // Of actuators damped during enabling, some were never enabled.
             Stage::Enabling { .. } | Stage::Damped => false,
-            Stage::Ramping { .. } | Stage::Playing(_) | Stage::Streaming(_) => true,
+            Stage::Ramping { .. }
+            | Stage::Playing(_)
+            | Stage::Streaming(_)
+            | Stage::Tracking(_) => true,
         };
         let health = self.actuators.health();
         if !health.fresh_within(self.patience_ticks(setup)) {
@@ -322,7 +374,8 @@ impl Motion {
     fn watch_following(&mut self, setup: &Setup, events: &mut EventSet) {
         let Setup { config, settings, .. } = setup;
         let far = |i| self.lag_rad(setup, i).is_some_and(|lag| lag > settings.follow_tolerance_rad);
-        let plays = matches!(self.stage, Stage::Playing(_) | Stage::Streaming(_));
+        let plays =
+            matches!(self.stage, Stage::Playing(_) | Stage::Streaming(_) | Stage::Tracking(_));
         let behind = plays && (0..config.channels.len()).any(far);
         self.behind_ticks = if behind { self.behind_ticks.saturating_add(1) } else { 0 };
         if behind && self.behind_ticks > settings.ticks(settings.follow_patience_us) {
@@ -373,12 +426,16 @@ impl Motion {
         }
         if let Stage::Streaming(stream) = &mut self.stage {
             stream.advance(&setup.config);
-            let patience_s = setup.settings.heartbeat_timeout_us as f32 * 1e-6;
-            if stream.rests() {
-                events.insert(Event::StreamHalted);
-            } else if !stream.is_halted() && self.starved_s() > patience_s {
-                events.insert(Event::StreamLost);
+            let halted = (stream.is_halted(), stream.rests());
+            self.watch_host(setup, halted, events);
+        }
+        if let Stage::Tracking(track) = &mut self.stage {
+            if track.advance(&setup.config, setup.settings.period_s()) {
+                self.sample = Some(track.sample().0);
             }
+            let periods = setup.settings.ticks_per_frame().saturating_mul(WINDOW as u16);
+            let halted = (track.is_halted(), track.rests(periods));
+            self.watch_host(setup, halted, events);
         }
         self.emit_targets(setup);
         if let Stage::Ramping { ramp, settling_ticks } = &mut self.stage {
@@ -396,6 +453,16 @@ impl Motion {
         Ok(())
     }
 
+    /// Raises events of setpoints that have ended, or that do not come any more.
+    fn watch_host(&self, setup: &Setup, (is_halted, rests): (bool, bool), events: &mut EventSet) {
+        let patience_s = setup.settings.heartbeat_timeout_us as f32 * 1e-6;
+        if rests {
+            events.insert(Event::StreamHalted);
+        } else if !is_halted && self.starved_s(&setup.settings) > patience_s {
+            events.insert(Event::StreamLost);
+        }
+    }
+
     fn start_ramp(&mut self, setup: &Setup, library: &Library<'_>) -> Result<(), Unreadable> {
         let (actuators, limiter) = (&self.actuators, &mut self.limiter);
         let ramp = ramp_to_safe(setup, library, |i| {
@@ -410,15 +477,22 @@ impl Motion {
     fn emit_targets(&mut self, setup: &Setup) {
         let feed_forward = self.parameters.feed_forward();
         for i in 0..setup.config.channels.len() {
+            let mut parts = None;
             let target = match &self.stage {
                 Stage::Ramping { ramp, .. } => ramp.target(i),
                 Stage::Playing(player) => player.target(&setup.config, i),
                 Stage::Streaming(stream) => stream.target(&setup.config, i),
+                Stage::Tracking(track) => track.target(&setup.config, i).map(|(target, of)| {
+                    parts = Some(of);
+                    target
+                }),
                 Stage::Off | Stage::Enabling { .. } | Stage::Damped => None,
             };
             if let Some(mut target) = target {
-                target.torque_nm *= feed_forward;
-                self.emit(setup, i, target, Hold::Driven);
+                if parts.is_none() {
+                    target.torque_nm *= feed_forward;
+                }
+                self.emit(setup, i, target, Hold::Driven, parts);
             }
         }
     }
@@ -431,13 +505,23 @@ impl Motion {
                 ChannelKind::WheelSpeed => Some(0.0),
             };
             if let Some(value) = value {
-                self.emit(setup, i, Target { value, slope: 0.0, torque_nm: 0.0 }, Hold::Damped);
+                let still = Target { value, slope: 0.0, torque_nm: 0.0 };
+                self.emit(setup, i, still, Hold::Damped, None);
             }
         }
     }
 
-    fn emit(&mut self, setup: &Setup, channel: usize, target: Target, hold: Hold) {
+    /// `parts` are those of kp and kd that act; all of them without.
+    fn emit(
+        &mut self,
+        setup: &Setup,
+        channel: usize,
+        target: Target,
+        hold: Hold,
+        parts: Option<[f32; 2]>,
+    ) {
         let damped;
+        let soft;
         let limits = match hold {
             Hold::Driven => self.parameters.driven(channel),
             Hold::Damped => {
@@ -445,7 +529,15 @@ impl Motion {
                 damped.as_ref()
             }
         };
-        let Some(limits) = limits else { return };
+        let Some(mut limits) = limits else { return };
+        if let Some([kp, kd]) = parts {
+            soft = Channel {
+                kp_nm_rad: kp * limits.kp_nm_rad,
+                kd_nm_s_rad: kd * limits.kd_nm_s_rad,
+                ..*limits
+            };
+            limits = &soft;
+        }
         let takes_torque = self.actuators.takes_torque(channel);
         let limited = self.limiter.apply(limits, channel, target, takes_torque);
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {

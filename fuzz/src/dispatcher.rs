@@ -40,10 +40,12 @@ mod tag {
     pub const PARAMETER: u8 = 16;
     pub const STREAM: u8 = 17;
     pub const SETPOINTS: u8 = 18;
+    pub const TRACK: u8 = 19;
+    pub const ANSWERS: u8 = 20;
     /// The rest is lies.
-    pub const FEEDBACK: u8 = 19;
-    pub const FRAME: u8 = 20;
-    pub const TIME: u8 = 21;
+    pub const FEEDBACK: u8 = 21;
+    pub const FRAME: u8 = 22;
+    pub const TIME: u8 = 23;
 }
 
 fn frame(u: &mut Unstructured<'_>) -> Result<Frame> {
@@ -65,7 +67,7 @@ fn action(u: &mut Unstructured<'_>) -> Result<Action> {
         4 => Action::ArmConfirm { nonce: u.arbitrary()? },
         5 => Action::ClearConfirm { nonce: u.arbitrary()? },
         6 => Action::Play { code: u.arbitrary()?, speed_64ths: u.arbitrary()? },
-        _ => Action::Unknown { kind: u.int_in_range(10..=15)? },
+        _ => Action::Unknown { kind: u.int_in_range(11..=15)? },
     })
 }
 
@@ -99,7 +101,8 @@ fn setpoint(u: &mut Unstructured<'_>) -> Result<Setpoint> {
         _ => safe + f32::from(u.arbitrary::<i8>()?) / 400.0,
     };
     let torque_nm = f32::from(u.arbitrary::<i16>()?) / 1000.0;
-    Ok(Setpoint { frame: u.arbitrary()?, channel, value, torque_nm })
+    let (frame, stiff) = (u.arbitrary()?, u.arbitrary()?);
+    Ok(Setpoint { frame, channel, stiff, value, torque_nm })
 }
 
 /// A lying actuator: any measurement, any status, in a frame that decodes.
@@ -115,7 +118,7 @@ fn feedback(u: &mut Unstructured<'_>) -> Result<Frame> {
 }
 
 fn deed(u: &mut Unstructured<'_>, lies: bool) -> Result<Deed> {
-    let count = if lies { tag::TIME } else { tag::SETPOINTS } + 1;
+    let count = if lies { tag::TIME } else { tag::ANSWERS } + 1;
     let servo = |u: &mut Unstructured<'_>| u.choose_index(robot::CHANNELS);
     Ok(match u.arbitrary::<u8>()? % count {
         tag::RUN => Deed::Run(u.arbitrary::<u8>()?.into()),
@@ -146,6 +149,12 @@ fn deed(u: &mut Unstructured<'_>, lies: bool) -> Result<Deed> {
         tag::PARAMETER => Deed::Parameter(parameter(u)?),
         tag::STREAM => Deed::Command(Action::Stream),
         tag::SETPOINTS => Deed::Setpoints(u.arbitrary::<u8>()?, setpoint(u)?),
+        tag::TRACK => {
+            let rate_hz = 15 + u16::from(u.arbitrary::<u8>()? % 110);
+            let (kp_percent, kd_percent) = (u.arbitrary::<u8>()? % 102, u.arbitrary::<u8>()? % 102);
+            Deed::Command(Action::Track { rate_hz, kp_percent, kd_percent })
+        }
+        tag::ANSWERS => Deed::Answers(u.arbitrary()?, setpoint(u)?),
         tag::FEEDBACK => Deed::Actuator(u.int_in_range(0..=2)?, feedback(u)?),
         tag::FRAME => Deed::Actuator(u.int_in_range(0..=2)?, frame(u)?),
         _ => Deed::TimeJump(i64::from(u.arbitrary::<i16>()?) * 100),

@@ -13,9 +13,9 @@ use rollwalk_protocol::wire::transport::{
     Endpoint, MAX_MESSAGE, Reply, Request, Response, TransferResult, frame_to_controller,
 };
 use rollwalk_protocol::wire::{
-    Action, Command, CommandAck, CommandResult, Estop, EstopAck, FaultReport, FromController,
-    HEARTBEAT_PERIOD_MS, Heartbeat, JointTelemetry, MOST_VALID_MS, Node, ParameterAck,
-    ParameterAction, ParameterRequest, ParameterResult, Status,
+    Accelerometer, Action, Command, CommandAck, CommandResult, Estop, EstopAck, FaultReport,
+    FromController, Gyro, HEARTBEAT_PERIOD_MS, Heartbeat, JointTelemetry, MOST_VALID_MS, Node,
+    ParameterAck, ParameterAction, ParameterRequest, ParameterResult, Sample, Status,
 };
 
 /// Validity of a command, ms: covers its repetitions.
@@ -57,6 +57,12 @@ pub enum Incoming {
     Response(Response),
     /// A transport message failed in either direction.
     TransportFailed(IsoTpError),
+    /// Angular velocity of the root link.
+    Gyro(Gyro),
+    /// Specific force of the root link.
+    Accelerometer(Accelerometer),
+    /// End of a batch of measurements.
+    Sample(Sample),
     /// Telemetry of a joint or wheel.
     Joint(JointTelemetry),
     /// An authenticated session has begun, or none can.
@@ -232,6 +238,9 @@ impl Client {
             }
             FromController::CommandAck(ack) => Some(Incoming::Ack(ack)),
             FromController::JointTelemetry(joint) => Some(Incoming::Joint(joint)),
+            FromController::Gyro(gyro) => Some(Incoming::Gyro(gyro)),
+            FromController::Accelerometer(of) => Some(Incoming::Accelerometer(of)),
+            FromController::Sample(sample) => Some(Incoming::Sample(sample)),
             FromController::Transport => match self.transport.on_frame(frame.data(), now_us) {
                 isotp::Event::None => None,
                 isotp::Event::Failed(error) => Some(Incoming::TransportFailed(error)),

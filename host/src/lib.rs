@@ -54,4 +54,5 @@ pub mod session;
 pub mod stream;
 pub mod telemetry;
 pub mod traces;
+pub mod tracking;
 pub mod transfer;

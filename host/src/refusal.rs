@@ -47,7 +47,13 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
         CommandResult::BadSpeed => "playback speeds are 1/64 to 64/64 of the planned one",
         CommandResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
         CommandResult::Unproven => {
-            "it has a key of its owner, and streamed setpoints prove nothing: play motions of its library"
+            "it has a key of its owner, and setpoints of a host prove nothing: play motions of its library"
+        }
+        CommandResult::UnfitActuators => {
+            "an actuator takes no torque, or its gains cannot be changed: its servos can play motions of the library only"
+        }
+        CommandResult::BadTracking => {
+            "a rate of 20 samples a second up to its control rate, and gains of 0 to 100 % are possible"
         }
     }
 }

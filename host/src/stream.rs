@@ -75,7 +75,8 @@ impl Stream {
         let Target { value, torque_nm } = *frame.get(channel)?;
         self.next = (number, channel + 1);
         let channel = u8::try_from(channel).ok()?;
-        Some(Setpoint { frame: number as u8, channel, value, torque_nm }.encode(to))
+        let (frame, stiff) = (number as u8, false);
+        Some(Setpoint { frame, channel, stiff, value, torque_nm }.encode(to))
     }
 }
 

@@ -6,6 +6,7 @@
 mod build;
 mod foot;
 mod hinge;
+mod imu;
 mod odometer;
 mod parameters;
 mod parts;
@@ -24,6 +25,7 @@ use rollwalk_robot::{Channel, Robot};
 use std::ops::Range;
 use std::sync::Arc;
 
+pub use imu::{Imu, ImuSample};
 pub use odometer::{
     Fall, FallWatch, Odometer, Totals, Way, ground_from_world, heading_rad, normal_at_start,
 };
@@ -217,14 +219,18 @@ impl World {
         (body.position - body.rotation * self.root_center, body.rotation)
     }
 
+    /// Velocity of the origin of the root link, m/s, and its angular velocity, rad/s, in world axes.
+    pub fn base_velocity(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let base = &self.system.motions()[0];
+        (base.point(&-self.root_center).1, base.spin)
+    }
+
     /// Pose and velocity in the generalised velocities of a tree of the same robot.
     pub fn state(&self, tree: &Tree) -> State {
         let (base_position_m, world_from_body) = self.base();
-        let base = &self.system.motions()[0];
-        let (_, base_velocity) = base.point(&-self.root_center);
+        let (base_velocity, spin) = self.base_velocity();
         let joints = tree.robot().joints.len();
-        let mut velocity: Vec<f64> =
-            base_velocity.iter().chain(base.spin.iter()).copied().collect();
+        let mut velocity: Vec<f64> = base_velocity.iter().chain(spin.iter()).copied().collect();
         velocity.extend(self.shafts().take(joints).map(|[_, speed_rad_s, _]| speed_rad_s));
         velocity.extend(tree.wheels().iter().map(|wheel| {
             let motions = self.system.motions();

@@ -52,6 +52,16 @@ pub trait Core {
         let _ = (now_us, up_in_body);
     }
 
+    /// Passes what an IMU measures in body axes: angular velocity, rad/s, and specific force, m/s². A controller without an IMU ignores it.
+    fn on_imu(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
+        let _ = (gyro_rad_s, force_m_s2);
+    }
+
+    /// Passes which end effectors touch the ground, a bit each. A controller without contact switches ignores it.
+    fn on_contacts(&mut self, contacts: u32) {
+        let _ = contacts;
+    }
+
     /// What the latest setpoint of a channel was offset by in place of a torque, rad or rad/s; 0 where the controller does
     /// not tell.
     fn torque_offset(&self, channel: usize) -> f32 {
@@ -186,6 +196,14 @@ impl Core for Local {
 
     fn on_attitude(&mut self, now_us: u64, up_in_body: [f32; 3]) {
         self.controller.on_attitude(now_us, up_in_body);
+    }
+
+    fn on_imu(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
+        self.controller.on_imu(gyro_rad_s, force_m_s2);
+    }
+
+    fn on_contacts(&mut self, contacts: u32) {
+        self.controller.on_contacts(contacts);
     }
 
     fn torque_offset(&self, channel: usize) -> f32 {

@@ -16,7 +16,9 @@ use rollwalk_drives as drives;
 use rollwalk_physics::ground::Ground;
 use rollwalk_physics::motor::{Law, torque_speed_line};
 use rollwalk_physics::push::{Shove, mean_force};
-use rollwalk_physics::world::{self, FallWatch, Parameters, ground_from_world, heading_rad};
+use rollwalk_physics::world::{
+    self, FallWatch, Imu, ImuSample, Parameters, ground_from_world, heading_rad,
+};
 use rollwalk_physics::{StepError, World};
 use rollwalk_protocol::library::ClipId;
 use rollwalk_robot::Robot;
@@ -63,6 +65,18 @@ pub struct Grounded {
     travel: Option<Travel>,
     /// Of the clips before, which were not taken yet.
     travels: Vec<Travel>,
+    imu: Imu,
+    /// Time of the world at its last sample, s.
+    sampled_s: f64,
+}
+
+/// What the sensors of a body measure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodySample {
+    /// The IMU.
+    pub imu: ImuSample,
+    /// End effectors that touch the ground, a bit each.
+    pub contacts: u32,
 }
 
 impl Grounded {
@@ -96,6 +110,8 @@ impl Grounded {
             shoves,
             travel: None,
             travels: Vec::new(),
+            imu: Imu::default(),
+            sampled_s: 0.0,
         }
     }
 
@@ -127,6 +143,20 @@ impl Grounded {
     /// Up in the axes of the body.
     pub fn up_in_body(&self) -> Vector3<f64> {
         self.world.base().1.transpose() * Vector3::z()
+    }
+
+    /// Samples the sensors of the body; `None` if the world has made no step since the last sample.
+    pub fn sample(&mut self) -> Option<BodySample> {
+        let now_s = self.world.system().time_s();
+        let step_s = now_s - self.sampled_s;
+        if step_s <= 0.0 {
+            return None;
+        }
+        self.sampled_s = now_s;
+        let imu = self.imu.sample(&self.world, step_s);
+        let switches = (0..u32::BITS).zip(self.world.switches());
+        let contacts = switches.fold(0, |bits, (bit, is)| bits | u32::from(is) << bit);
+        Some(BodySample { imu, contacts })
     }
 
     /// Takes the ways of all clips that have ended.

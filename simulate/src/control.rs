@@ -3,7 +3,7 @@
 use crate::closed_loop::{ClosedLoop, Feedback, Measured, Timing, Untracked};
 use crate::run::Options;
 use crate::script::Script;
-use crate::sensors::{SimulatedSensors, touches};
+use crate::sensors::SimulatedSensors;
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion};
 use rollwalk_physics::World;
 use rollwalk_physics::motor::Law;
@@ -98,7 +98,7 @@ impl<'s, 'p> Controller<'s, 'p> {
         let (laws, untracked) = match sensors {
             None => {
                 let state = world.state(closed_loop.tree());
-                let touches: Vec<bool> = touches(world, closed_loop.tree()).collect();
+                let touches: Vec<bool> = world.switches().collect();
                 closed_loop.tick([from_s, to_s], Measured::State(&state, &touches))
             }
             Some(sensors) => {

@@ -1,15 +1,12 @@
 //! Sensors of a simulated robot: an IMU at the origin of the root link, encoders, and contact switches.
 
 use fastrand::Rng;
-use nalgebra::{Matrix3, Rotation3, Vector3};
-use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, Tree, rotation};
+use nalgebra::Vector3;
+use rollwalk_multibody::{JOINTS, Tree};
 use rollwalk_physics::World;
-use rollwalk_robot::GRAVITY_M_S2;
+use rollwalk_physics::world::Imu;
 use rollwalk_tracking::Sensors;
 use std::f64::consts::TAU;
-
-/// Part of the weight from which on an end effector counts as touching.
-const TOUCHES: f64 = 0.005;
 
 /// Errors of sensors: standard deviations of white noise in each sample, and a bias. The default has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -54,12 +51,6 @@ pub enum SensorFaultKind {
     AllSwitchesStuck(bool),
 }
 
-/// Whether each end effector touches the ground.
-pub(crate) fn touches(world: &World, tree: &Tree) -> impl Iterator<Item = bool> {
-    let least_n = TOUCHES * tree.total_mass_kg() * GRAVITY_M_S2;
-    world.touches().map(move |touch| touch.normal_n > least_n)
-}
-
 /// Sensors of a robot, with the samples of a step.
 #[derive(Clone, Debug)]
 pub struct SimulatedSensors {
@@ -69,8 +60,7 @@ pub struct SimulatedSensors {
     fault: Option<SensorFault>,
     /// Time since the first sample, s.
     time_s: f64,
-    /// Velocity of the IMU, m/s, and world from body at the last sample.
-    last: Option<(Vector3<f64>, Matrix3<f64>)>,
+    imu: Imu,
     joint_rad: Vec<f64>,
     speed_rad_s: Vec<f64>,
     touches: Vec<bool>,
@@ -95,7 +85,7 @@ impl SimulatedSensors {
             random: Rng::with_seed(seed),
             fault: None,
             time_s: 0.0,
-            last: None,
+            imu: Imu::default(),
             joint_rad: Vec::new(),
             speed_rad_s: Vec::new(),
             touches: Vec::new(),
@@ -112,17 +102,11 @@ impl SimulatedSensors {
     /// there is none.
     pub fn sample(&mut self, world: &World, step_s: f64) -> Sensors<'_> {
         let state = world.state(&self.tree);
-        let part = |of: usize| Vector3::from_column_slice(&state.velocity[of..of + 3]);
-        let now = (part(LINEAR), state.world_from_body);
         let Noise { gyro_rad_s, gyro_bias_rad_s, accelerometer_m_s2, speed_rad_s } = self.noise;
-        let mut force = self.last.replace(now).map(|(velocity, world_from_body)| {
-            let turn = world_from_body.tr_mul(&now.1);
-            let midway = world_from_body * Rotation3::new(rotation::log(&turn) / 2.0).matrix();
-            let acceleration = (now.0 - velocity) / step_s;
-            midway.tr_mul(&(acceleration + Vector3::z() * GRAVITY_M_S2))
-        });
+        let exact = self.imu.sample(world, step_s);
+        let mut force = exact.force_m_s2;
         let mut noise = |deviation: f64| deviation * normal(&mut self.random);
-        let turning = now.1.tr_mul(&part(ANGULAR)) + gyro_bias_rad_s;
+        let turning = exact.gyro_rad_s + gyro_bias_rad_s;
         let mut gyro_rad_s = Some(turning.map(|rate| rate + noise(gyro_rad_s)));
         force = force.map(|force| force.map(|along| along + noise(accelerometer_m_s2)));
         let stuck_rad = std::mem::replace(&mut self.joint_rad, state.joint_rad);
@@ -130,7 +114,7 @@ impl SimulatedSensors {
         let speeds = state.velocity[JOINTS..].iter();
         self.speed_rad_s.extend(speeds.map(|speed| speed + noise(speed_rad_s)));
         self.touches.clear();
-        self.touches.extend(touches(world, &self.tree));
+        self.touches.extend(world.switches());
         let broken = self.fault.filter(|fault| self.time_s >= fault.from_s).map(|fault| fault.kind);
         self.time_s += step_s;
         match broken {

@@ -6,7 +6,6 @@
 
 use crate::closed_loop::{Placed, law};
 use crate::script::servo;
-use crate::sensors::touches;
 use rollwalk_multibody::State;
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Law;
@@ -236,7 +235,7 @@ pub fn steer(
     for step in 0..(options.duration_s / step_s).round() as usize {
         let time_s = step as f64 * step_s;
         let state = world.state(&tree);
-        let touching: Vec<bool> = touches(&world, &tree).collect();
+        let touching: Vec<bool> = world.switches().collect();
         let then = step + ahead;
         if then.is_multiple_of(between) && then > 0 {
             while let Some(command) = commands.next_if(|command| command.at_s <= time_s) {

@@ -153,7 +153,15 @@ fn no_stream_of_setpoints_is_followed() {
     rig.arm();
     rig.run_until(State::Ready, 1000);
     assert_eq!(rig.command(Action::Stream).result, CommandResult::Unproven);
-    let setpoint = Setpoint { frame: 0, channel: 0, value: robot::STAND[0] + 0.1, torque_nm: 0.0 };
+    let track = Action::Track { rate_hz: 120, kp_percent: 10, kd_percent: 20 };
+    assert_eq!(rig.command(track).result, CommandResult::Unproven);
+    let setpoint = Setpoint {
+        frame: 0,
+        channel: 0,
+        stiff: false,
+        value: robot::STAND[0] + 0.1,
+        torque_nm: 0.0,
+    };
     rig.send(&setpoint.encode(me()));
     rig.run(30);
     assert_eq!(rig.brain.state(), State::Ready);

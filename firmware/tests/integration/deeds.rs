@@ -3,7 +3,8 @@
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{
-    Action, CommandResult, ParameterAction, ParameterResult, Request, Setpoint, State, Torque,
+    Action, CommandResult, FromController, ParameterAction, ParameterResult, Request, Setpoint,
+    State, Torque,
 };
 
 use crate::rig::{Rig, me};
@@ -33,6 +34,8 @@ pub enum Deed {
     TimeJump(i64),
     /// A setpoint, and as many frames of all channels after it that go on with it.
     Setpoints(u8, Setpoint),
+    /// Answers to as many samples, with this setpoint in each.
+    Answers(u8, Setpoint),
 }
 
 /// Lets it happen.
@@ -94,6 +97,21 @@ pub fn act(rig: &mut Rig, deed: &Deed) {
                     rig.send(&Setpoint { frame, channel, value, ..*first }.encode(me()));
                 }
                 rig.run(2);
+            }
+        }
+        Deed::Answers(samples, with) => {
+            for _ in 0..*samples {
+                rig.run(1);
+                let number = rig.heard.iter().rev().find_map(|(_, message)| match message {
+                    FromController::Sample(sample) => Some(sample.number),
+                    _ => None,
+                });
+                // Without samples it answers some that there were not.
+                let frame = number.unwrap_or(with.frame);
+                for (channel, value) in (0..).zip(STAND) {
+                    let value = if channel == with.channel { with.value } else { value };
+                    rig.send(&Setpoint { frame, channel, value, ..*with }.encode(me()));
+                }
             }
         }
         Deed::TimeJump(us) => rig.now_us = rig.now_us.saturating_add_signed(*us),

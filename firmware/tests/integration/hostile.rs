@@ -44,9 +44,12 @@ fn action() -> impl Strategy<Value = Action> {
         1 => Just(Action::Return),
         1 => Just(Action::Disarm),
         3 => Just(Action::Stream),
+        3 => (15u16..125, 0u8..102, 0u8..102).prop_map(|(rate_hz, kp_percent, kd_percent)| {
+            Action::Track { rate_hz, kp_percent, kd_percent }
+        }),
         1 => any::<u16>().prop_map(|nonce| Action::ArmConfirm { nonce }),
         1 => any::<u16>().prop_map(|nonce| Action::ClearConfirm { nonce }),
-        1 => (10u8..16).prop_map(|kind| Action::Unknown { kind }),
+        1 => (11u8..16).prop_map(|kind| Action::Unknown { kind }),
     ]
 }
 
@@ -90,6 +93,7 @@ fn honest() -> impl Strategy<Value = Deed> {
         1 => Just(Deed::Estop),
         1 => Just(Deed::Board),
         4 => (any::<u8>(), setpoint()).prop_map(|(frames, first)| Deed::Setpoints(frames / 3, first)),
+        4 => (any::<u8>(), setpoint()).prop_map(|(samples, with)| Deed::Answers(samples / 3, with)),
     ]
 }
 
@@ -97,8 +101,13 @@ fn honest() -> impl Strategy<Value = Deed> {
 fn setpoint() -> impl Strategy<Value = Setpoint> {
     let value = prop_oneof![3 => -0.7f32..0.5, 1 => -900.0f32..900.0];
     let frame = prop_oneof![2 => Just(0u8), 1 => any::<u8>()];
-    (frame, 0u8..4, value, -200.0f32..200.0).prop_map(|(frame, channel, value, torque_nm)| {
-        Setpoint { frame, channel, value, torque_nm }
+    let of = (frame, 0u8..4, any::<bool>());
+    (of, value, -200.0f32..200.0).prop_map(|((frame, channel, stiff), value, torque_nm)| Setpoint {
+        frame,
+        channel,
+        stiff,
+        value,
+        torque_nm,
     })
 }
 

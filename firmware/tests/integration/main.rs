@@ -26,4 +26,5 @@ mod stopping;
 mod streaming;
 mod tilt;
 mod torque;
+mod tracking;
 mod transfer;

@@ -27,7 +27,8 @@ fn torque_nm(frame: u16) -> f32 {
 fn send_to(rig: &mut Rig, to: Node, frame: u16, channels: impl IntoIterator<Item = usize>) {
     for channel in channels {
         let (value, torque_nm) = (values(frame)[channel], torque_nm(frame));
-        let setpoint = Setpoint { frame: frame as u8, channel: channel as u8, value, torque_nm };
+        let setpoint =
+            Setpoint { frame: frame as u8, channel: channel as u8, stiff: false, value, torque_nm };
         rig.send(&setpoint.encode(to));
     }
 }
@@ -233,7 +234,8 @@ fn a_stream_begins_in_ready_at_safe_and_nowhere_else() {
     assert_eq!(rig.command(Action::Stream).result, CommandResult::Ok);
     // Too far from SAFE to begin with, for all controllers, and further ahead than there is room.
     for frame in 0..6 {
-        let far = Setpoint { frame, channel: 0, value: STAND[0] + 0.4, torque_nm: 0.0 };
+        let far =
+            Setpoint { frame, channel: 0, stiff: false, value: STAND[0] + 0.4, torque_nm: 0.0 };
         rig.send(&far.encode(me()));
         send_to(&mut rig, me(), u16::from(frame), 1..CHANNELS);
     }

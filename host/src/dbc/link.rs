@@ -43,7 +43,7 @@ struct Kind {
 const HOST: &str = "host";
 
 /// Kinds of commands, as in the table of `docs/wire-format.md`.
-const COMMAND_KINDS: [&str; 10] = [
+const COMMAND_KINDS: [&str; 11] = [
     "Play",
     "Pause",
     "Resume",
@@ -54,6 +54,7 @@ const COMMAND_KINDS: [&str; 10] = [
     "ClearRequest",
     "ClearConfirm",
     "Stream",
+    "Track",
 ];
 /// Kinds of requests about parameters.
 const PARAMETER_KINDS: [&str; 5] = ["Get", "Set", "Reset", "Save", "Origin"];
@@ -103,7 +104,7 @@ impl Kind {
     }
 }
 
-fn kinds(names: Option<&RobotNames>) -> [Kind; 17] {
+fn kinds(names: Option<&RobotNames>) -> [Kind; 20] {
     let kind = |schema, class, number, len, from, comment, layout| {
         let (to_all, period_ms) = (false, 0);
         Kind { schema, class, number, len, from, to_all, period_ms, comment, layout }
@@ -161,9 +162,19 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 17] {
             1,
             8,
             From::Host,
-            "Streamed setpoint of one channel, 60 a second",
+            "Setpoint of one channel: streamed, 60 a second, or in answer to a sample",
             setpoint(names),
         ),
+        from("gyro", 4, 2, 7, "Angular velocity of the root link, in its axes", imu(2e-3, "rad/s")),
+        from(
+            "accelerometer",
+            4,
+            3,
+            7,
+            "Specific force at the root link, in its axes, mean since the last sample",
+            imu(5e-3, "m/s2"),
+        ),
+        from("sample", 4, 4, 8, "End of the measurements of an instant", sample()),
         kind("transport_to_controller", 5, 0, 8, From::Host, "ISO-TP: requests", isotp()),
         from("transport_to_host", 5, 1, 8, "ISO-TP: responses", isotp()),
         to("parameter", 6, 8, "Gains and limits at run time", parameter()),
@@ -209,12 +220,12 @@ fn authenticator() -> Layout {
 fn command() -> Layout {
     numbered(&COMMAND_KINDS)
         .unsigned("code", 8)
-        .comment("Of PLAY: command code of the motion")
+        .comment("Of PLAY: command code of the motion; of TRACK: part of kp, %")
         .steps("speed", 8, 1.0 / 64.0)
-        .comment("Of PLAY: part of the planned speed")
+        .comment("Of PLAY: part of the planned speed; of TRACK: 64ths are the part of kd, %")
         .range(-2.0, 127.0 / 64.0)
         .unsigned("arg", 16)
-        .comment("Of ARM and CLEAR, second step: the nonce")
+        .comment("Of ARM and CLEAR, second step: the nonce; of TRACK: samples a second")
         .unsigned("valid_until_ms", 16)
         .unit("ms")
         .comment("Clock of the controller, low 16 bits")
@@ -266,7 +277,7 @@ fn command_ack() -> Layout {
         .unsigned("motion", 8)
         .or_none()
         .unsigned("value", 16)
-        .comment("A nonce, or the frames until the motion starts")
+        .comment("A nonce, the frames until the motion starts, or samples a second")
 }
 
 fn channel(layout: Layout) -> Layout {
@@ -288,12 +299,35 @@ fn joint(names: Option<&RobotNames>) -> Layout {
     layout
 }
 
-/// A streamed setpoint. With a robot file the channel selects signals named after the joint.
+/// Three components along the axes of the root link.
+fn imu(scale: f64, unit: &'static str) -> Layout {
+    ["x", "y", "z"]
+        .into_iter()
+        .fold(Layout::sealed(), |layout, axis| layout.steps(axis, 16, scale).unit(unit))
+}
+
+fn sample() -> Layout {
+    Layout::sealed()
+        .unsigned("number", 8)
+        .comment("Modulo 256: its setpoints have it as their frame")
+        .unsigned("answered", 8)
+        .comment("Sample whose setpoints were in force")
+        .unsigned("has_contacts", 1)
+        .unsigned("has_answered", 1)
+        .zero(6)
+        .unsigned("contacts", 32)
+        .comment("End effectors that touch the ground, a bit each")
+}
+
+/// A setpoint of the host. With a robot file the channel selects signals named after the joint.
 fn setpoint(names: Option<&RobotNames>) -> Layout {
     let layout = Layout::sealed()
         .unsigned("frame", 8)
-        .comment("From 0 after STREAM, modulo 256")
-        .unsigned("channel", 8);
+        .comment("From 0 after STREAM, modulo 256; number of the sample that is answered")
+        .unsigned("channel", 7);
+    let stiff = |layout: Layout| {
+        layout.unsigned("stiff", 1).comment("With all of the gains, not the parts that TRACK named")
+    };
     let values = |layout: Layout, prefix: &str, unit| {
         layout
             .steps(&format!("{prefix}value"), 24, 1e-4)
@@ -303,12 +337,12 @@ fn setpoint(names: Option<&RobotNames>) -> Layout {
             .comment("Torque that is fed forward")
     };
     let Some(names) = names else {
-        let layout = layout.comment("As in the robot's configuration");
+        let layout = stiff(layout.comment("As in the robot's configuration"));
         return values(layout, "", "rad|rad/s");
     };
     let channels: Vec<_> = (0..).zip(names.identified()).collect();
     let of_channel = channels.iter().map(|(i, (name, _))| (*i, name.clone()));
-    let mut layout = layout.names(of_channel).selects();
+    let mut layout = stiff(layout.names(of_channel).selects());
     for (i, (name, channel)) in channels {
         let unit = if channel.is_wheel { "rad/s" } else { "rad" };
         let prefix = format!("{name}_");

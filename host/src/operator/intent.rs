@@ -1,5 +1,7 @@
 //! Inputs of an operator.
 
+use crate::tracking::Tracking;
+
 /// An input of the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Intent {
@@ -29,6 +31,8 @@ pub enum Intent {
     },
     /// Follow the setpoints that are [streamed](super::Operator::stream), from SAFE on.
     Stream,
+    /// Send measurements, and follow the setpoints that [answer](super::Operator::answer) them, from SAFE on.
+    Track(Tracking),
     /// State of the deadman; without any such intent there is no deadman.
     Deadman(Deadman),
     /// Return to SAFE, turn torque off and leave; the second time, leave at once.

@@ -34,6 +34,7 @@ use crate::client::{Client, Incoming, Outgoing};
 use crate::describe::{self, LEFT_ALONE};
 use crate::refusal::session_refusal;
 use crate::stream::{Stream, Target};
+use crate::tracking::{Answer, Measured, Samples};
 use flashing::Flashing;
 use link_status::LinkStatus;
 use log::Log;
@@ -60,6 +61,25 @@ const TICK_US: u64 = 20_000;
 const BUSY_US: u64 = 500;
 /// The planned speed in 64ths.
 const FULL_SPEED: i8 = 64;
+
+/// Setpoints of a host.
+#[derive(Clone, Debug)]
+enum Setpoints {
+    /// Sent ahead of time.
+    Streamed(Stream),
+    /// Answers to samples.
+    Answers(Loop),
+}
+
+/// A loop that is closed over the link.
+#[derive(Clone, Debug, Default)]
+struct Loop {
+    samples: Samples,
+    newest: Option<Measured>,
+    answer: Answer,
+    /// Samples a second, once the controller has acknowledged them.
+    rate_hz: Option<u16>,
+}
 
 /// The operator of one controller.
 #[derive(Clone, Debug)]
@@ -102,7 +122,7 @@ pub struct Operator {
     /// A library on its way to the controller.
     flashing: Option<Flashing>,
     /// Setpoints on their way to the controller.
-    stream: Stream,
+    setpoints: Setpoints,
     /// The stream was ended by RETURN.
     ends_stream: bool,
     /// Identity of the library that was transferred, until HELLO says which one is in use.
@@ -139,7 +159,7 @@ impl Operator {
             unwatched: false,
             unsent: None,
             flashing: None,
-            stream: Stream::default(),
+            setpoints: Setpoints::Streamed(Stream::default()),
             ends_stream: false,
             awaited: None,
         }
@@ -156,12 +176,34 @@ impl Operator {
     /// Adds a frame to the stream of setpoints, of all channels. A stream begins anew with [`Intent::Stream`]: then its first frames are
     /// added, before the controller follows them.
     pub fn stream(&mut self, frame: Vec<Target>) {
-        self.stream.push(frame);
+        if let Setpoints::Streamed(stream) = &mut self.setpoints {
+            stream.push(frame);
+        }
     }
 
     /// Frames of the stream that the controller has not taken yet.
     pub fn streamed_ahead(&self) -> usize {
-        self.stream.ahead()
+        if let Setpoints::Streamed(stream) = &self.setpoints { stream.ahead() } else { 0 }
+    }
+
+    /// Takes the newest sample of a controller that sends them ([`Intent::Track`]), if there is one since the last call.
+    pub fn take_sample(&mut self) -> Option<Measured> {
+        if let Setpoints::Answers(of) = &mut self.setpoints { of.newest.take() } else { None }
+    }
+
+    /// Answers a sample with setpoints of all channels. An answer to an older one that is not through is dropped.
+    pub fn answer(&mut self, number: u64, stiff: bool, targets: Vec<Target>) {
+        if let Setpoints::Answers(of) = &mut self.setpoints {
+            of.answer = Answer::new(number, stiff, targets);
+        }
+    }
+
+    /// Samples a second that the controller has acknowledged, and how many of them did not arrive.
+    pub fn sampled(&self) -> Option<(u16, u64)> {
+        match &self.setpoints {
+            Setpoints::Answers(of) => of.rate_hz.map(|rate_hz| (rate_hz, of.samples.lost())),
+            Setpoints::Streamed(_) => None,
+        }
     }
 
     /// Sets the catalog of the controller's library: names for messages, and which motions loop.
@@ -242,8 +284,10 @@ impl Operator {
                     self.stopped();
                 }
                 self.ends_stream &= matches!(status.state, State::Streaming | State::Aligning);
-                if status.state == State::Streaming {
-                    self.stream.on_status(status.frame);
+                if status.state == State::Streaming
+                    && let Setpoints::Streamed(stream) = &mut self.setpoints
+                {
+                    stream.on_status(status.frame);
                 }
                 let library = self.hello.and_then(|hello| hello.library);
                 if library.map_or(0, |library| library as u8) != status.library {
@@ -257,7 +301,21 @@ impl Operator {
                 }
             }
             Some(Incoming::Fault(report)) => self.link.on_fault(now_us, report, &mut self.log),
-            Some(Incoming::Joint(joint)) => self.link.on_joint(now_us, joint),
+            Some(Incoming::Joint(joint)) => {
+                self.link.on_joint(now_us, joint);
+                self.on_batch(|samples| samples.on_joint(joint));
+            }
+            Some(Incoming::Gyro(gyro)) => self.on_batch(|samples| samples.on_gyro(gyro)),
+            Some(Incoming::Accelerometer(accelerometer)) => {
+                self.on_batch(|samples| samples.on_accelerometer(accelerometer));
+            }
+            Some(Incoming::Sample(sample)) => {
+                if let Setpoints::Answers(of) = &mut self.setpoints
+                    && let Some(measured) = of.samples.on_sample(sample)
+                {
+                    of.newest = Some(measured);
+                }
+            }
             Some(Incoming::EstopAck(ack)) => {
                 self.stopped();
                 self.link.on_stopped(ack.state);
@@ -283,6 +341,13 @@ impl Operator {
                 self.on_transfer_lost(now_us);
             }
             Some(Incoming::Alive | Incoming::Parameter(_)) | None => {}
+        }
+    }
+
+    /// Passes a measurement to the batch that it is a part of.
+    fn on_batch(&mut self, take: impl FnOnce(&mut Samples)) {
+        if let Setpoints::Answers(of) = &mut self.setpoints {
+            take(&mut of.samples);
         }
     }
 
@@ -331,7 +396,11 @@ impl Operator {
         let stopped = self.latch != Latch::Open || self.client.is_stopping();
         let may =
             follows && !stopped && !self.visiting && !self.unattended && self.bus_lost.is_none();
-        if may { self.stream.poll(self.peer.node) } else { None }
+        match &mut self.setpoints {
+            _ if !may => None,
+            Setpoints::Streamed(stream) => stream.poll(self.peer.node),
+            Setpoints::Answers(of) => of.answer.poll(self.peer.node),
+        }
     }
 
     /// Returns a frame that the bus refused; [`poll`](Self::poll) gives it once more unless a stopping command
@@ -522,6 +591,11 @@ impl Operator {
             Order::Arm => self.latch = self.latch.armed(),
             Order::Clear => self.latch = self.latch.cleared(),
             Order::Return | Order::Disarm => self.asked = None,
+            Order::Track(_) => {
+                if let Setpoints::Answers(of) = &mut self.setpoints {
+                    of.rate_hz = Some(ack.value);
+                }
+            }
             Order::Pause | Order::Resume | Order::Stream => {}
         }
         let words = match order {
@@ -531,6 +605,7 @@ impl Operator {
             Order::Disarm => "it returns to SAFE, then torque goes off",
             Order::Pause => "it halts where it is",
             Order::Stream => "it follows what is streamed",
+            Order::Track(_) => "it follows setpoints in closed loop",
             _ => "it goes on",
         };
         words.to_owned()

@@ -3,6 +3,7 @@
 use crate::catalog::Catalog;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, SEQUENCE_TRIES};
 use crate::refusal::command_refusal_in;
+use crate::tracking::Tracking;
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 
 /// Timeout of a waiting order, µs.
@@ -25,6 +26,8 @@ pub enum Order {
     Clear,
     /// Follows streamed setpoints.
     Stream,
+    /// Sends measurements and follows setpoints that answer them.
+    Track(Tracking),
 }
 
 impl Order {
@@ -38,12 +41,16 @@ impl Order {
             Order::Arm => Action::ArmRequest,
             Order::Clear => Action::ClearRequest,
             Order::Stream => Action::Stream,
+            Order::Track(tracking) => tracking.action(),
         }
     }
 
     /// Whether it can start motion.
     pub fn moves(self) -> bool {
-        matches!(self, Order::Play { .. } | Order::Resume | Order::Arm | Order::Stream)
+        matches!(
+            self,
+            Order::Play { .. } | Order::Resume | Order::Arm | Order::Stream | Order::Track(_)
+        )
     }
 
     /// Whether it stops motion, and so pre-empts commands that start it.
@@ -67,6 +74,7 @@ impl Order {
             Order::Arm => "arm",
             Order::Clear => "clear the stop",
             Order::Stream => "follow streamed setpoints",
+            Order::Track(_) => "follow setpoints in closed loop",
         };
         words.to_owned()
     }

@@ -3,7 +3,7 @@
 use super::log::Weight;
 use super::orders::{Order, StopWaits};
 use super::view::Leaving;
-use super::{Deadman, Intent, LetGo, Operator, has_torque};
+use super::{Deadman, Intent, LetGo, Loop, Operator, Setpoints, has_torque};
 use crate::stream::Stream;
 use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State};
 
@@ -51,6 +51,7 @@ impl Operator {
             Intent::Arm => self.order(now_us, Order::Arm),
             Intent::Clear => self.order(now_us, Order::Clear),
             Intent::Stream => self.order(now_us, Order::Stream),
+            Intent::Track(tracking) => self.order(now_us, Order::Track(tracking)),
         }
     }
 
@@ -146,8 +147,12 @@ impl Operator {
                 }
                 self.ends_stream =
                     order == Order::Return && self.link.state() == Some(State::Streaming);
-                if order == Order::Stream && self.link.state() != Some(State::Streaming) {
-                    self.stream = Stream::default();
+                if self.link.state() != Some(State::Streaming) {
+                    match order {
+                        Order::Stream => self.setpoints = Setpoints::Streamed(Stream::default()),
+                        Order::Track(_) => self.setpoints = Setpoints::Answers(Loop::default()),
+                        _ => {}
+                    }
                 }
             }
             Err(Barred::Refused(why)) => self.refuse(now_us, order, &why),

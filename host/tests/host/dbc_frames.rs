@@ -118,6 +118,9 @@ fn action() -> impl Strategy<Value = Action> {
         ]),
         any::<u16>().prop_map(|nonce| Action::ArmConfirm { nonce }),
         any::<u16>().prop_map(|nonce| Action::ClearConfirm { nonce }),
+        (any::<u16>(), any::<u8>(), 0u8..128).prop_map(|(rate_hz, kp_percent, kd_percent)| {
+            Action::Track { rate_hz, kp_percent, kd_percent }
+        }),
     ]
 }
 
@@ -126,6 +129,9 @@ fn commands() -> impl Strategy<Value = Sample> {
         let (code, speed, arg) = match action {
             Action::Play { code, speed_64ths } => (code, f64::from(speed_64ths) / 64.0, 0),
             Action::ArmConfirm { nonce } | Action::ClearConfirm { nonce } => (0, 0.0, nonce),
+            Action::Track { rate_hz, kp_percent, kd_percent } => {
+                (kp_percent, f64::from(kd_percent) / 64.0, rate_hz)
+            }
             _ => (0, 0.0, 0),
         };
         let values = says([
@@ -138,7 +144,7 @@ fn commands() -> impl Strategy<Value = Sample> {
         ]);
         sealed("command", Command { seq, action, valid_until_ms: until }.encode(to), values)
     });
-    let ack = (node(), 0u8..16, 0u8..10, of(CommandResult::ALL), of(State::ALL), option());
+    let ack = (node(), 0u8..16, 0u8..11, of(CommandResult::ALL), of(State::ALL), option());
     let ack = (ack, any::<u16>()).prop_map(|((node, seq, kind, result, state, motion), value)| {
         let values = says([
             ("seq", seq.into()),
@@ -156,17 +162,20 @@ fn commands() -> impl Strategy<Value = Sample> {
 
 fn setpoints() -> impl Strategy<Value = Sample> {
     // Up to 2^22 steps a single-precision number is as fine as they are.
-    let setpoint = (node(), any::<u8>(), any::<u8>(), -(1i32 << 22)..1 << 22, -32767i16..=32767);
-    setpoint.prop_map(|(to, frame, channel, value, torque)| {
+    let of = (any::<u8>(), 0u8..128, any::<bool>());
+    let setpoint = (node(), of, -(1i32 << 22)..1 << 22, -32767i16..=32767);
+    setpoint.prop_map(|(to, (frame, channel, stiff), value, torque)| {
         let setpoint = Setpoint {
             frame,
             channel,
+            stiff,
             value: value as f32 / 10_000.0,
             torque_nm: f32::from(torque) / 200.0,
         };
         let values = says([
             ("frame", frame.into()),
             ("channel", channel.into()),
+            ("stiff", stiff.into()),
             ("value", f64::from(value) / 1e4),
             ("torque", f64::from(torque) / 200.0),
         ]);
@@ -175,7 +184,37 @@ fn setpoints() -> impl Strategy<Value = Sample> {
 }
 
 fn told() -> impl Strategy<Value = Sample> {
-    prop_oneof![status(), fault(), joint()]
+    prop_oneof![status(), fault(), joint(), imu(), sample()]
+}
+
+fn imu() -> impl Strategy<Value = Sample> {
+    let step = || -32767i16..=32767;
+    (node(), [step(), step(), step()], any::<bool>()).prop_map(|(node, steps, is_gyro)| {
+        let per_unit = if is_gyro { 500.0 } else { 200.0 };
+        let three = steps.map(|steps| f32::from(steps) / per_unit);
+        let [x, y, z] = steps.map(|steps| f64::from(steps) / f64::from(per_unit));
+        let values = says([("x", x), ("y", y), ("z", z)]);
+        if is_gyro {
+            sealed("gyro", Gyro { rad_s: three }.encode(node), values)
+        } else {
+            sealed("accelerometer", Accelerometer { m_s2: three }.encode(node), values)
+        }
+    })
+}
+
+fn sample() -> impl Strategy<Value = Sample> {
+    let (answered, contacts) = (any::<Option<u8>>(), any::<Option<u32>>());
+    (node(), any::<u8>(), answered, contacts).prop_map(|(node, number, answered, contacts)| {
+        let values = says([
+            ("number", number.into()),
+            ("answered", answered.unwrap_or(0).into()),
+            ("has_contacts", contacts.is_some().into()),
+            ("has_answered", answered.is_some().into()),
+            ("contacts", contacts.unwrap_or(0).into()),
+        ]);
+        let sample = rollwalk_protocol::wire::Sample { number, answered, contacts };
+        sealed("sample", sample.encode(node), values)
+    })
 }
 
 fn status() -> impl Strategy<Value = Sample> {

@@ -61,9 +61,18 @@ pub enum Action {
     },
     /// Follow the [`super::Setpoint`]s that the host streams, from SAFE on, until [`Action::Return`].
     Stream,
+    /// Send [`super::Sample`]s, and follow the [`super::Setpoint`]s that answer them, from SAFE on, until [`Action::Return`].
+    Track {
+        /// Samples a second; the controller takes the nearest rate that divides its own, and acknowledges it.
+        rate_hz: u16,
+        /// Part of the configured kp of each joint that its drive closes around a setpoint, %; of one that is stiff all of it.
+        kp_percent: u8,
+        /// The same of kd, %, 0 to 127.
+        kd_percent: u8,
+    },
     /// Of a later version; the answer is [`CommandResult::UnknownKind`].
     Unknown {
-        /// Kind on the wire, 10 to 15.
+        /// Kind on the wire, 11 to 15.
         kind: u8,
     },
 }
@@ -82,6 +91,7 @@ impl Action {
             Action::ClearRequest => 7,
             Action::ClearConfirm { .. } => 8,
             Action::Stream => 9,
+            Action::Track { .. } => 10,
             Action::Unknown { kind } => kind & 0xF,
         }
     }
@@ -94,6 +104,9 @@ impl Command {
         let (code, speed, arg) = match self.action {
             Action::Play { code, speed_64ths } => (code, speed_64ths, 0),
             Action::ArmConfirm { nonce } | Action::ClearConfirm { nonce } => (0, 0, nonce),
+            Action::Track { rate_hz, kp_percent, kd_percent } => {
+                (kp_percent, (kd_percent & 0x7F) as i8, rate_hz)
+            }
             _ => (0, 0, 0),
         };
         let [a0, a1] = arg.to_le_bytes();
@@ -138,6 +151,10 @@ impl Command {
                     _ => Action::Stream,
                 }
             }
+            10 if speed < 0x80 => {
+                Action::Track { rate_hz: arg, kp_percent: code, kd_percent: speed }
+            }
+            10 => return Err(DecodeError::BadValue),
             _ => Action::Unknown { kind },
         };
         Ok((node, Self { seq, action, valid_until_ms: u16::from_le_bytes([v0, v1]) }))
@@ -184,8 +201,12 @@ coded! {
         BadSpeed = 13,
         /// Only hosts with the robot's link key are obeyed ([`super::authentication`]).
         AuthenticationRequired = 14,
-        /// A controller with a key of its owner follows no streamed setpoints: nothing proves whose they are.
+        /// A controller with a key of its owner follows no setpoints of a host: nothing proves whose they are.
         Unproven = 15,
+        /// Not with these actuators: one of them takes no torque, or its gains cannot be changed.
+        UnfitActuators = 16,
+        /// A rate or a part of gains is out of range.
+        BadTracking = 17,
     }
 }
 
@@ -203,7 +224,7 @@ pub struct CommandAck {
     /// Motion that the command leads to.
     pub motion: Option<u8>,
     /// Of an arm or clear request: the nonce to confirm with. Of a played motion: frames until it
-    /// starts. Otherwise 0.
+    /// starts. Of tracking: samples a second. Otherwise 0.
     pub value: u16,
 }
 

@@ -2,9 +2,9 @@
 
 use super::transport::{TO_CONTROLLER, TO_HOST};
 use super::{
-    Command, CommandAck, DecodeError, Discover, Discovered, Estop, EstopAck, FaultReport,
-    Heartbeat, HeartbeatReply, JointTelemetry, Node, ParameterAck, ParameterRequest, Setpoint,
-    Status,
+    Accelerometer, Command, CommandAck, DecodeError, Discover, Discovered, Estop, EstopAck,
+    FaultReport, Gyro, Heartbeat, HeartbeatReply, JointTelemetry, Node, ParameterAck,
+    ParameterRequest, Sample, Setpoint, Status,
 };
 use crate::can::Frame;
 
@@ -17,7 +17,7 @@ pub enum ToController {
     Heartbeat(Heartbeat),
     /// Command of the host.
     Command(Command),
-    /// Setpoint of a stream.
+    /// Setpoint of a stream, or of the answer to a sample.
     Setpoint(Setpoint),
     /// Part of a [`super::Request`], or flow control: for [`super::isotp::Endpoint::on_frame`].
     Transport,
@@ -59,6 +59,12 @@ pub enum FromController {
     CommandAck(CommandAck),
     /// Measurements of a joint or wheel.
     JointTelemetry(JointTelemetry),
+    /// Angular velocity of the root link.
+    Gyro(Gyro),
+    /// Specific force at the root link.
+    Accelerometer(Accelerometer),
+    /// End of a batch of measurements.
+    Sample(Sample),
     /// Part of a [`super::Response`], or flow control: for [`super::isotp::Endpoint::on_frame`].
     Transport,
     /// Result of a parameter request.
@@ -77,6 +83,9 @@ impl FromController {
             0x301 => FaultReport::decode(frame).map(|(node, m)| (node, Self::FaultReport(m))),
             0x302 => CommandAck::decode(frame).map(|(node, m)| (node, Self::CommandAck(m))),
             0x400 => JointTelemetry::decode(frame).map(|(node, m)| (node, Self::JointTelemetry(m))),
+            0x402 => Gyro::decode(frame).map(|(node, m)| (node, Self::Gyro(m))),
+            0x403 => Accelerometer::decode(frame).map(|(node, m)| (node, Self::Accelerometer(m))),
+            0x404 => Sample::decode(frame).map(|(node, m)| (node, Self::Sample(m))),
             0x501 => TO_HOST.node(frame).map(|node| (node, Self::Transport)),
             0x601 => ParameterAck::decode(frame).map(|(node, m)| (node, Self::ParameterAck(m))),
             0x701 => Discovered::decode(frame).map(|(node, m)| (node, Self::Discovered(m))),
@@ -100,7 +109,7 @@ mod tests {
     fn every_message_to_a_controller_arrives() {
         let heartbeat = Heartbeat { seq: 1, host_ms: 2 };
         let command = Command { seq: 1, action: Action::Disarm, valid_until_ms: 2 };
-        let setpoint = Setpoint { frame: 1, channel: 2, value: 0.5, torque_nm: -0.25 };
+        let setpoint = Setpoint { frame: 1, channel: 2, stiff: true, value: 0.5, torque_nm: -0.25 };
         let parameter = ParameterRequest { seq: 1, action: ParameterAction::Save };
         for (frame, message) in [
             (Estop.encode(node()), ToController::Estop),
@@ -134,6 +143,9 @@ mod tests {
             torque_nm: 0.0,
             status: Default::default(),
         };
+        let gyro = Gyro { rad_s: [0.5, -1.0, 0.0] };
+        let accelerometer = Accelerometer { m_s2: [0.0, -1.0, 9.5] };
+        let sample = Sample { number: 7, answered: Some(6), contacts: Some(0b1010) };
         let result = ParameterResult::Ok;
         let kind = ParameterAction::Save.kind();
         let saved = ParameterAck { seq: 1, kind, result, parameter: 0, channel: None, value: 0.0 };
@@ -145,6 +157,9 @@ mod tests {
             (report.encode(node()), M::FaultReport(report)),
             (ack.encode(node()), M::CommandAck(ack)),
             (joint.encode(node()), M::JointTelemetry(joint)),
+            (gyro.encode(node()), M::Gyro(gyro)),
+            (accelerometer.encode(node()), M::Accelerometer(accelerometer)),
+            (sample.encode(node()), M::Sample(sample)),
             (Frame::known(TO_HOST.id(node()), [1, 2]), M::Transport),
             (saved.encode(node()), M::ParameterAck(saved)),
             (found.encode(node()), M::Discovered(found)),

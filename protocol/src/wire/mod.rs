@@ -10,7 +10,8 @@
 //! | 2 | [`Command`] | host | answered by [`CommandAck`] |
 //! | 3 | [`Status`], [`FaultReport`], [`CommandAck`] | controller | every [`STATUS_PERIOD_MS`] and on change |
 //! | 4 | [`JointTelemetry`] | controller | may be dropped |
-//! | 4 | [`Setpoint`] | host | streamed, 60 of each channel a second |
+//! | 4 | [`Gyro`], [`Accelerometer`], [`Sample`] | controller | measurements of a robot that the host controls in closed loop |
+//! | 4 | [`Setpoint`] | host | streamed, 60 of each channel a second, or the answer to a [`Sample`] |
 //! | 5 | [`transport`]: [`Request`], [`Response`] over ISO-TP | both | hello, library transfer, log |
 //! | 6 | [`ParameterRequest`], [`ParameterAck`] | both | gains and limits at run time |
 //! | 7 | [`Discover`], [`Discovered`] | both | |
@@ -29,6 +30,7 @@ pub mod isotp;
 mod log;
 mod parameter;
 mod safety;
+mod sample;
 mod setpoint;
 mod status;
 mod telemetry;
@@ -43,6 +45,7 @@ pub use parameter::{
     Parameter, ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
 };
 pub use safety::{Estop, EstopAck};
+pub use sample::{Accelerometer, Gyro, Sample};
 pub use setpoint::Setpoint;
 pub use status::{FaultReport, State, Status, Torque};
 pub use telemetry::JointTelemetry;
@@ -55,7 +58,7 @@ use thiserror::Error;
 /// Major protocol version: with different ones the two sides may only exchange HELLO.
 pub const PROTOCOL_MAJOR: u8 = 2;
 /// Minor protocol version: a higher one has messages that we ignore.
-pub const PROTOCOL_MINOR: u8 = 2;
+pub const PROTOCOL_MINOR: u8 = 3;
 /// Period of the host's heartbeats, ms.
 pub const HEARTBEAT_PERIOD_MS: u32 = 50;
 /// Timeout after which the host counts as lost, ms.
@@ -75,7 +78,10 @@ pub const SCHEMA: &str = "\
 3n1 fault crc8 counter:u8 fault:u8 channel:u8 value:f32
 3n2 command_ack crc8 seq:4 kind:4 result:u8 state:u8 motion:u8 value:u16
 4n0 joint channel:u8 position:i16*2e-4rad velocity:i16*2e-3rad/s torque:i16*5e-3Nm status:u8
-4n1 setpoint crc8 frame:u8 channel:u8 value:i24*1e-4rad|rad/s torque:i16*5e-3Nm
+4n1 setpoint crc8 frame:u8 channel:7 stiff:1 value:i24*1e-4rad|rad/s torque:i16*5e-3Nm
+4n2 gyro crc8 3*i16*2e-3rad/s
+4n3 accelerometer crc8 3*i16*5e-3m/s2
+4n4 sample crc8 number:u8 answered:u8 has_contacts:1 has_answered:1 zero:6 contacts:u32
 5n0 transport_to_controller isotp
 5n1 transport_to_host isotp
 6n0 parameter crc8 seq:4 kind:4 parameter:4 zero:4 channel:u8 value:f32

@@ -1,4 +1,4 @@
-//! Class 4: setpoints that a host streams, in place of a motion of the library.
+//! Class 4: setpoints of a host, in place of a motion of the library: streamed ahead of time, or answers to measurements.
 
 use super::{DecodeError, Kind, Node};
 use crate::actuator::{TORQUE_STEPS, measured, signed};
@@ -11,13 +11,20 @@ const VALUE_STEPS: f32 = 10_000.0;
 /// Largest number of steps, in 24 bits; the lowest number means no value.
 const MAX_STEPS: i32 = (1 << 23) - 1;
 
-/// Setpoint of one channel in one frame of a stream, of which there are [`crate::library::RATE_HZ`] a second.
+/// Highest bit of the channel's byte.
+const STIFF: u8 = 1 << 7;
+
+/// Setpoint of one channel: in one frame of a stream, of which there are [`crate::library::RATE_HZ`] a second, or in the answer to a
+/// [`super::Sample`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setpoint {
-    /// Frame of the stream, from 0 after the command [`super::Action::Stream`], modulo 256.
+    /// Frame of the stream, from 0 after the command [`super::Action::Stream`], modulo 256; number of the sample that is answered.
     pub frame: u8,
-    /// Channel, as in the robot's configuration.
+    /// Channel, as in the robot's configuration; 0 to 127.
     pub channel: u8,
+    /// With the gains of the robot's configuration; otherwise with the parts of them that [`super::Action::Track`] named. Of no meaning in a
+    /// stream.
+    pub stiff: bool,
     /// Angle of a joint, rad; speed of a wheel, rad/s.
     pub value: f32,
     /// Torque that is fed forward, N·m.
@@ -25,7 +32,7 @@ pub struct Setpoint {
 }
 
 impl Setpoint {
-    /// `[crc8][frame u8][channel u8][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. Numbers beyond their scale
+    /// `[crc8][frame u8][channel 7 lowest bits, stiff 1][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. Numbers beyond their scale
     /// saturate; NaN becomes 0.
     pub fn encode(self, to: Node) -> Frame {
         // An f32 has all steps, but a product of two in f32 can be the next one.
@@ -33,7 +40,8 @@ impl Setpoint {
         let steps = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i32;
         let [v0, v1, v2, _] = steps.clamp(-MAX_STEPS, MAX_STEPS).to_le_bytes();
         let [t0, t1] = measured(self.torque_nm, TORQUE_STEPS).to_le_bytes();
-        SETPOINT.seal(to, [0, self.frame, self.channel, v0, v1, v2, t0, t1])
+        let channel = self.channel & !STIFF | if self.stiff { STIFF } else { 0 };
+        SETPOINT.seal(to, [0, self.frame, channel, v0, v1, v2, t0, t1])
     }
 
     /// Addressee and setpoint.
@@ -47,7 +55,8 @@ impl Setpoint {
         }
         let setpoint = Self {
             frame: number,
-            channel,
+            channel: channel & !STIFF,
+            stiff: channel & STIFF != 0,
             value: steps as f32 / VALUE_STEPS,
             torque_nm: signed(t0, t1, TORQUE_STEPS).ok_or(bad)?,
         };
@@ -66,13 +75,15 @@ mod tests {
         let stride = if cfg!(miri) { 100_003 } else { 101 };
         for steps in (-MAX_STEPS..MAX_STEPS).step_by(stride).chain(ends) {
             let value = steps as f32 / VALUE_STEPS;
-            let frame = Setpoint { frame: 0, channel: 0, value, torque_nm: 0.0 }.encode(node);
+            let frame =
+                Setpoint { frame: 0, channel: 0, stiff: false, value, torque_nm: 0.0 }.encode(node);
             let (_, decoded) = Setpoint::decode(&frame).unwrap();
             assert_eq!((f64::from(decoded.value) * 1e4).round() as i32, steps);
             assert_eq!(decoded.encode(node), frame, "{steps}");
         }
         let beyond = [f32::INFINITY, -f32::INFINITY, f32::NAN].map(|value| {
-            let frame = Setpoint { frame: 0, channel: 0, value, torque_nm: 0.0 }.encode(node);
+            let frame =
+                Setpoint { frame: 0, channel: 0, stiff: false, value, torque_nm: 0.0 }.encode(node);
             Setpoint::decode(&frame).unwrap().1.value
         });
         assert_eq!(beyond, [838.8607, -838.8607, 0.0]);

@@ -63,9 +63,10 @@ fn command() {
         (Action::ClearRequest, "230#af7d000000001027"),
         (Action::ClearConfirm { nonce: 0x1234 }, "230#1a8e000034121027"),
         (Action::Stream, "230#d89f000000001027"),
+        (Action::Track { rate_hz: 120, kp_percent: 10, kd_percent: 20 }, "230#55a00a1478001027"),
     ];
     for (i, (action, golden)) in actions.into_iter().enumerate() {
-        let command = Command { seq: i as u8 + 5, action, valid_until_ms: 0x2710 };
+        let command = Command { seq: (i as u8 + 5) % 16, action, valid_until_ms: 0x2710 };
         let frame = command.encode(node());
         assert_eq!(text(frame), golden, "{action:?}");
         assert_eq!(Command::decode(&frame), Ok((node(), command)));
@@ -131,10 +132,12 @@ fn joint_telemetry() {
 
 #[test]
 fn setpoint() {
-    for (value, torque_nm, golden) in
-        [(-1.0, 0.5, "431#1cab07f0d8ff6400"), (838.0, -160.0, "431#74ab0760de7f0083")]
-    {
-        let m = Setpoint { frame: 0xAB, channel: 7, value, torque_nm };
+    for (stiff, value, torque_nm, golden) in [
+        (false, -1.0, 0.5, "431#1cab07f0d8ff6400"),
+        (false, 838.0, -160.0, "431#74ab0760de7f0083"),
+        (true, -1.0, 0.5, "431#66ab87f0d8ff6400"),
+    ] {
+        let m = Setpoint { frame: 0xAB, channel: 7, stiff, value, torque_nm };
         assert_eq!(text(m.encode(node())), golden);
         assert_eq!(Setpoint::decode(&m.encode(node())), Ok((node(), m)));
     }
@@ -148,9 +151,41 @@ fn setpoint() {
         assert_eq!(Setpoint::decode(&frame), Err(DecodeError::BadValue));
     }
     // What does not fit saturates, and what is no number is 0.
-    let wild = Setpoint { frame: 0, channel: 0, value: 1e9, torque_nm: f32::NAN };
+    let wild = Setpoint { frame: 0, channel: 0, stiff: false, value: 1e9, torque_nm: f32::NAN };
     let (_, read) = Setpoint::decode(&wild.encode(node())).unwrap();
     assert_eq!((read.value, read.torque_nm), (838.8607, 0.0));
+}
+
+#[test]
+fn sample() {
+    let gyro = Gyro { rad_s: [0.5, -1.0, 0.002] };
+    assert_eq!(text(gyro.encode(node())), "432#f5fa000cfe0100");
+    assert_eq!(Gyro::decode(&gyro.encode(node())), Ok((node(), gyro)));
+    let accelerometer = Accelerometer { m_s2: [0.0, -1.0, 9.805] };
+    assert_eq!(text(accelerometer.encode(node())), "433#c1000038ffa907");
+    assert_eq!(Accelerometer::decode(&accelerometer.encode(node())), Ok((node(), accelerometer)));
+    for (answered, contacts, golden) in [
+        (Some(0xFE), Some(0b1010), "434#80fffe030a000000"),
+        (None, None, "434#12ff000000000000"),
+        (None, Some(0), "434#bfff000100000000"),
+        (Some(0), Some(u32::MAX), "434#b4ff0003ffffffff"),
+    ] {
+        let sample = Sample { number: 0xFF, answered, contacts };
+        assert_eq!(text(sample.encode(node())), golden);
+        assert_eq!(Sample::decode(&sample.encode(node())), Ok((node(), sample)));
+    }
+    // A flag that is unknown, and values without their flags.
+    for body in [[1, 0, 4, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0, 0], [1, 0, 0, 1, 0, 0, 0]] {
+        let mut data = [0; 8];
+        data[1..].copy_from_slice(&body);
+        data[0] = rollwalk_protocol::crc::crc8_with_id(0x434, &body);
+        let frame = Frame::standard(0x434, &data).unwrap();
+        assert_eq!(Sample::decode(&frame), Err(DecodeError::BadValue));
+    }
+    // What does not fit saturates, and what is no number is 0.
+    let wild = Gyro { rad_s: [f32::INFINITY, f32::NAN, -1e9] };
+    let read = Gyro::decode(&wild.encode(node())).unwrap().1;
+    assert_eq!(read.rad_s, [65.534, 0.0, -65.534]);
 }
 
 #[test]

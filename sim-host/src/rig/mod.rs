@@ -32,11 +32,12 @@ use crate::bus::{BusStatistics, DEFAULT_BITRATE, NodeId, TxPolicy};
 use crate::clock::{Periodic, SimTime};
 use crate::core::{Core, Local};
 use crate::faults::{Faults, FramePath};
-use crate::ground::{Grounded, Travel};
+use crate::ground::{BodySample, Grounded, Travel};
 use crate::interface::{Interface, LogEntry, PacketEntry};
 use crate::line::LineStatistics;
 use crate::record::{Recorder, TickRecord};
 use crate::wire::{ActuatorBus, ActuatorLine, Wire};
+use nalgebra::Vector3;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
@@ -350,9 +351,15 @@ impl<C: Core> Rig<C> {
                 self.control_period.advance();
                 self.body.update_loads();
                 self.recorder.end_period();
-                if let Some(ground) = self.body.ground() {
-                    let up = ground.up_in_body();
-                    self.controller.on_attitude(at.as_us(), [up.x, up.y, up.z].map(|x| x as f32));
+                if let Some(ground) = self.body.ground_mut() {
+                    let single = |of: Vector3<f64>| [of.x, of.y, of.z].map(|x| x as f32);
+                    self.controller.on_attitude(at.as_us(), single(ground.up_in_body()));
+                    if let Some(BodySample { imu, contacts }) = ground.sample() {
+                        self.controller.on_contacts(contacts);
+                        if let Some(force_m_s2) = imu.force_m_s2 {
+                            self.controller.on_imu(single(imu.gyro_rad_s), single(force_m_s2));
+                        }
+                    }
                 }
                 Some(Input::Tick)
             }

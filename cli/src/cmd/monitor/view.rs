@@ -134,6 +134,9 @@ impl<'a> View<'a> {
             Action::ClearRequest => "clear".into(),
             Action::ClearConfirm { .. } => "clear, confirmed".into(),
             Action::Stream => "follow streamed setpoints".into(),
+            Action::Track { rate_hz, .. } => {
+                format!("follow setpoints that answer {rate_hz} samples a second")
+            }
             Action::Unknown { kind, .. } => format!("of unknown kind {kind}"),
         };
         match result {

@@ -1,0 +1,59 @@
+//! The latest measurements of an IMU and of contact switches, until a [sample](crate::track) takes them along.
+
+use rollwalk_protocol::wire::{Accelerometer, Gyro};
+
+/// What was measured since the last sample.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Imu {
+    gyro_rad_s: Option<[f32; 3]>,
+    /// Sum of the specific forces, m/s², and their number.
+    forces_m_s2: [f32; 3],
+    count: u16,
+    contacts: Option<u32>,
+    /// Of the sample that is being sent.
+    sampled: Sampled,
+}
+
+/// What a sample says of the body.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Sampled {
+    pub gyro: Option<Gyro>,
+    pub accelerometer: Option<Accelerometer>,
+    /// Contacts of end effectors, a bit each.
+    pub contacts: Option<u32>,
+}
+
+impl Imu {
+    /// Records angular velocity, rad/s, and specific force, m/s², in body axes. What is no number is no measurement.
+    pub fn observe(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
+        if gyro_rad_s.iter().chain(&force_m_s2).all(|value| value.is_finite()) {
+            self.gyro_rad_s = Some(gyro_rad_s);
+            for (sum, force) in self.forces_m_s2.iter_mut().zip(force_m_s2) {
+                *sum += force;
+            }
+            self.count = self.count.saturating_add(1);
+        }
+    }
+
+    /// Records which end effectors touch the ground, a bit each.
+    pub fn observe_contacts(&mut self, contacts: u32) {
+        self.contacts = Some(contacts);
+    }
+
+    /// Takes what was measured for a sample; what is not measured again is missing in the next.
+    pub fn sample(&mut self) {
+        let count = f32::from(self.count);
+        let mean = (self.count > 0).then(|| self.forces_m_s2.map(|sum| sum / count));
+        self.sampled = Sampled {
+            gyro: self.gyro_rad_s.take().map(|rad_s| Gyro { rad_s }),
+            accelerometer: mean.map(|m_s2| Accelerometer { m_s2 }),
+            contacts: self.contacts.take(),
+        };
+        (self.forces_m_s2, self.count) = ([0.0; 3], 0);
+    }
+
+    /// The body at the last sample.
+    pub fn sampled(&self) -> Sampled {
+        self.sampled
+    }
+}

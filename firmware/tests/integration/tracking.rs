@@ -1,0 +1,304 @@
+//! A loop that a host closes over the link: measurements at a fixed rate, setpoints that answer them, and what becomes of the robot when
+//! they do not come.
+
+use crate::rig::{Rig, me};
+use crate::robot::*;
+use rollwalk_firmware::Settings;
+use rollwalk_firmware::track::MISSED;
+use rollwalk_protocol::faults::Fault;
+use rollwalk_protocol::wire::{
+    Action, CommandResult, FromController, Node, Sample, Setpoint, State,
+};
+
+const TRACK: Action = Action::Track { rate_hz: 120, kp_percent: 10, kd_percent: 20 };
+/// Periods without an answer that acts, after which the robot holds still.
+const PATIENCE: u32 = MISSED as u32 + 2;
+
+/// A robot that is tracked.
+fn tracked() -> Rig {
+    let mut rig = Rig::ready();
+    let ack = rig.command(TRACK);
+    assert_eq!((ack.result, ack.value), (CommandResult::Ok, 120));
+    assert_eq!(rig.brain.state(), State::Streaming);
+    rig
+}
+
+/// The newest sample.
+fn sample(rig: &Rig) -> Sample {
+    let of = |(_, message): &(u64, FromController)| match message {
+        FromController::Sample(sample) => Some(*sample),
+        _ => None,
+    };
+    rig.heard.iter().rev().find_map(of).expect("it sends samples")
+}
+
+fn setpoint(number: u8, channel: usize, value: f32) -> Setpoint {
+    Setpoint { frame: number, channel: channel as u8, stiff: false, value, torque_nm: 0.0 }
+}
+
+/// Answers a sample with the same setpoints but for those of one channel.
+fn answer(rig: &mut Rig, number: u8, change: impl Fn(&mut Setpoint)) {
+    for (channel, value) in STAND.into_iter().enumerate() {
+        let mut setpoint = setpoint(number, channel, value);
+        change(&mut setpoint);
+        rig.send(&setpoint.encode(me()));
+    }
+}
+
+/// Answers each sample for so many periods.
+fn follow(rig: &mut Rig, periods: u32, change: impl Fn(&mut Setpoint)) {
+    for _ in 0..periods {
+        rig.run(1);
+        let number = sample(rig).number;
+        answer(rig, number, &change);
+    }
+}
+
+#[test]
+fn measurements_come_at_the_rate_in_their_order() {
+    for (rate_hz, periods) in [(120, 1), (60, 2), (50, 2), (40, 3)] {
+        let mut rig = Rig::ready();
+        let ack = rig.command(Action::Track { rate_hz, kp_percent: 0, kd_percent: 100 });
+        assert_eq!((ack.result, ack.value), (CommandResult::Ok, 120 / periods as u16));
+        rig.heard.clear();
+        for count in 0..12 {
+            rig.brain.on_imu([0.5, f32::from(count as u8), 0.0], [0.0, 0.0, 9.8]);
+            rig.brain.on_contacts(0b11);
+            // Held still, so that it goes on.
+            rig.run(1);
+            if let Some(number) = rig.heard.iter().rev().find_map(|(_, m)| match m {
+                FromController::Sample(sample) => Some(sample.number),
+                _ => None,
+            }) {
+                answer(&mut rig, number, |_| ());
+            }
+        }
+        let mut order = String::new();
+        let mut numbers = Vec::new();
+        for (_, message) in &rig.heard {
+            match message {
+                FromController::Gyro(_) => order.push('g'),
+                FromController::Accelerometer(of) => {
+                    assert!((of.m_s2[2] - 9.8).abs() < 5e-3, "the mean of {periods}");
+                    order.push('a');
+                }
+                FromController::JointTelemetry(joint) => {
+                    order.push(char::from(b'0' + joint.channel));
+                }
+                FromController::Sample(sample) => {
+                    order.push('s');
+                    numbers.push(sample.number);
+                    assert_eq!(sample.contacts, Some(0b11));
+                }
+                _ => {}
+            }
+        }
+        assert_eq!(order, "ga012s".repeat(12 / periods));
+        assert_eq!(numbers, (0..12 / periods as u8).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn what_is_not_measured_is_left_out() {
+    let mut rig = tracked();
+    rig.heard.clear();
+    rig.brain.on_imu([f32::NAN, 0.0, 0.0], [0.0; 3]);
+    rig.run(1);
+    let imu = |rig: &Rig| {
+        let is = |message: &FromController| {
+            matches!(message, FromController::Gyro(_) | FromController::Accelerometer(_))
+        };
+        rig.heard.iter().filter(|(_, message)| is(message)).count()
+    };
+    assert_eq!((imu(&rig), sample(&rig).contacts), (0, None));
+    rig.brain.on_imu([0.1; 3], [0.0; 3]);
+    rig.brain.on_contacts(0);
+    rig.run(1);
+    assert_eq!((imu(&rig), sample(&rig).contacts), (2, Some(0)));
+    // Not once more.
+    rig.run(1);
+    assert_eq!((imu(&rig), sample(&rig).contacts), (2, None));
+}
+
+#[test]
+fn an_answer_acts_from_the_next_period_on_with_its_gains() {
+    let mut rig = tracked();
+    follow(&mut rig, 3, |_| ());
+    let config = config();
+    let kp = config.channels[0].kp_nm_rad;
+    for (stiff, part) in [(false, 0.1), (true, 1.0), (false, 0.1)] {
+        rig.run(1);
+        let number = sample(&rig).number;
+        answer(&mut rig, number, |setpoint| {
+            setpoint.stiff = stiff;
+            setpoint.value += if setpoint.channel == 0 { 0.01 } else { 0.0 };
+            setpoint.torque_nm = 0.2;
+        });
+        rig.run(1);
+        let servo = &rig.servos[0];
+        let (value, gain) = *servo.setpoints.last().unwrap();
+        assert!(
+            (value - STAND[0] - 0.01).abs() < 1e-3 && (gain - part * kp).abs() < 0.01 * kp,
+            "{gain}"
+        );
+        assert!((servo.torques.last().unwrap() - 0.2).abs() < 2e-3);
+        assert_eq!(sample(&rig).answered, Some(number));
+    }
+}
+
+#[test]
+fn the_speed_of_a_joint_is_that_between_answers() {
+    let mut rig = tracked();
+    let mut value = STAND[0];
+    for _ in 0..20 {
+        value += 0.01;
+        follow(&mut rig, 1, |setpoint| {
+            if setpoint.channel == 0 {
+                setpoint.value = value;
+            }
+        });
+    }
+    rig.run(1);
+    let target = rig.brain.setpoint(0).unwrap();
+    assert!((target.slope - 0.01 * 120.0).abs() < 0.02, "{target:?}");
+}
+
+#[test]
+fn a_part_of_an_answer_and_what_is_late_do_nothing() {
+    let mut rig = tracked();
+    follow(&mut rig, 4, |_| ());
+    rig.run(1);
+    let number = sample(&rig).number;
+    let moved = |setpoint: &mut Setpoint| setpoint.value += 0.1;
+    // Two of three channels.
+    for channel in 0..2 {
+        rig.send(&setpoint(number, channel, STAND[channel] + 0.1).encode(me()));
+    }
+    // Of a sample that comes, of one before that in force, and to all.
+    answer(&mut rig, number.wrapping_add(1), moved);
+    answer(&mut rig, number.wrapping_sub(2), moved);
+    rig.send(&setpoint(number, 2, 5.0).encode(Node::BROADCAST));
+    rig.run(1);
+    assert!(rig.stands());
+    assert_eq!(sample(&rig).answered, Some(number.wrapping_sub(1)));
+    // The rest of it.
+    rig.send(&setpoint(number, 2, 0.0).encode(me()));
+    rig.run(1);
+    assert_eq!(sample(&rig).answered, Some(number));
+    assert!(!rig.stands());
+}
+
+#[test]
+fn it_begins_near_safe_only() {
+    let mut rig = tracked();
+    follow(&mut rig, 10, |setpoint| {
+        if setpoint.channel == 1 {
+            setpoint.value += 0.36;
+        }
+    });
+    assert!(rig.stands());
+    assert_eq!(sample(&rig).answered, None);
+    follow(&mut rig, 2, |setpoint| setpoint.value += 0.01);
+    assert!(sample(&rig).answered.is_some());
+}
+
+#[test]
+fn without_answers_it_holds_still_with_all_gains_and_then_goes_home() {
+    let mut rig = tracked();
+    follow(&mut rig, 40, |setpoint| {
+        setpoint.value = if setpoint.channel == 2 { 3.0 } else { setpoint.value + 0.1 };
+        setpoint.torque_nm = 0.3;
+    });
+    let kp = config().channels[0].kp_nm_rad;
+    // An answer is usually late by two.
+    rig.run(PATIENCE);
+    let last = |rig: &Rig, channel: usize| *rig.servos[channel].setpoints.last().unwrap();
+    assert!((last(&rig, 0).1 - 0.1 * kp).abs() < 0.01 * kp && (last(&rig, 2).0 - 3.0).abs() < 1e-3);
+    rig.run(10);
+    let (value, gain) = last(&rig, 0);
+    assert!((value - STAND[0] - 0.1).abs() < 1e-3 && (gain - kp).abs() < 0.01 * kp);
+    assert!((rig.servos[0].torques.last().unwrap() - 0.3).abs() < 2e-3, "it bears the robot");
+    assert_eq!(last(&rig, 2).0, 0.0, "the wheel brakes");
+    // It goes on.
+    follow(&mut rig, 2, |_| ());
+    assert!((last(&rig, 0).1 - 0.1 * kp).abs() < 0.01 * kp);
+    assert_eq!(rig.brain.state(), State::Streaming);
+    // A quarter of a second is too long.
+    rig.run(32);
+    assert_eq!(rig.brain.state(), State::Returning);
+    assert!(rig.brain.faults().contains(Fault::SetpointTimeout));
+    follow(&mut rig, 3, |setpoint| setpoint.value += 0.1);
+    assert!(rig.stands(), "answers are over");
+    rig.run_until(State::TorqueOff, 600);
+}
+
+#[test]
+fn return_leads_to_safe_and_motions_play_again() {
+    let mut rig = tracked();
+    follow(&mut rig, 40, |setpoint| setpoint.value += 0.2);
+    assert!(!rig.stands());
+    assert_eq!(rig.command(Action::Return).result, CommandResult::Ok);
+    assert_eq!(rig.brain.state(), State::Aligning);
+    rig.run_until(State::Ready, 1000);
+    assert!(rig.stands());
+    // Then it is streamed to as before, not tracked.
+    assert_eq!(rig.command(Action::Stream).result, CommandResult::Ok);
+    rig.heard.clear();
+    rig.run(10);
+    let samples = rig.heard.iter().filter(|(_, m)| matches!(m, FromController::Sample(_))).count();
+    assert_eq!(samples, 0);
+    rig.command(Action::Return);
+    rig.run_until(State::Ready, 1000);
+    assert_eq!(rig.play(CODE_WALK).result, CommandResult::Ok);
+}
+
+#[test]
+fn a_link_that_cannot_carry_all_samples_carries_whole_ones() {
+    // Of a controller that is polled less often than it has messages.
+    let mut rig = tracked();
+    rig.heard.clear();
+    let mut numbers = Vec::new();
+    for _ in 0..60 {
+        rig.now_us += 8_333;
+        rig.brain.tick(rig.now_us);
+        for _ in 0..3 {
+            if let Some(frame) = rig.brain.poll_link(rig.now_us)
+                && let Ok((_, FromController::Sample(sample))) = FromController::decode(&frame)
+            {
+                numbers.push(sample.number);
+            }
+        }
+    }
+    assert!(numbers.len() > 5, "{numbers:?}");
+    assert!(numbers.windows(2).all(|pair| pair[1].wrapping_sub(pair[0]) <= 3), "{numbers:?}");
+}
+
+#[test]
+fn what_it_cannot_do_is_refused() {
+    for (rate_hz, kp_percent, kd_percent) in
+        [(0, 10, 20), (19, 10, 20), (121, 10, 20), (65_535, 10, 20), (120, 101, 20), (120, 10, 127)]
+    {
+        let mut rig = Rig::ready();
+        let ack = rig.command(Action::Track { rate_hz, kp_percent, kd_percent });
+        assert_eq!(ack.result, CommandResult::BadTracking);
+        assert_eq!(rig.brain.state(), State::Ready);
+        // Nor does it wait for the next stream.
+        rig.command(Action::Stream);
+        rig.heard.clear();
+        rig.run(4);
+        let samples = rig.heard.iter().filter(|(_, m)| matches!(m, FromController::Sample(_)));
+        assert_eq!(samples.count(), 0);
+    }
+    let mut rig = Rig::booted();
+    assert_eq!(rig.command(TRACK).result, CommandResult::NotArmed);
+    let mut rig = tracked();
+    assert_eq!(rig.command(TRACK).result, CommandResult::WrongState);
+    // The slowest.
+    let settings = Settings { control_hz: 960, ..Settings::default() };
+    let mut rig = Rig::with(config(), settings, Some(&library()));
+    rig.run(200);
+    rig.arm();
+    rig.run_until(State::Ready, 8000);
+    let ack = rig.command(Action::Track { rate_hz: 20, kp_percent: 100, kd_percent: 100 });
+    assert_eq!((ack.result, ack.value), (CommandResult::Ok, 20));
+}

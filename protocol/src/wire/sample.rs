@@ -1,0 +1,115 @@
+//! Class 4: what a robot measures at an instant, for a host that closes the loop over the link.
+//!
+//! After [`super::Action::Track`] the controller sends a batch at a fixed rate, in this order: [`Gyro`] and [`Accelerometer`] if it has an
+//! IMU, [`super::JointTelemetry`] of every channel, and [`Sample`], which ends the batch. The host answers it with a [`super::Setpoint`] for every
+//! channel.
+
+use super::{DecodeError, Kind, Node};
+use crate::actuator::{SPEED_STEPS, measured, signed};
+use crate::can::Frame;
+
+const GYRO: Kind = Kind::new(4, 2);
+const ACCELEROMETER: Kind = Kind::new(4, 3);
+const SAMPLE: Kind = Kind::new(4, 4);
+
+/// Steps of an acceleration in a m/s².
+const ACCELERATION_STEPS: f32 = 200.0;
+/// Flags of a sample.
+const CONTACTS: u8 = 1 << 0;
+const ANSWERED: u8 = 1 << 1;
+
+/// Angular velocity of the root link in its own axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gyro {
+    /// x, y, z, rad/s.
+    pub rad_s: [f32; 3],
+}
+
+impl Gyro {
+    /// `[crc8][x i16 2 mrad/s][y i16][z i16]`. Values beyond the scale saturate; NaN becomes 0.
+    pub fn encode(self, from: Node) -> Frame {
+        three(GYRO, from, self.rad_s, SPEED_STEPS)
+    }
+
+    /// Sender and measurement.
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
+        let (node, rad_s) = of_three(GYRO, frame, SPEED_STEPS)?;
+        Ok((node, Self { rad_s }))
+    }
+}
+
+/// Specific force at the origin of the root link in its axes: acceleration minus gravity, mean since the last sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accelerometer {
+    /// x, y, z, m/s²: 9.81 upwards at rest.
+    pub m_s2: [f32; 3],
+}
+
+impl Accelerometer {
+    /// `[crc8][x i16 5 mm/s²][y i16][z i16]`. Values beyond the scale saturate; NaN becomes 0.
+    pub fn encode(self, from: Node) -> Frame {
+        three(ACCELEROMETER, from, self.m_s2, ACCELERATION_STEPS)
+    }
+
+    /// Sender and measurement.
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
+        let (node, m_s2) = of_three(ACCELEROMETER, frame, ACCELERATION_STEPS)?;
+        Ok((node, Self { m_s2 }))
+    }
+}
+
+/// End of a batch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sample {
+    /// Number of the sample, modulo 256: its setpoints have it as their frame.
+    pub number: u8,
+    /// Sample whose setpoints were in force when this one was taken; `None` before the first.
+    pub answered: Option<u8>,
+    /// Whether each end effector touches the ground, a bit each, in the order of the robot file; `None` without contact switches.
+    pub contacts: Option<u32>,
+}
+
+impl Sample {
+    /// `[crc8][number u8][answered u8][contacts are measured 1 lowest bit, answered is one 1, zero 6][contacts u32]`
+    pub fn encode(self, from: Node) -> Frame {
+        let [c0, c1, c2, c3] = self.contacts.unwrap_or(0).to_le_bytes();
+        let flag = |is: bool, bit: u8| if is { bit } else { 0 };
+        let flags =
+            flag(self.contacts.is_some(), CONTACTS) | flag(self.answered.is_some(), ANSWERED);
+        let answered = self.answered.unwrap_or(0);
+        SAMPLE.seal(from, [0, self.number, answered, flags, c0, c1, c2, c3])
+    }
+
+    /// Sender and sample.
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
+        let (node, [_, number, answered, flags, c0, c1, c2, c3]) = SAMPLE.unseal(frame)?;
+        let contacts = u32::from_le_bytes([c0, c1, c2, c3]);
+        let field = |bit: u8, is_zero: bool| match flags & bit != 0 {
+            true => Ok(true),
+            false if is_zero => Ok(false),
+            false => Err(DecodeError::BadValue),
+        };
+        if flags & !(CONTACTS | ANSWERED) != 0 {
+            return Err(DecodeError::BadValue);
+        }
+        let has_contacts = field(CONTACTS, contacts == 0)?;
+        let has_answered = field(ANSWERED, answered == 0)?;
+        let sample = Self {
+            number,
+            answered: has_answered.then_some(answered),
+            contacts: has_contacts.then_some(contacts),
+        };
+        Ok((node, sample))
+    }
+}
+
+fn three(kind: Kind, from: Node, values: [f32; 3], steps: f32) -> Frame {
+    let [[x0, x1], [y0, y1], [z0, z1]] = values.map(|value| measured(value, steps).to_le_bytes());
+    kind.seal(from, [0, x0, x1, y0, y1, z0, z1])
+}
+
+fn of_three(kind: Kind, frame: &Frame, steps: f32) -> Result<(Node, [f32; 3]), DecodeError> {
+    let (node, [_, x0, x1, y0, y1, z0, z1]) = kind.unseal(frame)?;
+    let value = |low, high| signed(low, high, steps).ok_or(DecodeError::BadValue);
+    Ok((node, [value(x0, x1)?, value(y0, y1)?, value(z0, z1)?]))
+}
