@@ -56,6 +56,11 @@ impl Correction {
         }
     }
 
+    /// Goes on with another plan that begins where the one before ends: footholds stay.
+    pub fn change_gains(&mut self, gains: Gains) {
+        self.gains = gains;
+    }
+
     /// Corrections at a time of the plan, s, for the next tick, s long, from the motion that is planned and that which is measured,
     /// with the mass matrix of the latter.
     pub fn update(

@@ -5,6 +5,7 @@ use crate::model::{self, Costs, FEET, Model, Moment};
 use crate::reference::Reference;
 use nalgebra::{DMatrix, DMatrixViewMut, Rotation2, Rotation3, Vector3};
 use rollwalk_multibody::Tree;
+use std::sync::Arc;
 
 /// Interval of gains, s, about.
 const INTERVAL_S: f64 = 0.02;
@@ -14,12 +15,12 @@ const SETTLED: f64 = 1e-6;
 /// How long a motion that ends is held, for its last gains, s.
 const HELD_S: f64 = 5.0;
 
-/// Gains K of a plan, u = −K x in axes of the planned heading.
+/// Gains K of a plan, u = −K x in axes of the planned heading. A clone shares them.
 #[derive(Clone, Debug)]
 pub struct Gains {
     interval_s: f64,
     repeats: bool,
-    gains: Vec<DMatrix<f64>>,
+    gains: Arc<[DMatrix<f64>]>,
 }
 
 impl Gains {
@@ -59,7 +60,7 @@ impl Gains {
                 break;
             }
         }
-        Self { interval_s, repeats, gains }
+        Self { interval_s, repeats, gains: gains.into() }
     }
 
     /// K at a time of the plan.

@@ -19,7 +19,7 @@ use crate::quadratic::{Program, Solver, Unsolved};
 use crate::recovery::{Errors, Recovery};
 use crate::reference::Reference;
 use crate::tasks::Weights;
-use nalgebra::{DMatrix, DVector, Matrix3xX, Point3, Rotation3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Point3, Rotation3, Vector2, Vector3};
 use rollwalk_multibody::{
     ANGULAR, CompositeInertia, Configuration, JOINTS, Kinematics, LINEAR, RimContact, State, Tree,
 };
@@ -206,6 +206,25 @@ impl Tracker {
     pub fn with_latency(mut self, latency_s: f64) -> Self {
         self.latency_s = latency_s;
         self
+    }
+
+    /// Goes on with the gains of another plan of the robot, which begins where the one before ends: where the plan has moved to along with the robot,
+    /// and where its feet are, stays.
+    pub fn change_gains(&mut self, gains: Gains) {
+        match &mut self.correction {
+            Some(correction) => correction.change_gains(gains),
+            None => self.correction = Some(Correction::new(gains, &self.tree)),
+        }
+    }
+
+    /// Changes how long it takes until setpoints act, s, as it is known from now on.
+    pub fn change_latency(&mut self, latency_s: f64) {
+        self.latency_s = latency_s;
+    }
+
+    /// By how much its plan has moved along with the robot, m.
+    pub fn anchor_m(&self) -> Vector2<f64> {
+        self.recovery.anchor_m
     }
 
     /// The robot.
