@@ -3,16 +3,15 @@
 //!
 //! [`crate::control`] asks it about the simulated world, `rollwalk control` for the simulators of others.
 
-use crate::safe_stop::SafeStop;
-use crate::script::{Script, servo};
+use crate::follower::{Followed, Follower, LOST_S};
+use crate::script::Script;
 use nalgebra::Isometry3;
 use rollwalk_multibody::{State, Tree};
 use rollwalk_physics::motor::Law;
 use rollwalk_planner::whole_body::{Instant, WholeBody};
 use rollwalk_tracking::estimator::Untrusted;
 use rollwalk_tracking::model::Costs;
-use rollwalk_tracking::tasks::Weights;
-use rollwalk_tracking::{Estimator, Gains, Reference, Sensors, Setpoint, Tracker, Unsolved};
+use rollwalk_tracking::{Gains, Reference, Sensors, Setpoint, Unsolved};
 use thiserror::Error;
 
 /// How the robot is brought back to the plan.
@@ -32,9 +31,6 @@ pub enum Measured<'a> {
     /// What its sensors measured since the last tick.
     Sensors(&'a Sensors<'a>),
 }
-
-/// Time without setpoints of the tracker after which the motion is ended, s.
-const LOST_S: f64 = 0.1;
 
 /// Why the motors got the plan as in open loop, or its stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -67,17 +63,9 @@ pub struct Timing {
 /// A controller of one plan.
 pub struct ClosedLoop<'s, 'p> {
     script: &'s Script<'p>,
-    /// The motors at rest, in channel order.
-    servos: Vec<Law>,
     plan: Placed,
-    tracker: Tracker,
-    /// Whether end effectors of the plan leave the ground: its steps may catch a robot.
-    steps: bool,
-    estimator: Estimator,
+    follower: Follower,
     timing: Timing,
-    /// Time without setpoints of the tracker, s, and the stop that ends it.
-    lost_s: f64,
-    stop: Option<SafeStop>,
 }
 
 /// A plan where it lies in the world, on its plane z = 0, from a time on, s.
@@ -97,33 +85,24 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         timing: Timing,
     ) -> Self {
         let mut plan = Placed { body: WholeBody::new(script.plan()), world_from_plan, from_s: 0.0 };
-        let tree = plan.body.tree().clone();
-        let mut tracker = Tracker::new(tree.clone(), Weights::default(), timing.tick_s)
-            .with_latency(timing.latency_s);
+        let mut follower = Follower::new(script, plan.body.tree(), timing);
         if feedback == Feedback::Gains {
-            let (costs, duration_s) = (Costs::default(), script.duration_s());
-            let reference = |time_s| plan.reference(time_s);
-            let gains = Gains::new(&tree, &costs, duration_s, script.repeats(), reference);
-            tracker = tracker.with_gains(gains);
+            follower.tracker.change_gains(plan.gains(script));
         }
-        let servos = script.robot().channels().map(|channel| servo(&channel)).collect();
-        let estimator = Estimator::new(tree);
-        let motion = &script.plan().motion;
-        let steps = (motion.stance.iter()).any(|row| row.iter().any(|&stands| !stands));
-        Self { script, servos, plan, tracker, steps, estimator, timing, lost_s: 0.0, stop: None }
+        Self { script, plan, follower, timing }
     }
 
     /// The robot with turning wheels and rotors, whose states and velocities those of [`Measured`] are.
     pub fn tree(&self) -> &Tree {
-        self.tracker.tree()
+        self.follower.tracker.tree()
     }
 
-    /// Tells the estimator a state that is known by other means ([`Estimator::align`]).
+    /// Tells the estimator a state that is known by other means ([`rollwalk_tracking::Estimator::align`]).
     ///
     /// # Errors
     /// The state is not finite.
     pub fn align(&mut self, state: &State) -> Result<(), Untrusted> {
-        self.estimator.align(state)
+        self.follower.estimator.align(state)
     }
 
     /// What the motors do in a tick between two times of the motion, periods counted on, s; `measured` is
@@ -134,44 +113,18 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         [from_s, to_s]: [f64; 2],
         measured: Measured<'_>,
     ) -> (Vec<Law>, Option<Untracked>) {
-        let Timing { tick_s, latency_s } = self.timing;
-        if let Some(stop) = &mut self.stop {
-            return (stop.tick(self.script, tick_s), Some(Untracked::Stopped));
+        let Self { script, plan, follower, timing: Timing { tick_s, latency_s } } = self;
+        if let Some(laws) = follower.stopped(script, *tick_s) {
+            return (laws, Some(Untracked::Stopped));
         }
         // A motion that ends has a rest before it, in which its reference does not move: wheels would creep ahead.
-        let moves = from_s > 0.0 || self.script.repeats();
-        let ahead_s = if moves { latency_s } else { 0.0 };
-        let reference = self.plan.reference(from_s + ahead_s);
-        let known = match measured {
-            Measured::State(state, touches) => Ok((state, touches)),
-            Measured::Sensors(sensors) => {
-                let estimate = self.estimator.tick(sensors, tick_s);
-                estimate.map(|state| (state, sensors.touches)).map_err(Untracked::State)
-            }
-        };
-        let solved = known.and_then(|(state, touches)| {
-            self.tracker.tick(&reference, state, touches).map(drop).map_err(Untracked::Setpoints)
-        });
-        let acts_s = to_s + ahead_s;
-        match solved {
-            Ok(()) if self.steps && self.tracker.is_pushed_aside() => {
-                self.lost_s = 0.0;
-                (self.script.laws(acts_s), Some(Untracked::PushedAside))
-            }
-            Ok(()) => {
-                self.lost_s = 0.0;
-                let laws = self.servos.iter().zip(self.tracker.setpoints());
-                (laws.map(|(servo, setpoint)| law(servo, setpoint)).collect(), None)
-            }
-            Err(why) => {
-                self.lost_s += tick_s;
-                // Before it moves it stands still, and the estimator may align itself.
-                if from_s > 0.0 && self.lost_s > LOST_S {
-                    self.stop = Some(SafeStop::after(&self.plan.body, self.script, acts_s));
-                }
-                (self.script.laws(acts_s), Some(why))
-            }
-        }
+        let moves = from_s > 0.0 || script.repeats();
+        let ahead_s = if moves { *latency_s } else { 0.0 };
+        let reference = plan.reference(from_s + ahead_s);
+        // Before it moves it stands still, and the estimator may align itself.
+        let followed =
+            Followed { script, body: &plan.body, contacts: None, may_stop: from_s > 0.0 };
+        follower.tick(&followed, &reference, to_s + ahead_s, *tick_s, measured)
     }
 }
 
@@ -188,6 +141,13 @@ pub(crate) fn law(servo: &Law, setpoint: &Setpoint) -> Law {
 }
 
 impl Placed {
+    /// Gains for its script, wherever it lies.
+    pub fn gains(&mut self, script: &Script<'_>) -> Gains {
+        let (costs, tree) = (Costs::default(), self.body.tree().clone());
+        let reference = |time_s| self.reference(time_s);
+        Gains::new(&tree, &costs, script.duration_s(), script.repeats(), reference)
+    }
+
     pub fn at(&mut self, time_s: f64) -> Instant {
         self.body.at(time_s - self.from_s, &self.world_from_plan)
     }

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`script`] | a plan as the state in which it begins and the control law of each motor at any time |
 //! | [`closed_loop`] | a plan tracked in any world: measurements in, what motors do out |
+//! | `follower` | a tick of it |
 //! | `safe_stop` | how a robot comes to rest whose state is no longer known |
 //! | [`control`] | setpoints of the plan for the servos, open loop, or a controller that sees the robot |
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
@@ -35,6 +36,7 @@
 
 pub mod closed_loop;
 pub mod control;
+mod follower;
 pub mod identify;
 pub mod judgement;
 pub mod log;

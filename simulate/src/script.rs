@@ -39,6 +39,11 @@ impl<'a> Script<'a> {
         self.plan.motion.ends == Ends::Periodic
     }
 
+    /// Whether end effectors leave the ground: its steps may catch a robot.
+    pub fn steps(&self) -> bool {
+        self.plan.motion.stance.iter().any(|row| row.iter().any(|&stands| !stands))
+    }
+
     /// Duration of the motion, s; of one that repeats its period.
     pub fn duration_s(&self) -> f64 {
         self.spline.duration_s()
@@ -47,6 +52,11 @@ impl<'a> Script<'a> {
     /// Planned origin of the body, m, and world from body at a time of the motion, s.
     pub fn base(&self, time_s: f64) -> (Vector3<f64>, Matrix3<f64>) {
         base(&self.spline.sample(time_s))
+    }
+
+    /// Planned angles of the joints at a time of the motion, rad.
+    pub fn joint_rad(&self, time_s: f64) -> Vec<f64> {
+        self.spline.sample(time_s).joint_rad
     }
 
     /// Planned centre of mass at a time of the motion, m; a periodic motion goes on in later periods.

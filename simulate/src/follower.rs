@@ -1,0 +1,95 @@
+//! What follows plans tick by tick, whichever plan it is: state estimation, tracking, and the stop that ends both.
+//!
+//! [`crate::closed_loop`] has one for one plan, [`crate::sequence`] one for plans that follow each other.
+
+use crate::closed_loop::{Measured, Timing, Untracked, law};
+use crate::safe_stop::SafeStop;
+use crate::script::{Script, servo};
+use rollwalk_multibody::Tree;
+use rollwalk_physics::motor::Law;
+use rollwalk_planner::whole_body::WholeBody;
+use rollwalk_tracking::tasks::Weights;
+use rollwalk_tracking::{Estimator, Reference, Sensors, Tracker};
+
+/// Time without setpoints of the tracker after which the motion is ended, s.
+pub(crate) const LOST_S: f64 = 0.1;
+
+/// Follows plans of one robot.
+pub(crate) struct Follower {
+    /// The motors at rest, in channel order.
+    servos: Vec<Law>,
+    pub tracker: Tracker,
+    pub estimator: Estimator,
+    /// Time without setpoints of the tracker, s, and the stop that ends it.
+    lost_s: f64,
+    stop: Option<SafeStop>,
+}
+
+/// The plan that is followed at a tick.
+pub(crate) struct Followed<'a, 'p> {
+    pub script: &'a Script<'p>,
+    pub body: &'a WholeBody,
+    /// Of a robot without contact switches: which end effectors stood by the plan when the rest was measured.
+    pub contacts: Option<&'a [bool]>,
+    /// Whether the motion is ended that cannot be tracked.
+    pub may_stop: bool,
+}
+
+impl Follower {
+    /// For the robot of a script, with turning wheels and rotors, without gains.
+    pub fn new(script: &Script<'_>, tree: &Tree, timing: Timing) -> Self {
+        let tracker = Tracker::new(tree.clone(), Weights::default(), timing.tick_s)
+            .with_latency(timing.latency_s);
+        let servos = script.robot().channels().map(|channel| servo(&channel)).collect();
+        let estimator = Estimator::new(tree.clone());
+        Self { servos, tracker, estimator, lost_s: 0.0, stop: None }
+    }
+
+    /// What the motors do, a tick after the last one, of a robot that comes to rest for good.
+    pub fn stopped(&mut self, script: &Script<'_>, tick_s: f64) -> Option<Vec<Law>> {
+        self.stop.as_mut().map(|stop| stop.tick(script, tick_s))
+    }
+
+    /// What the motors do until the next tick, with the reference of the moment at which setpoints act; those of the plan are of
+    /// `acts_s`, the end of the tick. `tick_s` is the time since the last tick.
+    pub fn tick(
+        &mut self,
+        followed: &Followed<'_, '_>,
+        reference: &Reference,
+        acts_s: f64,
+        tick_s: f64,
+        measured: Measured<'_>,
+    ) -> (Vec<Law>, Option<Untracked>) {
+        let Followed { script, body, contacts, may_stop } = followed;
+        let known = match measured {
+            Measured::State(state, touches) => Ok((state, touches)),
+            Measured::Sensors(sensors) => {
+                let touches = contacts.unwrap_or(sensors.touches);
+                let estimate = self.estimator.tick(&Sensors { touches, ..*sensors }, tick_s);
+                estimate.map(|state| (state, touches)).map_err(Untracked::State)
+            }
+        };
+        let solved = known.and_then(|(state, touches)| {
+            let touches = if contacts.is_some() { &reference.stands[..] } else { touches };
+            self.tracker.tick(reference, state, touches).map(drop).map_err(Untracked::Setpoints)
+        });
+        match solved {
+            Ok(()) if script.steps() && self.tracker.is_pushed_aside() => {
+                self.lost_s = 0.0;
+                (script.laws(acts_s), Some(Untracked::PushedAside))
+            }
+            Ok(()) => {
+                self.lost_s = 0.0;
+                let laws = self.servos.iter().zip(self.tracker.setpoints());
+                (laws.map(|(servo, setpoint)| law(servo, setpoint)).collect(), None)
+            }
+            Err(why) => {
+                self.lost_s += tick_s;
+                if *may_stop && self.lost_s > LOST_S {
+                    self.stop = Some(SafeStop::after(body, script, acts_s));
+                }
+                (script.laws(acts_s), Some(why))
+            }
+        }
+    }
+}
