@@ -5,7 +5,8 @@
 //! |---|---|
 //! | [`script`] | a plan as the state in which it begins and the control law of each motor at any time |
 //! | [`closed_loop`] | a plan tracked in any world: measurements in, what motors do out |
-//! | `follower` | a tick of it |
+//! | [`sequence`] | plans tracked one after the other |
+//! | `follower` | a tick of either |
 //! | `safe_stop` | how a robot comes to rest whose state is no longer known |
 //! | [`control`] | setpoints of the plan for the servos, open loop, or a controller that sees the robot |
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
@@ -47,6 +48,7 @@ pub mod run;
 mod safe_stop;
 pub mod script;
 pub mod sensors;
+pub mod sequence;
 pub mod steered;
 
 pub use closed_loop::Feedback;
@@ -57,3 +59,4 @@ pub use outcome::Outcome;
 pub use run::{Moment, Options, play};
 pub use script::Script;
 pub use sensors::{Noise, SensorFault, SensorFaultKind, SimulatedSensors};
+pub use sequence::{Leg, Sequence};
