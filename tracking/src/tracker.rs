@@ -26,8 +26,9 @@ use rollwalk_multibody::{
 use rollwalk_robot::GRAVITY_M_S2;
 
 /// Gains that the drives themselves close around what a tick wants, as parts of those of the robot file: they act between ticks.
-const KP_PART: f64 = 0.1;
-const KD_PART: f64 = 0.2;
+pub const KP_PART: f64 = 0.1;
+/// The same of kd.
+pub const KD_PART: f64 = 0.2;
 
 /// What a motor is to do until the next tick: τ = kp (q* − q) + kd (q̇* − q̇) + torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

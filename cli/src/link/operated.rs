@@ -8,9 +8,10 @@ use crate::{Exit, output};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::Live;
 use rollwalk_host::describe::state_name;
-use rollwalk_host::operator::{Operator, View};
+use rollwalk_host::operator::{Message, Operator, View};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::State;
+use std::collections::VecDeque;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -158,4 +159,14 @@ pub fn farewell(view: &View) -> Exit {
             Exit::NotDone
         }
     }
+}
+
+/// Prints the messages after the last one that was printed.
+pub fn say_new(said: &mut Option<Message>, messages: &VecDeque<Message>) {
+    let known = |message: &Message| said.as_ref() == Some(message);
+    let next = messages.iter().rposition(known).map_or(0, |last| last + 1);
+    for message in messages.iter().skip(next) {
+        output::say(format_args!("{:7.1} s: {}", message.at_us as f64 * 1e-6, message.text));
+    }
+    *said = messages.back().cloned();
 }

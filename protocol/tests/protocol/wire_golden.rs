@@ -18,7 +18,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0x8bac_997f);
+    assert_eq!(SCHEMA_HASH, 0x848e_3eef);
 }
 
 #[test]
@@ -261,7 +261,8 @@ fn codes_are_pinned() {
         CommandResult::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),
         "0 Ok, 1 UnknownCode, 2 WrongState, 3 Expired, 4 Unreachable, 5 NotArmed, 6 NoLibrary, \
          7 WrongNonce, 8 ConfigMismatch, 9 PoseUnknown, 10 OutOfOrder, 11 UnknownKind, \
-         12 FaultPresent, 13 BadSpeed, 14 AuthenticationRequired, 15 Unproven",
+         12 FaultPresent, 13 BadSpeed, 14 AuthenticationRequired, 15 Unproven, 16 UnfitActuators, \
+         17 BadTracking",
     );
     check(
         Event::ALL.iter().map(|x| (x.code(), format!("{x:?}"))).collect(),

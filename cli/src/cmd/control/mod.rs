@@ -1,46 +1,70 @@
-//! `rollwalk control`: the controller that tracks a plan, for simulators of others, over standard input and output.
+//! `rollwalk control`: the controller that tracks plans in closed loop, on a robot or for a simulator of others.
 
+mod beside;
+mod conductor;
+mod live;
 mod records;
+mod route;
+#[cfg(test)]
+mod tests;
 
-use crate::{Exit, inputs, output};
+use crate::kind::Kind;
+use crate::link::{LinkArgs, cannot_open, ended};
+use crate::packed::Packed;
+use crate::planning;
+use crate::{Exit, files, inputs};
 use clap::ValueEnum;
-use miette::{IntoDiagnostic, WrapErr, miette};
-use nalgebra::Isometry3;
-use records::{Hello, Request, Setpoints};
-use rollwalk_simulate::closed_loop::{ClosedLoop, Measured, Timing};
-use rollwalk_simulate::{Feedback, Script};
-use serde::Serialize;
-use std::io::{self, BufRead, Read};
+use conductor::Conductor;
+use miette::{IntoDiagnostic, miette};
+use rollwalk_host::listener;
+use rollwalk_host::operator::Operator;
+use rollwalk_host::session::SessionError;
+use rollwalk_host::tracking::Tracking;
+use rollwalk_protocol::library::identity;
+use rollwalk_robot::Robot;
+use rollwalk_simulate::closed_loop::Timing;
+use rollwalk_simulate::{Feedback, Sequence};
+use rollwalk_tracking::tracker::{KD_PART, KP_PART};
+use route::Play;
 use std::path::PathBuf;
 
-/// Most bytes of a line; a robot with the most joints needs some kilobytes.
-const LINE_MAX: u64 = 1 << 20;
-
-/// Run the controller that tracks a plan, for another simulator: a line of measurements in, a line of setpoints out.
+/// Control in closed loop: play motions on a robot, or track a plan for another simulator.
 ///
-/// Its first line says what the plan is, in which order channels, joints, wheels and end effectors are, and the state in which the motion begins.
-/// Each line on standard input is a tick: a JSON object with the time of the motion and the measured state or sensor readings. The program answers it
-/// with a line of setpoints of all channels for the drives' own loops: torque = kp (position - angle) + kd (speed - angular speed) + torque. The program ends
-/// with its input. docs/tracking.md describes the fields.
+/// With a library file and --bus it is the robot's host: it plans the library's motions and transitions, arms the robot, and plays the motions of --play one after the
+/// other, from SAFE to SAFE. The controller sends what it measures up to 120 times a second, and the program answers with a setpoint and a torque for every motor. All limits
+/// and watchdogs of the controller stay in force: without answers the robot holds still, and after a quarter of a second it goes to SAFE and is let down. The robot needs an IMU, motors that take
+/// torques, and the same library in its flash. Ctrl-C completes the cycle that has begun, and takes the robot home; a second one ends the program at once.
+///
+/// With a plan it serves another simulator over standard input and output: a line of measurements in, a line of setpoints out. Its first line says what the plan is, in which order
+/// channels, joints, wheels and end effectors are, and the state in which the motion begins. Each line on standard input is a tick: a JSON object with the time of the motion and the
+/// measured state or sensor readings. The program answers it with a line of setpoints of all channels for the drives' own loops: torque = kp (position - angle) + kd (speed - angular speed) +
+/// torque. The program ends with its input. docs/tracking.md describes the fields.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
+  rollwalk control agilebot_library.toml --bus sim --play walk:5
+  rollwalk control agilebot_library.toml --bus can:can0 --play walk:5 --play turn_in_place
   rollwalk control turn.plan.json < ticks.jsonl
   rollwalk control turn.plan.json --rate 400 --latency-ms 6 < ticks.jsonl
   rollwalk control turn.plan.json --feedback tasks < ticks.jsonl")]
 pub struct Args {
-    /// Plan (JSON).
-    #[arg(value_name = "PLAN.json")]
-    plan: PathBuf,
-    /// Ticks per second.
-    #[arg(long, value_name = "HZ", default_value_t = 500, value_parser = clap::value_parser!(u32).range(30..=10_000))]
-    rate: u32,
-    /// Time from a measurement until the motors act on the answer, in milliseconds, beyond a tick.
-    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = latency_ms)]
-    latency_ms: f64,
-    /// How the robot is brought back to the plan.
-    #[arg(long, value_enum, default_value = "gains")]
-    feedback: Way,
+    /// Library file (TOML) for a robot on a bus, or a plan (JSON) for another simulator.
+    #[arg(value_name = "LIBRARY.toml|PLAN.json")]
+    file: PathBuf,
+    #[command(flatten)]
+    link: Option<LinkArgs>,
+    /// Play this motion of the library, so many cycles; once for each, in the order in which they are played.
+    #[arg(long, value_name = "MOTION:CYCLES")]
+    play: Vec<Play>,
+    /// Ticks per second [default: on a robot 120, or what its controller can do; else 500].
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(20..=10_000))]
+    rate: Option<u32>,
+    /// Time from a measurement until the motors act on the answer, in milliseconds, beyond a tick; on a robot it is measured.
+    #[arg(long, value_name = "MS", value_parser = latency_ms)]
+    latency_ms: Option<f64>,
+    /// How the robot is brought back to the plan; on a robot by gains.
+    #[arg(long, value_enum)]
+    feedback: Option<Way>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -53,6 +77,11 @@ enum Way {
 
 /// Most latency, ms: in more a robot that falls is on its way to the ground.
 const LATENCY_MAX_MS: f64 = 50.0;
+/// Ticks a second for a simulator of others, and samples a second of a robot.
+const RATE_HZ: u32 = 500;
+const SAMPLES_HZ: u32 = 120;
+/// Most samples a second that a command can ask for.
+const SAMPLES_MAX_HZ: u32 = 960;
 
 fn latency_ms(text: &str) -> Result<f64, String> {
     inputs::number_within(text, 0.0..=LATENCY_MAX_MS)
@@ -60,84 +89,94 @@ fn latency_ms(text: &str) -> Result<f64, String> {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let plan = inputs::plan(&args.plan)?;
-    let script = Script::new(&plan, true);
-    let feedback = match args.feedback {
-        Way::Tasks => Feedback::Tasks,
-        Way::Gains => Feedback::Gains,
-    };
-    let timing = Timing { tick_s: 1.0 / f64::from(args.rate), latency_s: 1e-3 * args.latency_ms };
-    say(&Hello::new(&plan, timing.tick_s))?;
-    let mut controller =
-        Controller { script: &script, feedback, timing, closed_loop: None, has_imu: false };
-    let mut input = io::stdin().lock();
-    let mut line = String::new();
-    for number in 1.. {
-        line.clear();
-        let count = (&mut input).take(LINE_MAX).read_line(&mut line).into_diagnostic()?;
-        if count == 0 {
-            break;
+    // A plan is JSON.
+    let is_plan = files::read(&args.file, Kind::Plan)?.trim_ascii_start().starts_with(b"{");
+    match (&args.link, is_plan) {
+        (_, true) if args.play.is_empty() => {
+            let feedback = match args.feedback {
+                Some(Way::Tasks) => Feedback::Tasks,
+                Some(Way::Gains) | None => Feedback::Gains,
+            };
+            let tick_s = 1.0 / f64::from(args.rate.unwrap_or(RATE_HZ));
+            let timing = Timing { tick_s, latency_s: 1e-3 * args.latency_ms.unwrap_or(0.0) };
+            beside::run(&args.file, feedback, timing)
         }
-        if count as u64 == LINE_MAX {
-            return Err(miette!("line {number} of the input has more than {LINE_MAX} bytes"));
-        }
-        let setpoints = controller.answer(&line);
-        say(&setpoints.wrap_err_with(|| format!("line {number} of the input"))?)?;
-    }
-    Ok(Exit::Ok)
-}
-
-/// The controller from its first line on, which says where the plan lies.
-struct Controller<'s, 'p> {
-    script: &'s Script<'p>,
-    feedback: Feedback,
-    timing: Timing,
-    closed_loop: Option<ClosedLoop<'s, 'p>>,
-    /// Whether a line had an IMU: the state is estimated since, and a line without one has no reading of it.
-    has_imu: bool,
-}
-
-impl Controller<'_, '_> {
-    /// What the motors do in a tick.
-    fn answer(&mut self, line: &str) -> miette::Result<Setpoints> {
-        let request = Request::from_line(line)?;
-        let placed = request.world_from_plan()?;
-        if placed.is_some() && self.closed_loop.is_some() {
-            return Err(miette!(
-                help = "start the program again to place the plan elsewhere",
-                "field world_from_plan is only for the first line"
-            ));
-        }
-        let closed_loop = self.closed_loop.get_or_insert_with(|| {
-            let placed = placed.unwrap_or_else(Isometry3::identity);
-            ClosedLoop::new(self.script, self.feedback, placed, self.timing)
-        });
-        let times_s = [request.time_s, request.time_s + self.timing.tick_s];
-        let state = request.state(closed_loop.tree())?;
-        self.has_imu |= request.has_imu();
-        let (laws, untracked) = match (self.has_imu, state) {
-            (true, known) => {
-                if let Some(known) = known {
-                    // One that is not finite aligns nothing, and the tick says why.
-                    let _ = closed_loop.align(&known);
-                }
-                let sensed = request.sensors(closed_loop.tree())?;
-                closed_loop.tick(times_s, Measured::Sensors(&sensed.sensors()))
-            }
-            (false, Some(state)) => {
-                closed_loop.tick(times_s, Measured::State(&state, &request.touches))
-            }
-            (false, None) => {
-                return Err(miette!(
-                    help = "give base, the measured pose and velocity, or imu, from which they are estimated",
-                    "fields base and imu are both missing"
-                ));
-            }
-        };
-        Ok(Setpoints::new(request.time_s, &laws, untracked))
+        (Some(link), false) => on_robot(args, link),
+        (None, false) => Err(miette!(
+            help = "--bus says where the robot is; for another simulator give a plan (JSON)",
+            "{} is no plan, and no bus is given",
+            args.file.display()
+        )),
+        (_, true) => Err(miette!(
+            help = "give the library file (TOML) that the motions are in",
+            "--play is for motions of a library, and {} is a plan",
+            args.file.display()
+        )),
     }
 }
 
-fn say(record: &impl Serialize) -> miette::Result<()> {
-    output::line(&serde_json::to_string(record).into_diagnostic()?)
+/// Plays motions of a library on a robot.
+fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
+    if args.latency_ms.is_some() || args.feedback.is_some() {
+        return Err(miette!(
+            "--latency-ms and --feedback are for another simulator: on a robot latency is measured, and feedback is by gains"
+        ));
+    }
+    if args.play.is_empty() {
+        return Err(miette!(
+            help = "--play MOTION:CYCLES, as --play walk:5",
+            "there is nothing to play"
+        ));
+    }
+    let rate_hz = args.rate.unwrap_or(SAMPLES_HZ);
+    if rate_hz > SAMPLES_MAX_HZ {
+        return Err(miette!(
+            "--rate {rate_hz}: a controller takes {SAMPLES_MAX_HZ} samples a second at most"
+        ));
+    }
+    let library = inputs::Source::Disk.library(&args.file)?;
+    let names: Vec<_> = library.file.motions.iter().map(|motion| &motion.name).collect();
+    if let Some(Play { motion, .. }) = args.play.iter().find(|play| !names.contains(&&play.motion))
+    {
+        let names: Vec<_> = names.into_iter().map(String::as_str).collect();
+        let names = names.join(", ");
+        return Err(miette!(
+            help = format!("its motions: {names}"),
+            "{} has no motion `{motion}`",
+            args.file.display()
+        ));
+    }
+    let Some(plans) = planning::plan_all(&library, false)? else { return Ok(Exit::Interrupted) };
+    let built = plans.pack(&library)?;
+    let legs = route::legs(&library, &plans, &args.play)?;
+    let timing = Timing { tick_s: 1.0 / f64::from(rate_hz), latency_s: 0.0 };
+    let sequence = Sequence::new(legs, timing).into_diagnostic()?;
+    let robot = &library.robot;
+    let wheels =
+        conductor::wheels(robot, sequence.tree()).map_err(|name| no_encoder(robot, &name))?;
+    let id = identity(&built.bytes).expect("it was just built");
+    let mut conductor = Conductor::new(sequence, robot, wheels, tracking(rate_hz), id);
+    let catalog = Packed::new(robot.clone(), built.bytes)?.catalog();
+    let peer = link.peer()?;
+    let mut bus = link.live().map_err(cannot_open)?;
+    if listener::find_host(&mut bus, link.node).is_ok_and(|listener| listener.has_host()) {
+        return Ok(ended(link, &SessionError::HasHost { node: link.node.number() }));
+    }
+    let mut operator = Operator::new(peer, Some(catalog.config_hash));
+    operator.set_catalog(Some(catalog));
+    Ok(live::run(link, bus, operator, &mut conductor))
+}
+
+/// What the controller is asked for.
+fn tracking(rate_hz: u32) -> Tracking {
+    let percent = |part: f64| (100.0 * part).round() as u8;
+    Tracking { rate_hz: rate_hz as u16, kp_percent: percent(KP_PART), kd_percent: percent(KD_PART) }
+}
+
+fn no_encoder(robot: &Robot, wheel: &str) -> miette::Report {
+    miette!(
+        help = "`rollwalk send` and `rollwalk console` play its motions without feedback",
+        "wheel `{wheel}` of {} turns freely, and no encoder measures it: the state of the robot cannot be estimated",
+        robot.name
+    )
 }

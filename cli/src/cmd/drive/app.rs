@@ -7,7 +7,7 @@ use super::screen::{self, Scene};
 use super::steps::{self, Step};
 use crate::gamepad::reader::Gamepad;
 use crate::link::LinkArgs;
-use crate::link::operated::Operated;
+use crate::link::operated::{Operated, say_new};
 use crate::{Exit, interrupt, output};
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
@@ -15,12 +15,11 @@ use rollwalk_bus::port::Live;
 use rollwalk_gamepads::pad::Wish;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::state_name;
-use rollwalk_host::operator::{Deadman, Intent, Leaving, Message, Operator, Weight};
+use rollwalk_host::operator::{Deadman, Intent, Leaving, Operator, Weight};
 use rollwalk_planner::receding::Steering;
 use rollwalk_protocol::wire::State;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
-use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -341,14 +340,4 @@ impl<'a> App<'a> {
         };
         Ending { words, exit }
     }
-}
-
-/// Prints the messages after the last one that was printed.
-fn say_new(said: &mut Option<Message>, messages: &VecDeque<Message>) {
-    let known = |message: &Message| said.as_ref() == Some(message);
-    let next = messages.iter().rposition(known).map_or(0, |last| last + 1);
-    for message in messages.iter().skip(next) {
-        output::say(format_args!("{:7.1} s: {}", message.at_us as f64 * 1e-6, message.text));
-    }
-    *said = messages.back().cloned();
 }

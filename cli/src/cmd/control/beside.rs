@@ -1,0 +1,96 @@
+//! The controller that tracks a plan, for simulators of others, over standard input and output.
+
+use super::records::{Hello, Request, Setpoints};
+use crate::{Exit, inputs, output};
+use miette::{IntoDiagnostic, WrapErr, miette};
+use nalgebra::Isometry3;
+use rollwalk_simulate::closed_loop::{ClosedLoop, Measured, Timing};
+use rollwalk_simulate::{Feedback, Script};
+use serde::Serialize;
+use std::io::{self, BufRead, Read};
+use std::path::Path;
+
+/// Most bytes of a line; a robot with the most joints needs some kilobytes.
+const LINE_MAX: u64 = 1 << 20;
+
+/// Answers lines of standard input until its end.
+///
+/// # Errors
+/// The plan cannot be used, or a line.
+pub fn run(plan: &Path, feedback: Feedback, timing: Timing) -> miette::Result<Exit> {
+    let plan = inputs::plan(plan)?;
+    let script = Script::new(&plan, true);
+    say(&Hello::new(&plan, timing.tick_s))?;
+    let mut controller =
+        Controller { script: &script, feedback, timing, closed_loop: None, has_imu: false };
+    let mut input = io::stdin().lock();
+    let mut line = String::new();
+    for number in 1.. {
+        line.clear();
+        let count = (&mut input).take(LINE_MAX).read_line(&mut line).into_diagnostic()?;
+        if count == 0 {
+            break;
+        }
+        if count as u64 == LINE_MAX {
+            return Err(miette!("line {number} of the input has more than {LINE_MAX} bytes"));
+        }
+        let setpoints = controller.answer(&line);
+        say(&setpoints.wrap_err_with(|| format!("line {number} of the input"))?)?;
+    }
+    Ok(Exit::Ok)
+}
+
+/// The controller from its first line on, which says where the plan lies.
+struct Controller<'s, 'p> {
+    script: &'s Script<'p>,
+    feedback: Feedback,
+    timing: Timing,
+    closed_loop: Option<ClosedLoop<'s, 'p>>,
+    /// Whether a line had an IMU: the state is estimated since, and a line without one has no reading of it.
+    has_imu: bool,
+}
+
+impl Controller<'_, '_> {
+    /// What the motors do in a tick.
+    fn answer(&mut self, line: &str) -> miette::Result<Setpoints> {
+        let request = Request::from_line(line)?;
+        let placed = request.world_from_plan()?;
+        if placed.is_some() && self.closed_loop.is_some() {
+            return Err(miette!(
+                help = "start the program again to place the plan elsewhere",
+                "field world_from_plan is only for the first line"
+            ));
+        }
+        let closed_loop = self.closed_loop.get_or_insert_with(|| {
+            let placed = placed.unwrap_or_else(Isometry3::identity);
+            ClosedLoop::new(self.script, self.feedback, placed, self.timing)
+        });
+        let times_s = [request.time_s, request.time_s + self.timing.tick_s];
+        let state = request.state(closed_loop.tree())?;
+        self.has_imu |= request.has_imu();
+        let (laws, untracked) = match (self.has_imu, state) {
+            (true, known) => {
+                if let Some(known) = known {
+                    // One that is not finite aligns nothing, and the tick says why.
+                    let _ = closed_loop.align(&known);
+                }
+                let sensed = request.sensors(closed_loop.tree())?;
+                closed_loop.tick(times_s, Measured::Sensors(&sensed.sensors()))
+            }
+            (false, Some(state)) => {
+                closed_loop.tick(times_s, Measured::State(&state, &request.touches))
+            }
+            (false, None) => {
+                return Err(miette!(
+                    help = "give base, the measured pose and velocity, or imu, from which they are estimated",
+                    "fields base and imu are both missing"
+                ));
+            }
+        };
+        Ok(Setpoints::new(request.time_s, &laws, untracked))
+    }
+}
+
+fn say(record: &impl Serialize) -> miette::Result<()> {
+    output::line(&serde_json::to_string(record).into_diagnostic()?)
+}

@@ -1,0 +1,358 @@
+//! A robot on a bus in closed loop, from Disarmed through a sequence of plans and back: looks at what the operator knows, gives intents, and answers
+//! samples. No clock and no bus.
+
+use nalgebra::Vector3;
+use rollwalk_host::describe::state_name;
+use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use rollwalk_host::stream::Target;
+use rollwalk_host::tracking::{Measured, Tracking};
+use rollwalk_multibody::Tree;
+use rollwalk_physics::motor::Law;
+use rollwalk_protocol::wire::State;
+use rollwalk_robot::{Channel, Robot};
+use rollwalk_simulate::closed_loop::{self, Untracked};
+use rollwalk_simulate::sequence::Sequence;
+use rollwalk_tracking::Sensors;
+
+/// How often it arms by itself: feedback of actuators is missing just after power-on.
+const ARMS: u8 = 5;
+/// Interval between these attempts, and between other commands that had no effect, µs.
+const AGAIN_US: u64 = 1_000_000;
+/// How long the robot stands before the sequence begins: the estimator finds the bias of the gyro, and the loop its latency, s.
+const STANDS_S: f64 = 1.5;
+/// Longest time until the state of a standing robot is known, s.
+const KNOWN_S: f64 = 10.0;
+/// Part of a period by which measurements are older than their sample on the mean: drives answer setpoints one after the other, from the
+/// period before on.
+const OLD: f64 = 1.0;
+/// Samples by which an answer may be late, as far as they are counted.
+const LATE_MAX: usize = 16;
+
+/// What the robot is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// It is armed, and goes to SAFE.
+    Arming,
+    /// It is to send samples.
+    Beginning,
+    /// It stands, and its state becomes known.
+    Standing,
+    /// It plays the sequence.
+    Playing,
+    /// It goes to SAFE, and is disarmed.
+    Homeward,
+    /// It is over.
+    Over,
+}
+
+/// How the samples went.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Samples answered, and of these with setpoints of the plan, because the robot could not be tracked.
+    pub answered: u64,
+    /// Of these not tracked.
+    pub untracked: u64,
+    /// Samples by how many samples later the answer in force was: 0 to 15 and more.
+    pub late: [u64; LATE_MAX],
+    /// Channels that were missing in a sample.
+    pub stale: u64,
+    /// Samples that did not arrive.
+    pub lost: u64,
+    /// Cycles and motions are complete.
+    pub complete: bool,
+}
+
+/// A closed loop over a bus.
+pub struct Conductor<'p> {
+    sequence: Option<Sequence<'p>>,
+    /// Channel of each wheel that spins.
+    wheels: Vec<usize>,
+    joints: usize,
+    end_effectors: usize,
+    tracking: Tracking,
+    tick_s: f64,
+    /// Identity of the library whose SAFE pose the sequence begins in.
+    library: u32,
+    phase: Phase,
+    arms: u8,
+    again_us: u64,
+    /// Number of the first sample, and of the last.
+    first: Option<u64>,
+    last: u64,
+    /// It is to end early.
+    stops: bool,
+    /// The last reason for which the robot was not tracked.
+    why: Option<Untracked>,
+    tally: Tally,
+    /// Leg and cycle that were said last.
+    said: Option<(usize, u32)>,
+    touches: Vec<bool>,
+    joint_rad: Vec<f64>,
+    speed_rad_s: Vec<f64>,
+}
+
+/// Channel of each wheel that spins.
+///
+/// # Errors
+/// One has none: its name.
+pub fn wheels(robot: &Robot, tree: &Tree) -> Result<Vec<usize>, String> {
+    let of = |wheel: &rollwalk_multibody::Wheel| {
+        let name = &robot.end_effectors[wheel.end_effector].name;
+        let is =
+            |channel: Channel<'_>| matches!(channel, Channel::Wheel(of, _) if of.name == *name);
+        robot.channels().position(is).ok_or_else(|| name.clone())
+    };
+    tree.wheels().iter().map(of).collect()
+}
+
+impl<'p> Conductor<'p> {
+    /// For a sequence of a robot that is disarmed, whose ticks are `tick_s` apart until the controller says at which rate it takes samples. `wheels` are those
+    /// of [`wheels`].
+    pub fn new(
+        sequence: Sequence<'p>,
+        robot: &Robot,
+        wheels: Vec<usize>,
+        tracking: Tracking,
+        library: u32,
+    ) -> Self {
+        Self {
+            sequence: Some(sequence),
+            wheels,
+            joints: robot.joints.len(),
+            end_effectors: robot.end_effectors.len(),
+            tick_s: 1.0 / f64::from(tracking.rate_hz),
+            tracking,
+            library,
+            phase: Phase::Arming,
+            arms: ARMS,
+            again_us: 0,
+            first: None,
+            last: 0,
+            stops: false,
+            why: None,
+            tally: Tally::default(),
+            said: None,
+            touches: Vec::new(),
+            joint_rad: Vec::new(),
+            speed_rad_s: Vec::new(),
+        }
+    }
+
+    /// What the robot is about.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// How the samples went.
+    pub fn tally(&self) -> &Tally {
+        &self.tally
+    }
+
+    /// The sequence.
+    pub fn sequence(&self) -> &Sequence<'p> {
+        self.sequence.as_ref().expect("it is taken for an instant only")
+    }
+
+    /// Ends early: the robot completes its cycle, and goes to SAFE along the plans that follow. The second time it goes there at once.
+    pub fn stop(&mut self, now_us: u64, operator: &mut Operator) {
+        let plays = self.phase == Phase::Playing;
+        if plays && !std::mem::replace(&mut self.stops, true) {
+            operator.say(now_us, Weight::Note, "it completes its cycle, then goes to SAFE");
+            self.sequence.iter_mut().for_each(Sequence::stop);
+        } else {
+            self.end(now_us, operator);
+        }
+    }
+
+    /// Looks at the robot's state and gives commands; call often.
+    pub fn look(&mut self, now_us: u64, operator: &mut Operator) {
+        let view = operator.view(now_us);
+        let Some(status) = view.status.filter(|_| view.link.contact) else { return };
+        let streams = status.state == State::Streaming;
+        match (self.phase, status.state) {
+            (Phase::Over, _) => {}
+            (Phase::Arming, State::Disarmed) => self.arm(now_us, &view, operator),
+            (Phase::Arming, State::Ready) => {
+                (self.phase, self.again_us) = (Phase::Beginning, now_us + AGAIN_US);
+                operator.want(now_us, Intent::Track(self.tracking));
+            }
+            (Phase::Arming, State::Aligning | State::Boot | State::SelfTest) => {}
+            (Phase::Beginning, _) if streams => self.phase = Phase::Standing,
+            (Phase::Beginning, State::Ready) if now_us < self.again_us => {}
+            (Phase::Beginning, State::Ready) => {
+                let text = "the controller takes no setpoints in closed loop";
+                operator.say(now_us, Weight::Warning, text);
+                self.end(now_us, operator);
+            }
+            (Phase::Standing | Phase::Playing, _) if streams => {}
+            (Phase::Homeward, _) if streams && now_us >= self.again_us => {
+                self.again_us = now_us + AGAIN_US;
+                operator.want(now_us, Intent::Return);
+            }
+            (Phase::Homeward, State::Streaming | State::Aligning) => {}
+            (Phase::Homeward, _) => {
+                self.phase = Phase::Over;
+                operator.want(now_us, Intent::Quit);
+            }
+            (_, state) => {
+                let text = format!("the robot is {}: the motion is over", state_name(state));
+                operator.say(now_us, Weight::Warning, text);
+                self.phase = Phase::Over;
+                if operator.leaving() == Leaving::No {
+                    operator.want(now_us, Intent::Quit);
+                }
+            }
+        }
+    }
+
+    /// Arms a robot with the right library.
+    fn arm(&mut self, now_us: u64, view: &View, operator: &mut Operator) {
+        let Some(hello) = &view.hello else { return };
+        if hello.library != Some(self.library) {
+            let text = "the controller has another library: build and flash the one that is to be played first";
+            operator.say(now_us, Weight::Refused, text);
+            self.end(now_us, operator);
+        } else if now_us >= self.again_us && view.asking.is_none() {
+            if self.arms == 0 {
+                return self.end(now_us, operator);
+            }
+            (self.arms, self.again_us) = (self.arms - 1, now_us + AGAIN_US);
+            operator.want(now_us, Intent::Arm);
+        }
+    }
+
+    /// Sends the robot to SAFE, whatever it is about.
+    fn end(&mut self, now_us: u64, operator: &mut Operator) {
+        if !matches!(self.phase, Phase::Homeward | Phase::Over) {
+            (self.phase, self.again_us) = (Phase::Homeward, now_us + AGAIN_US);
+            operator.want(now_us, Intent::Return);
+        } else {
+            operator.want(now_us, Intent::Quit);
+        }
+    }
+
+    /// Answers the newest sample, if there is one; call often. A robot that goes home is answered to the end.
+    pub fn answer(&mut self, now_us: u64, operator: &mut Operator) {
+        let Some(measured) = operator.take_sample() else { return };
+        if let Some((rate_hz, lost)) = operator.sampled() {
+            self.tick_s = 1.0 / f64::from(rate_hz.max(1));
+            self.tally.lost = lost;
+        }
+        self.count(&measured);
+        let (laws, untracked) = self.tick(&measured);
+        self.tally.answered += 1;
+        self.tally.untracked += u64::from(untracked.is_some());
+        if untracked != self.why {
+            if let Some(why) = untracked.filter(|_| self.phase == Phase::Playing) {
+                let text = format!("not tracked, it gets its plan: {why}");
+                operator.say(now_us, Weight::Warning, text);
+            }
+            self.why = untracked;
+        }
+        let targets = laws.iter().enumerate().map(|(channel, law)| self.target(channel, law));
+        operator.answer(measured.number, untracked.is_some(), targets.collect());
+        self.go_on(now_us, measured.number, operator);
+    }
+
+    fn count(&mut self, measured: &Measured) {
+        self.first.get_or_insert(measured.number);
+        self.last = measured.number;
+        self.tally.stale += measured.stale as u64;
+        if let Some(late) = measured.late {
+            self.tally.late[usize::from(late).min(LATE_MAX - 1)] += 1;
+        }
+    }
+
+    /// Setpoints that answer measurements.
+    fn tick(&mut self, measured: &Measured) -> (Vec<Law>, Option<Untracked>) {
+        let vector = |of: [f32; 3]| Vector3::from(of.map(f64::from));
+        // Of a channel that was never heard no state is known.
+        let angle = |of: &Option<_>| {
+            of.map_or(f64::NAN, |of: rollwalk_protocol::wire::JointTelemetry| {
+                f64::from(of.position_rad)
+            })
+        };
+        let speed = |channel: usize| {
+            let joint = measured.joints.get(channel).copied().flatten();
+            joint.map_or(f64::NAN, |joint| f64::from(joint.velocity_rad_s))
+        };
+        self.joint_rad.clear();
+        self.joint_rad.extend(measured.joints.iter().take(self.joints).map(angle));
+        self.joint_rad.resize(self.joints, f64::NAN);
+        self.speed_rad_s.clear();
+        self.speed_rad_s.extend((0..self.joints).chain(self.wheels.iter().copied()).map(speed));
+        if measured.contacts.is_none() && self.first == Some(measured.number) {
+            self.sequence = self.sequence.take().map(Sequence::with_planned_contacts);
+        }
+        let contacts = measured.contacts.unwrap_or(0);
+        self.touches.clear();
+        self.touches.extend((0..self.end_effectors).map(|of| contacts >> of & 1 != 0));
+        let sensors = Sensors {
+            gyro_rad_s: measured.gyro_rad_s.map(vector),
+            accelerometer_m_s2: measured.force_m_s2.map(vector),
+            joint_rad: &self.joint_rad,
+            speed_rad_s: &self.speed_rad_s,
+            touches: &self.touches,
+        };
+        let time_s = measured.number as f64 * self.tick_s;
+        let sequence = self.sequence.as_mut().expect("it is taken for an instant only");
+        sequence.tick(time_s, closed_loop::Measured::Sensors(&sensors))
+    }
+
+    fn target(&self, channel: usize, law: &Law) -> Target {
+        let value = if channel < self.joints { law.position_rad } else { law.speed_rad_s };
+        Target { value: value as f32, torque_nm: law.torque_nm as f32 }
+    }
+
+    /// Begins the sequence once the state of the robot is known, and ends it.
+    fn go_on(&mut self, now_us: u64, number: u64, operator: &mut Operator) {
+        let Some(sequence) = &mut self.sequence else { return };
+        let stood_s = (number - self.first.unwrap_or(number)) as f64 * self.tick_s;
+        match self.phase {
+            Phase::Standing if stood_s >= STANDS_S && sequence.is_ready() => {
+                // The median: an answer that is late now and then does not count.
+                let counts: u64 = self.tally.late.iter().sum();
+                let mut seen = 0;
+                let late = self.tally.late.iter().position(|count| {
+                    seen += count;
+                    2 * seen >= counts.max(1)
+                });
+                let latency_s = self.tick_s * (late.unwrap_or(1) as f64 + OLD);
+                sequence.change_latency(latency_s);
+                sequence.go();
+                self.phase = Phase::Playing;
+                let text = format!(
+                    "its state is known; setpoints act {:.0} ms after what they answer",
+                    1e3 * latency_s
+                );
+                operator.say(now_us, Weight::Note, text);
+            }
+            Phase::Standing if stood_s >= KNOWN_S => {
+                let why = self.why.map_or_else(String::new, |why| format!(": {why}"));
+                let text = format!("the state of the robot is not known after {KNOWN_S} s{why}");
+                operator.say(now_us, Weight::Warning, text);
+                self.end(now_us, operator);
+            }
+            Phase::Playing if self.why == Some(Untracked::Stopped) => self.end(now_us, operator),
+            Phase::Playing if sequence.is_over() => {
+                self.tally.complete = !self.stops;
+                self.end(now_us, operator);
+            }
+            Phase::Playing => {
+                let progress = sequence.progress();
+                let place = (progress.leg, progress.cycle);
+                if progress.moves && self.said != Some(place) {
+                    self.said = Some(place);
+                    let leg = &sequence.legs()[progress.leg];
+                    let cycle = match progress.cycle {
+                        0 => String::new(),
+                        cycle => format!(", cycle {}", cycle + 1),
+                    };
+                    let text = format!("{}{cycle}", leg.plan().motion.name);
+                    operator.say(now_us, Weight::Note, text);
+                }
+            }
+            _ => {}
+        }
+    }
+}

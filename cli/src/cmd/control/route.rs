@@ -1,0 +1,171 @@
+//! What a robot is to play in closed loop: `--play NAME:CYCLES` as plans of a library, joined by its transitions.
+
+use crate::inputs::Library;
+use crate::planning::{Planned, Plans};
+use miette::miette;
+use rollwalk_planner::motion::Ends;
+use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_simulate::sequence::Leg;
+use std::collections::VecDeque;
+use std::str::FromStr;
+
+/// Most cycles of a motion.
+const CYCLES_MAX: u32 = 100_000;
+/// How long the robot stands in SAFE before its first motion and after its last one, s.
+const STANDS_S: f64 = 0.5;
+
+/// A motion and how often it is played.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Play {
+    /// Its name in the library.
+    pub motion: String,
+    /// Its cycles.
+    pub cycles: u32,
+}
+
+impl FromStr for Play {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (motion, cycles) = match text.rsplit_once(':') {
+            None => (text, 1),
+            Some((motion, cycles)) => {
+                let cycles = cycles.parse().ok().filter(|cycles| (1..=CYCLES_MAX).contains(cycles));
+                let form =
+                    "is not of the form MOTION or MOTION:CYCLES, as walk:5 (1 to 100000 cycles)";
+                (motion, cycles.ok_or(form)?)
+            }
+        };
+        Ok(Self { motion: motion.to_owned(), cycles })
+    }
+}
+
+/// A step along the motion graph of a library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Edge {
+    /// A motion, so often.
+    Motion(usize, u32),
+    /// A transition, by its index.
+    Transition(usize),
+}
+
+/// The plans of a route from SAFE to SAFE, in their order.
+///
+/// # Errors
+/// A motion is not in the library, nothing leads to it, or a plan does not hold.
+pub fn legs<'p>(
+    library: &Library,
+    plans: &'p Plans,
+    route: &[Play],
+) -> miette::Result<Vec<Leg<'p>>> {
+    let motions = &library.file.motions;
+    let named = |name: &str| motions.iter().position(|motion| motion.name == name);
+    let safe = library.file.safe;
+    let mut edges = vec![Edge::Motion(safe, 1)];
+    let mut at = safe;
+    for Play { motion, cycles } in route {
+        let to = named(motion).ok_or_else(|| {
+            let names: Vec<_> = motions.iter().map(|motion| motion.name.as_str()).collect();
+            let names = names.join(", ");
+            miette!(
+                help = format!("its motions: {names}"),
+                "{} has no motion `{motion}`",
+                library.file.name
+            )
+        })?;
+        let repeats = plans.motions[to].plan.motion.ends == Ends::Periodic;
+        let (times, cycles) = if repeats { (1, *cycles) } else { (*cycles, 1) };
+        for _ in 0..times {
+            way(plans, at, to, &mut edges).ok_or_else(|| apart(library, at, to))?;
+            edges.push(Edge::Motion(to, cycles));
+            at = to;
+        }
+    }
+    if at != safe {
+        way(plans, at, safe, &mut edges).ok_or_else(|| apart(library, at, safe))?;
+        edges.push(Edge::Motion(safe, 1));
+    }
+    let last = edges.len() - 1;
+    let legs = edges.into_iter().enumerate().map(|(index, edge)| {
+        let planned = match edge {
+            Edge::Motion(motion, _) => &plans.motions[motion],
+            Edge::Transition(transition) => &plans.transitions[transition].planned,
+        };
+        let leg = Leg::new(holds(planned)?);
+        Ok(match edge {
+            Edge::Motion(_, cycles) if index == 0 || index == last => {
+                leg.times(cycles).held(STANDS_S)
+            }
+            Edge::Motion(_, cycles) => leg.times(cycles),
+            Edge::Transition(_) => leg,
+        })
+    });
+    legs.collect()
+}
+
+/// The shortest way from one motion to another: its transitions, and the motions between them, once each.
+fn way(plans: &Plans, from: usize, to: usize, edges: &mut Vec<Edge>) -> Option<()> {
+    // The transition by which each motion was reached first.
+    let mut reached: Vec<Option<usize>> = vec![None; plans.motions.len()];
+    let mut queue = VecDeque::from([from]);
+    while let Some(at) = queue.pop_front() {
+        for (index, transition) in plans.transitions.iter().enumerate() {
+            if transition.from == at && reached[transition.to].is_none() {
+                reached[transition.to] = Some(index);
+                queue.push_back(transition.to);
+            }
+        }
+    }
+    let mut back = Vec::new();
+    let mut at = to;
+    loop {
+        let index = reached[at]?;
+        back.push(Edge::Transition(index));
+        at = plans.transitions[index].from;
+        if at == from {
+            break;
+        }
+        back.push(Edge::Motion(at, 1));
+    }
+    edges.extend(back.into_iter().rev());
+    Some(())
+}
+
+fn apart(library: &Library, from: usize, to: usize) -> miette::Report {
+    let name = |index: usize| &library.file.motions[index].name;
+    miette!(
+        help = "add a [[transition]] or [via_safe] to the library file, or a motion in between",
+        "no transitions of {} lead from `{}` to `{}`",
+        library.file.name,
+        name(from),
+        name(to)
+    )
+}
+
+fn holds(planned: &Planned) -> miette::Result<&Plan> {
+    let plan = &planned.plan;
+    if plan.solve.status != Status::Converged {
+        return Err(miette!(
+            help = "`rollwalk library build` says why",
+            "the plan of `{}` does not hold",
+            plan.motion.name
+        ));
+    }
+    Ok(plan)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_motion_is_named_with_its_cycles() {
+        let play = |motion: &str, cycles| Ok(Play { motion: motion.into(), cycles });
+        assert_eq!("walk".parse(), play("walk", 1));
+        assert_eq!("walk:12".parse(), play("walk", 12));
+        assert_eq!("a:b:2".parse(), play("a:b", 2));
+        for bad in ["walk:0", "walk:", "walk:x", "walk:100001", "walk:-1"] {
+            assert!(bad.parse::<Play>().is_err(), "{bad}");
+        }
+    }
+}
