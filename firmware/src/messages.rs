@@ -107,7 +107,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                     self.imu.sampled().accelerometer.map(|of| of.encode(node))
                 }
                 Outgoing::Sample { number } => {
-                    let answered = self.motion.answered();
+                    let answered = self.motion.answered(&self.setup.settings);
                     let contacts = self.imu.sampled().contacts;
                     Some(Sample { number, answered, contacts }.encode(node))
                 }

@@ -8,7 +8,7 @@ use heapless::Vec;
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::faults::{Event, Fault};
 use rollwalk_protocol::library::{Library, NodeId, RATE_HZ, Unreadable};
-use rollwalk_protocol::wire::Setpoint;
+use rollwalk_protocol::wire::{Answered, Setpoint};
 
 use crate::actuators::{Actuators, FRESH_TICKS, Hold};
 use crate::align::{Ramp, RampEnds};
@@ -203,9 +203,12 @@ impl Motion {
         self.sample.take()
     }
 
-    /// Sample whose setpoints are in force.
-    pub fn answered(&self) -> Option<u8> {
-        if let Stage::Tracking(track) = &self.stage { track.sample().1 } else { None }
+    /// The answer in force of a robot that is tracked.
+    pub fn answered(&self, settings: &Settings) -> Option<Answered> {
+        match &self.stage {
+            Stage::Tracking(track) => track.answered(settings.period_s()),
+            _ => None,
+        }
     }
 
     /// Starts to follow setpoints of the host, at rest in SAFE.
@@ -431,7 +434,7 @@ impl Motion {
         }
         if let Stage::Tracking(track) = &mut self.stage {
             if track.advance(&setup.config, setup.settings.period_s()) {
-                self.sample = Some(track.sample().0);
+                self.sample = Some(track.sample());
             }
             let periods = setup.settings.ticks_per_frame().saturating_mul(WINDOW as u16);
             let halted = (track.is_halted(), track.rests(periods));

@@ -13,7 +13,7 @@
 //! (`docs/playback-and-safety.md`).
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
-use rollwalk_protocol::wire::Setpoint;
+use rollwalk_protocol::wire::{Answered, Setpoint};
 
 use crate::limiter::Target;
 
@@ -50,8 +50,8 @@ struct Answer {
 #[derive(Clone, Debug)]
 pub struct Track {
     tracking: Tracking,
-    /// Control periods until the next sample.
-    to_sample: u16,
+    /// Control periods since the last sample.
+    since_sample: u16,
     /// Samples taken so far.
     samples: u16,
     /// The answer in force: before the first the robot rests.
@@ -62,6 +62,8 @@ pub struct Track {
     slopes: [f32; MAX_CHANNELS],
     /// Answers that were in force so far, modulo 65,536.
     answers: u16,
+    /// Control periods from the measurements of the answer in force until it came into force.
+    delay: u16,
     /// Control periods since the last one came into force.
     starved: u16,
     /// Control periods since the end was called for.
@@ -78,12 +80,13 @@ impl Track {
         let rests = Answer { number: 0, heard: 0, stiff: u32::MAX, values, torques };
         Self {
             tracking,
-            to_sample: 0,
+            since_sample: u16::MAX,
             samples: 0,
             acts: rests,
             comes: rests,
             slopes: [0.0; MAX_CHANNELS],
             answers: 0,
+            delay: 0,
             starved: 0,
             halted: None,
         }
@@ -146,13 +149,15 @@ impl Track {
     pub fn advance(&mut self, config: &RobotConfig, period_s: f32) -> bool {
         let all = (0..config.channels.len()).fold(0, |bits, channel| bits | bit(channel));
         self.starved = self.starved.saturating_add(1);
+        self.since_sample = self.since_sample.saturating_add(1);
         self.halted = self.halted.map(|periods| periods.saturating_add(1));
         if self.halted.is_none() && self.comes.heard & all == all {
             self.take(period_s);
         }
-        let is_due = self.to_sample == 0;
-        self.to_sample =
-            if is_due { self.tracking.periods } else { self.to_sample }.saturating_sub(1);
+        let is_due = self.since_sample >= self.tracking.periods;
+        if is_due {
+            self.since_sample = 0;
+        }
         self.samples = self.samples.saturating_add(u16::from(is_due));
         // Its number is modulo 256 anyway.
         if self.samples == u16::MAX {
@@ -170,16 +175,26 @@ impl Track {
         {
             *slope = if self.answers > 0 && between > 0 { (new - old) / between_s } else { 0.0 };
         }
+        // Drives answered one after the other in the period before the sample: a period on the mean.
+        let age = u16::from(self.age(self.comes.number).unwrap_or(0));
+        let since_sample =
+            age.saturating_mul(self.tracking.periods).saturating_add(self.since_sample);
+        self.delay = since_sample.saturating_add(1);
         self.acts = self.comes;
         self.comes.heard = 0;
         self.answers = self.answers.wrapping_add(1).max(1);
         self.starved = 0;
     }
 
-    /// Number of the newest sample, modulo 256, and that of the sample whose answer is in force.
-    pub fn sample(&self) -> (u8, Option<u8>) {
-        let answered = (self.answers > 0).then_some(self.acts.number);
-        (self.samples.wrapping_sub(1) as u8, answered)
+    /// Number of the newest sample, modulo 256.
+    pub fn sample(&self) -> u8 {
+        self.samples.wrapping_sub(1) as u8
+    }
+
+    /// The answer in force.
+    pub fn answered(&self, period_s: f32) -> Option<Answered> {
+        let delay_s = f32::from(self.delay) * period_s;
+        (self.answers > 0).then_some(Answered { number: self.acts.number, delay_s })
     }
 
     /// Ends it: the robot halts where it is.

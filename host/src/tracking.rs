@@ -33,7 +33,9 @@ impl Tracking {
 pub struct Measured {
     /// Number of the sample, counted on from that of the first one heard.
     pub number: u64,
-    /// Samples that were taken since the one whose answer was in force; `None` before the first answer.
+    /// Time from the measurements of a sample until its answer acted, of the answer in force, s; `None` before the first.
+    pub delay_s: Option<f32>,
+    /// Samples that were taken since the one whose answer was in force.
     pub late: Option<u8>,
     /// The last measurements of every channel; `None` of one that was never heard.
     pub joints: Vec<Option<JointTelemetry>>,
@@ -98,7 +100,8 @@ impl Samples {
         let heard = std::mem::take(&mut self.heard).count_ones() as usize;
         Some(Measured {
             number,
-            late: sample.answered.map(|answered| sample.number.wrapping_sub(answered)),
+            delay_s: sample.answered.map(|of| of.delay_s),
+            late: sample.answered.map(|of| sample.number.wrapping_sub(of.number)),
             joints: self.joints.clone(),
             stale: self.joints.len().saturating_sub(heard),
             gyro_rad_s: self.gyro.take().map(|gyro| gyro.rad_s),
@@ -141,6 +144,7 @@ impl Answer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rollwalk_protocol::wire::Answered;
 
     fn joint(channel: u8, position_rad: f32) -> JointTelemetry {
         let (velocity_rad_s, torque_nm, status) = (0.0, 0.0, Default::default());
@@ -148,6 +152,7 @@ mod tests {
     }
 
     fn sample(number: u8, answered: Option<u8>) -> Sample {
+        let answered = answered.map(|number| Answered { number, delay_s: 0.02 });
         Sample { number, answered, contacts: Some(3) }
     }
 

@@ -126,6 +126,11 @@ impl<'p> Leg<'p> {
         self.script.plan()
     }
 
+    /// Its cycles: 1 of a motion that ends.
+    pub fn cycles(&self) -> u32 {
+        if self.script.repeats() { self.cycles } else { 1 }
+    }
+
     /// How long it takes, s.
     pub fn duration_s(&self) -> f64 {
         match self.script.repeats() {

@@ -32,6 +32,11 @@ fn sample(rig: &Rig) -> Sample {
     rig.heard.iter().rev().find_map(of).expect("it sends samples")
 }
 
+/// The sample whose answer was in force at the newest one.
+fn answered(rig: &Rig) -> Option<u8> {
+    sample(rig).answered.map(|of| of.number)
+}
+
 fn setpoint(number: u8, channel: usize, value: f32) -> Setpoint {
     Setpoint { frame: number, channel: channel as u8, stiff: false, value, torque_nm: 0.0 }
 }
@@ -142,7 +147,25 @@ fn an_answer_acts_from_the_next_period_on_with_its_gains() {
             "{gain}"
         );
         assert!((servo.torques.last().unwrap() - 0.2).abs() < 2e-3);
-        assert_eq!(sample(&rig).answered, Some(number));
+        assert_eq!(answered(&rig), Some(number));
+    }
+}
+
+#[test]
+fn a_sample_tells_how_late_answers_are() {
+    // In control periods: of the sample that was just taken, one later, and two; measurements are one older.
+    for (rate_hz, waits) in [(120, 0), (120, 1), (120, 2), (60, 0), (60, 1)] {
+        let mut rig = Rig::ready();
+        rig.command(Action::Track { rate_hz, kp_percent: 10, kd_percent: 20 });
+        rig.run(1);
+        let number = sample(&rig).number;
+        rig.run(waits);
+        answer(&mut rig, number, |_| ());
+        rig.run(4);
+        let of = sample(&rig).answered.unwrap();
+        let expected_s = f32::from(waits as u8 + 2) / 120.0;
+        assert!((of.delay_s - expected_s).abs() < 2e-4, "{rate_hz} {waits}: {of:?}");
+        assert_eq!(of.number, number);
     }
 }
 
@@ -180,11 +203,11 @@ fn a_part_of_an_answer_and_what_is_late_do_nothing() {
     rig.send(&setpoint(number, 2, 5.0).encode(Node::BROADCAST));
     rig.run(1);
     assert!(rig.stands());
-    assert_eq!(sample(&rig).answered, Some(number.wrapping_sub(1)));
+    assert_eq!(answered(&rig), Some(number.wrapping_sub(1)));
     // The rest of it.
     rig.send(&setpoint(number, 2, 0.0).encode(me()));
     rig.run(1);
-    assert_eq!(sample(&rig).answered, Some(number));
+    assert_eq!(answered(&rig), Some(number));
     assert!(!rig.stands());
 }
 
@@ -197,9 +220,9 @@ fn it_begins_near_safe_only() {
         }
     });
     assert!(rig.stands());
-    assert_eq!(sample(&rig).answered, None);
+    assert_eq!(answered(&rig), None);
     follow(&mut rig, 2, |setpoint| setpoint.value += 0.01);
-    assert!(sample(&rig).answered.is_some());
+    assert!(answered(&rig).is_some());
 }
 
 #[test]

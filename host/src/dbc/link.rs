@@ -312,11 +312,13 @@ fn sample() -> Layout {
         .comment("Modulo 256: its setpoints have it as their frame")
         .unsigned("answered", 8)
         .comment("Sample whose setpoints were in force")
+        .steps_up("delay", 8, 2e-4)
+        .unit("s")
+        .comment("From the measurements of the answered sample until the answer came into force")
+        .unsigned("contacts", 24)
+        .comment("End effectors that touch the ground, a bit each")
         .unsigned("has_contacts", 1)
         .unsigned("has_answered", 1)
-        .zero(6)
-        .unsigned("contacts", 32)
-        .comment("End effectors that touch the ground, a bit each")
 }
 
 /// A setpoint of the host. With a robot file the channel selects signals named after the joint.

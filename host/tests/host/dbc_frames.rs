@@ -203,15 +203,19 @@ fn imu() -> impl Strategy<Value = Sample> {
 }
 
 fn sample() -> impl Strategy<Value = Sample> {
-    let (answered, contacts) = (any::<Option<u8>>(), any::<Option<u32>>());
+    let answered = prop::option::of((any::<u8>(), any::<u8>()));
+    let contacts = prop::option::of(0u32..1 << 24);
     (node(), any::<u8>(), answered, contacts).prop_map(|(node, number, answered, contacts)| {
         let values = says([
             ("number", number.into()),
-            ("answered", answered.unwrap_or(0).into()),
+            ("answered", answered.map_or(0, |(number, _)| number).into()),
+            ("delay", f64::from(answered.map_or(0, |(_, delay)| delay)) / 5000.0),
             ("has_contacts", contacts.is_some().into()),
             ("has_answered", answered.is_some().into()),
             ("contacts", contacts.unwrap_or(0).into()),
         ]);
+        let answered =
+            answered.map(|(number, delay)| Answered { number, delay_s: f32::from(delay) / 5000.0 });
         let sample = rollwalk_protocol::wire::Sample { number, answered, contacts };
         sealed("sample", sample.encode(node), values)
     })

@@ -145,7 +145,7 @@ mod tests {
         };
         let gyro = Gyro { rad_s: [0.5, -1.0, 0.0] };
         let accelerometer = Accelerometer { m_s2: [0.0, -1.0, 9.5] };
-        let sample = Sample { number: 7, answered: Some(6), contacts: Some(0b1010) };
+        let sample = Sample { number: 7, answered: None, contacts: Some(0b1010) };
         let result = ParameterResult::Ok;
         let kind = ParameterAction::Save.kind();
         let saved = ParameterAck { seq: 1, kind, result, parameter: 0, channel: None, value: 0.0 };

@@ -45,7 +45,7 @@ pub use parameter::{
     Parameter, ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
 };
 pub use safety::{Estop, EstopAck};
-pub use sample::{Accelerometer, Gyro, Sample};
+pub use sample::{Accelerometer, Answered, Gyro, Sample};
 pub use setpoint::Setpoint;
 pub use status::{FaultReport, State, Status, Torque};
 pub use telemetry::JointTelemetry;
@@ -81,7 +81,7 @@ pub const SCHEMA: &str = "\
 4n1 setpoint crc8 frame:u8 channel:7 stiff:1 value:i24*1e-4rad|rad/s torque:i16*5e-3Nm
 4n2 gyro crc8 3*i16*2e-3rad/s
 4n3 accelerometer crc8 3*i16*5e-3m/s2
-4n4 sample crc8 number:u8 answered:u8 has_contacts:1 has_answered:1 zero:6 contacts:u32
+4n4 sample crc8 number:u8 answered:u8 delay:u8*2e-4s contacts:24 has_contacts:1 has_answered:1 zero:6
 5n0 transport_to_controller isotp
 5n1 transport_to_host isotp
 6n0 parameter crc8 seq:4 kind:4 parameter:4 zero:4 channel:u8 value:f32

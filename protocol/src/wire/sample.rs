@@ -14,6 +14,8 @@ const SAMPLE: Kind = Kind::new(4, 4);
 
 /// Steps of an acceleration in a m/s².
 const ACCELERATION_STEPS: f32 = 200.0;
+/// Steps of a delay in a s.
+const DELAY_STEPS: f32 = 5000.0;
 /// Flags of a sample.
 const CONTACTS: u8 = 1 << 0;
 const ANSWERED: u8 = 1 << 1;
@@ -59,45 +61,55 @@ impl Accelerometer {
 }
 
 /// End of a batch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Number of the sample, modulo 256: its setpoints have it as their frame.
     pub number: u8,
-    /// Sample whose setpoints were in force when this one was taken; `None` before the first.
-    pub answered: Option<u8>,
-    /// Whether each end effector touches the ground, a bit each, in the order of the robot file; `None` without contact switches.
+    /// The answer in force when this sample was taken; `None` before the first.
+    pub answered: Option<Answered>,
+    /// Whether each end effector touches the ground, a bit each, in the order of the robot file, 24 at most; `None` without contact switches.
     pub contacts: Option<u32>,
 }
 
+/// An answer to a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Answered {
+    /// Number of the sample.
+    pub number: u8,
+    /// Time from its measurements until it came into force, s: 51 ms at most.
+    pub delay_s: f32,
+}
+
 impl Sample {
-    /// `[crc8][number u8][answered u8][contacts are measured 1 lowest bit, answered is one 1, zero 6][contacts u32]`
+    /// `[crc8][number u8][answered u8][delay u8 0.2 ms][contacts, contacts are measured, answered is one: 24, 1, 1, zero 6]`. A longer delay
+    /// is sent as the longest; NaN becomes 0.
     pub fn encode(self, from: Node) -> Frame {
-        let [c0, c1, c2, c3] = self.contacts.unwrap_or(0).to_le_bytes();
+        let [c0, c1, c2, _] = self.contacts.unwrap_or(0).to_le_bytes();
         let flag = |is: bool, bit: u8| if is { bit } else { 0 };
         let flags =
             flag(self.contacts.is_some(), CONTACTS) | flag(self.answered.is_some(), ANSWERED);
-        let answered = self.answered.unwrap_or(0);
-        SAMPLE.seal(from, [0, self.number, answered, flags, c0, c1, c2, c3])
+        let answered = self.answered.map_or(0, |of| of.number);
+        // Saturates.
+        let delay = self.answered.map_or(0, |of| (of.delay_s * DELAY_STEPS + 0.5) as u8);
+        SAMPLE.seal(from, [0, self.number, answered, delay, c0, c1, c2, flags])
     }
 
     /// Sender and sample.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
-        let (node, [_, number, answered, flags, c0, c1, c2, c3]) = SAMPLE.unseal(frame)?;
-        let contacts = u32::from_le_bytes([c0, c1, c2, c3]);
-        let field = |bit: u8, is_zero: bool| match flags & bit != 0 {
-            true => Ok(true),
-            false if is_zero => Ok(false),
-            false => Err(DecodeError::BadValue),
-        };
-        if flags & !(CONTACTS | ANSWERED) != 0 {
+        let (node, [_, number, answered, delay, c0, c1, c2, flags]) = SAMPLE.unseal(frame)?;
+        let contacts = u32::from_le_bytes([c0, c1, c2, 0]);
+        let has = |bit: u8| flags & bit != 0;
+        let is_known = flags & !(CONTACTS | ANSWERED) == 0;
+        let is_zero =
+            (has(CONTACTS) || contacts == 0) && (has(ANSWERED) || (answered, delay) == (0, 0));
+        if !(is_known && is_zero) {
             return Err(DecodeError::BadValue);
         }
-        let has_contacts = field(CONTACTS, contacts == 0)?;
-        let has_answered = field(ANSWERED, answered == 0)?;
+        let of = Answered { number: answered, delay_s: f32::from(delay) / DELAY_STEPS };
         let sample = Self {
             number,
-            answered: has_answered.then_some(answered),
-            contacts: has_contacts.then_some(contacts),
+            answered: has(ANSWERED).then_some(of),
+            contacts: has(CONTACTS).then_some(contacts),
         };
         Ok((node, sample))
     }

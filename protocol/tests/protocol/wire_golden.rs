@@ -18,7 +18,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0x848e_3eef);
+    assert_eq!(SCHEMA_HASH, 0x0453_d505);
 }
 
 #[test]
@@ -164,24 +164,30 @@ fn sample() {
     let accelerometer = Accelerometer { m_s2: [0.0, -1.0, 9.805] };
     assert_eq!(text(accelerometer.encode(node())), "433#c1000038ffa907");
     assert_eq!(Accelerometer::decode(&accelerometer.encode(node())), Ok((node(), accelerometer)));
+    let answered = |number, delay_s| Some(Answered { number, delay_s });
     for (answered, contacts, golden) in [
-        (Some(0xFE), Some(0b1010), "434#80fffe030a000000"),
+        (answered(0xFE, 0.0166), Some(0b1010), "434#3dfffe530a000003"),
         (None, None, "434#12ff000000000000"),
-        (None, Some(0), "434#bfff000100000000"),
-        (Some(0), Some(u32::MAX), "434#b4ff0003ffffffff"),
+        (None, Some(0), "434#3dff000000000001"),
+        (answered(0, 0.051), Some(0xFF_FFFF), "434#edff00ffffffff03"),
     ] {
         let sample = Sample { number: 0xFF, answered, contacts };
         assert_eq!(text(sample.encode(node())), golden);
         assert_eq!(Sample::decode(&sample.encode(node())), Ok((node(), sample)));
     }
     // A flag that is unknown, and values without their flags.
-    for body in [[1, 0, 4, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0, 0], [1, 0, 0, 1, 0, 0, 0]] {
+    for body in
+        [[1, 0, 0, 0, 0, 0, 4], [1, 1, 0, 0, 0, 0, 0], [1, 0, 1, 0, 0, 0, 0], [1, 0, 0, 1, 0, 0, 0]]
+    {
         let mut data = [0; 8];
         data[1..].copy_from_slice(&body);
         data[0] = rollwalk_protocol::crc::crc8_with_id(0x434, &body);
         let frame = Frame::standard(0x434, &data).unwrap();
         assert_eq!(Sample::decode(&frame), Err(DecodeError::BadValue));
     }
+    let long = Sample { number: 0, answered: answered(0, 9.0), contacts: None };
+    let read = Sample::decode(&long.encode(node())).unwrap().1;
+    assert_eq!(read.answered.unwrap().delay_s, 0.051);
     // What does not fit saturates, and what is no number is 0.
     let wild = Gyro { rad_s: [f32::INFINITY, f32::NAN, -1e9] };
     let read = Gyro::decode(&wild.encode(node())).unwrap().1;

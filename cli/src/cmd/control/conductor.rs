@@ -22,9 +22,6 @@ const AGAIN_US: u64 = 1_000_000;
 const STANDS_S: f64 = 1.5;
 /// Longest time until the state of a standing robot is known, s.
 const KNOWN_S: f64 = 10.0;
-/// Part of a period by which measurements are older than their sample on the mean: drives answer setpoints one after the other, from the
-/// period before on.
-const OLD: f64 = 1.0;
 /// Samples by which an answer may be late, as far as they are counted.
 const LATE_MAX: usize = 16;
 
@@ -84,6 +81,8 @@ pub struct Conductor<'p> {
     /// The last reason for which the robot was not tracked.
     why: Option<Untracked>,
     tally: Tally,
+    /// How late answers acted while the robot stood, s.
+    delays_s: Vec<f64>,
     /// Leg and cycle that were said last.
     said: Option<(usize, u32)>,
     touches: Vec<bool>,
@@ -131,6 +130,7 @@ impl<'p> Conductor<'p> {
             stops: false,
             why: None,
             tally: Tally::default(),
+            delays_s: Vec::new(),
             said: None,
             touches: Vec::new(),
             joint_rad: Vec::new(),
@@ -258,6 +258,9 @@ impl<'p> Conductor<'p> {
         self.first.get_or_insert(measured.number);
         self.last = measured.number;
         self.tally.stale += measured.stale as u64;
+        if let Some(delay_s) = measured.delay_s.filter(|_| self.phase == Phase::Standing) {
+            self.delays_s.push(f64::from(delay_s));
+        }
         if let Some(late) = measured.late {
             self.tally.late[usize::from(late).min(LATE_MAX - 1)] += 1;
         }
@@ -310,14 +313,10 @@ impl<'p> Conductor<'p> {
         let stood_s = (number - self.first.unwrap_or(number)) as f64 * self.tick_s;
         match self.phase {
             Phase::Standing if stood_s >= STANDS_S && sequence.is_ready() => {
-                // The median: an answer that is late now and then does not count.
-                let counts: u64 = self.tally.late.iter().sum();
-                let mut seen = 0;
-                let late = self.tally.late.iter().position(|count| {
-                    seen += count;
-                    2 * seen >= counts.max(1)
-                });
-                let latency_s = self.tick_s * (late.unwrap_or(1) as f64 + OLD);
+                // The median: one that is late now and then does not count.
+                self.delays_s.sort_by(f64::total_cmp);
+                let latency_s = self.delays_s.get(self.delays_s.len() / 2).copied();
+                let latency_s = latency_s.unwrap_or(2.0 * self.tick_s);
                 sequence.change_latency(latency_s);
                 sequence.go();
                 self.phase = Phase::Playing;

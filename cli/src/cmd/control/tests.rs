@@ -31,8 +31,12 @@ struct Planned {
 
 impl Planned {
     fn agilebot() -> Self {
+        Self::new("motions/agilebot_library.toml")
+    }
+
+    fn new(path: &str) -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        let library = Source::Disk.library(&root.join("motions/agilebot_library.toml"));
+        let library = Source::Disk.library(&root.join(path));
         let library = library.expect("it ships");
         let plans = planning::plan_all(&library, false).expect("files").expect("not interrupted");
         let file = plans.pack(&library).expect("it holds").bytes;
@@ -180,4 +184,79 @@ fn a_robot_walks_in_closed_loop_over_a_bus() {
     assert!((way / wanted - 1.0).abs() < 0.05);
     let tally = bench.conductor.tally();
     assert!(tally.complete && tally.lost == 0);
+}
+
+#[test]
+#[ignore = "scratch"]
+fn scratch() {
+    let args: Vec<String> =
+        std::env::var("SCRATCH").unwrap().split(' ').map(String::from).collect();
+    let planned = Planned::new(&args[0]);
+    for failure in planned.plans.failures() {
+        println!("{failure}");
+    }
+    let plays: Vec<&str> = args[1].split(',').collect();
+    for rate in args[2].split(',') {
+        for tick_us in args[3].split(',') {
+            let shoves: Vec<Shove> = args
+                .get(4)
+                .into_iter()
+                .flat_map(|of| of.split(';'))
+                .map(|of| {
+                    let n: Vec<f64> = of.split(',').map(|x| x.parse().unwrap()).collect();
+                    Shove { from_s: n[0], duration_s: n[1], force_n: [n[2], n[3], 0.0].into() }
+                })
+                .collect();
+            let mut bench =
+                Bench::new(&planned, planned.conductor(&plays, rate.parse().unwrap()), shoves);
+            bench.tick_us = tick_us.parse().unwrap();
+            bench.run_until(10 * S, |bench| bench.conductor.phase() == Phase::Playing);
+            let before = bench.place();
+            let mut last = before[2];
+            let mut turned = 0.0;
+            let end = bench.now_us() + 120 * S;
+            while bench.conductor.phase() == Phase::Playing && bench.now_us() < end {
+                bench.step();
+                let h = bench.place()[2];
+                let d = (h - last + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU)
+                    - std::f64::consts::PI;
+                turned += d;
+                last = h;
+            }
+            let after = bench.place();
+            let way = (after[0] - before[0]).hypot(after[1] - before[1]);
+            let legs = bench.conductor.sequence().legs();
+            let wanted: f64 = legs
+                .iter()
+                .map(|leg| leg.plan().end_placement.offset_m[0] * leg.cycles() as f64)
+                .sum();
+            let wanted_turn: f64 =
+                legs.iter().map(|leg| leg.plan().end_placement.yaw_rad * leg.cycles() as f64).sum();
+            let t = bench.conductor.tally().clone();
+            println!(
+                "rate {rate} tick {tick_us}: way {way:.3} of {wanted:.3} ({:.3}), turn {turned:.3} of {wanted_turn:.3} ({:.3}), place {:.3} {:.3} {:.3}, falls {}, answered {} untracked {} late {:?} lost {} stale {} {:?}",
+                way / wanted,
+                turned / wanted_turn,
+                after[0] - before[0],
+                after[1] - before[1],
+                after[2] - before[2],
+                bench.falls(),
+                t.answered,
+                t.untracked,
+                &t.late[..6],
+                t.lost,
+                t.stale,
+                bench.state()
+            );
+            for message in bench
+                .operator
+                .view(bench.now_us())
+                .messages
+                .iter()
+                .filter(|m| m.weight != rollwalk_host::operator::Weight::Note)
+            {
+                println!("   {:9.3} {}", message.at_us as f64 * 1e-6, message.text);
+            }
+        }
+    }
 }
