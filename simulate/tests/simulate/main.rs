@@ -4,6 +4,7 @@ mod estimates;
 mod iterations;
 mod plays;
 mod retargets;
+mod sequences;
 mod steered;
 
 use rollwalk_planner::motion::Motion;
