@@ -149,8 +149,7 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let Some(plans) = planning::plan_all(&library, false)? else { return Ok(Exit::Interrupted) };
     let built = plans.pack(&library)?;
     let legs = route::legs(&library, &plans, &args.play)?;
-    let timing = Timing { tick_s: 1.0 / f64::from(rate_hz), latency_s: 0.0 };
-    let sequence = Sequence::new(legs, timing).into_diagnostic()?;
+    let sequence = Sequence::new(legs, timing(rate_hz)).into_diagnostic()?;
     let robot = &library.robot;
     let wheels =
         conductor::wheels(robot, sequence.tree()).map_err(|name| no_encoder(robot, &name))?;
@@ -165,6 +164,12 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let mut operator = Operator::new(peer, Some(catalog.config_hash));
     operator.set_catalog(Some(catalog));
     Ok(live::run(link, bus, operator, &mut conductor))
+}
+
+/// When ticks act, until the latency is measured: an answer is usually a sample late, of measurements that are a sample old.
+fn timing(rate_hz: u32) -> Timing {
+    let tick_s = 1.0 / f64::from(rate_hz);
+    Timing { tick_s, latency_s: 2.0 * tick_s }
 }
 
 /// What the controller is asked for.

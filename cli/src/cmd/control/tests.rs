@@ -3,7 +3,7 @@
 
 use super::conductor::{Conductor, Phase, wheels};
 use super::route::{self, Play};
-use super::tracking;
+use super::{timing, tracking};
 use crate::inputs::{Library, Source};
 use crate::packed::Packed;
 use crate::planning::{self, Plans};
@@ -16,7 +16,6 @@ use rollwalk_protocol::library::identity;
 use rollwalk_protocol::wire::{Node, State};
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_simulate::Sequence;
-use rollwalk_simulate::closed_loop::Timing;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -46,8 +45,7 @@ impl Planned {
     fn conductor(&self, play: &[&str], rate_hz: u32) -> Conductor<'_> {
         let play: Vec<Play> = play.iter().map(|text| text.parse().expect("a motion")).collect();
         let legs = route::legs(&self.library, &self.plans, &play).expect("a way");
-        let timing = Timing { tick_s: 1.0 / f64::from(rate_hz), latency_s: 0.0 };
-        let sequence = Sequence::new(legs, timing).expect("they follow each other");
+        let sequence = Sequence::new(legs, timing(rate_hz)).expect("they follow each other");
         let robot = &self.library.robot;
         let wheels = wheels(robot, sequence.tree()).expect("encoders");
         let id = identity(&self.file).expect("a library");
@@ -215,13 +213,26 @@ fn scratch() {
             let mut last = before[2];
             let mut turned = 0.0;
             let end = bench.now_us() + 120 * S;
+            let begin = bench.now_us();
+            let silent: Vec<f64> = std::env::var("SILENT")
+                .ok()
+                .into_iter()
+                .flat_map(|of| of.split(',').map(|x| x.parse::<f64>().unwrap()).collect::<Vec<_>>())
+                .collect();
             while bench.conductor.phase() == Phase::Playing && bench.now_us() < end {
+                if let &[from, len] = silent.as_slice() {
+                    let t = (bench.now_us() - begin) as f64 * 1e-6;
+                    bench.silent = t >= from && t < from + len;
+                }
                 bench.step();
                 let h = bench.place()[2];
                 let d = (h - last + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU)
                     - std::f64::consts::PI;
                 turned += d;
                 last = h;
+            }
+            if !silent.is_empty() && bench.state() != State::Streaming {
+                bench.run(3 * S);
             }
             let after = bench.place();
             let way = (after[0] - before[0]).hypot(after[1] - before[1]);
