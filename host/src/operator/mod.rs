@@ -46,6 +46,7 @@ use rollwalk_protocol::wire::{
     CommandAck, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State, Torque,
 };
 use rules::Latch;
+use std::collections::VecDeque;
 
 /// Interval between HELLO requests until the controller answers, µs.
 const HELLO_US: u64 = 500_000;
@@ -59,6 +60,8 @@ const SPEED_US: u64 = 200_000;
 const TICK_US: u64 = 20_000;
 /// Delay before a frame that the bus refused is tried again, µs.
 const BUSY_US: u64 = 500;
+/// Samples that are kept for a program that was held up: what the controller waits for an answer at most, and more.
+const SAMPLES_KEPT: usize = 256;
 /// The planned speed in 64ths.
 const FULL_SPEED: i8 = 64;
 
@@ -75,7 +78,8 @@ enum Setpoints {
 #[derive(Clone, Debug, Default)]
 struct Loop {
     samples: Samples,
-    newest: Option<Measured>,
+    /// Samples that were not taken yet, the oldest first.
+    waiting: VecDeque<Measured>,
     answer: Answer,
     /// Samples a second, once the controller has acknowledged them.
     rate_hz: Option<u16>,
@@ -186,9 +190,9 @@ impl Operator {
         if let Setpoints::Streamed(stream) = &self.setpoints { stream.ahead() } else { 0 }
     }
 
-    /// Takes the newest sample of a controller that sends them ([`Intent::Track`]), if there is one since the last call.
+    /// Takes the oldest sample, of those of a controller that sends them ([`Intent::Track`]) that were not taken yet.
     pub fn take_sample(&mut self) -> Option<Measured> {
-        if let Setpoints::Answers(of) = &mut self.setpoints { of.newest.take() } else { None }
+        if let Setpoints::Answers(of) = &mut self.setpoints { of.waiting.pop_front() } else { None }
     }
 
     /// Answers a sample with setpoints of all channels. An answer to an older one that is not through is dropped.
@@ -313,7 +317,10 @@ impl Operator {
                 if let Setpoints::Answers(of) = &mut self.setpoints
                     && let Some(measured) = of.samples.on_sample(sample)
                 {
-                    of.newest = Some(measured);
+                    if of.waiting.len() == SAMPLES_KEPT {
+                        of.waiting.pop_front();
+                    }
+                    of.waiting.push_back(measured);
                 }
             }
             Some(Incoming::EstopAck(ack)) => {

@@ -231,9 +231,15 @@ impl<'p> Conductor<'p> {
         }
     }
 
-    /// Answers the newest sample, if there is one; call often. A robot that goes home is answered to the end.
+    /// Answers samples; call often. Of a program that was held up the state is estimated from all of them, and the newest answer supersedes the others. A
+    /// robot that goes home is answered to the end.
     pub fn answer(&mut self, now_us: u64, operator: &mut Operator) {
-        let Some(measured) = operator.take_sample() else { return };
+        while let Some(measured) = operator.take_sample() {
+            self.answer_one(now_us, measured, operator);
+        }
+    }
+
+    fn answer_one(&mut self, now_us: u64, measured: Measured, operator: &mut Operator) {
         if let Some((rate_hz, lost)) = operator.sampled() {
             self.tick_s = 1.0 / f64::from(rate_hz.max(1));
             self.tally.lost = lost;

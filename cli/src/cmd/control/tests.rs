@@ -11,15 +11,19 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_host::operator::{Leaving, Operator};
 use rollwalk_host::session::Session;
 use rollwalk_physics::ground::{Ground, Plane};
-use rollwalk_physics::push::Shove;
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::identity;
-use rollwalk_protocol::wire::{Node, State};
+use rollwalk_protocol::wire::{FromController, Node, Sample, State};
+use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_simulate::Sequence;
 use std::path::Path;
 use std::sync::Arc;
 
 const S: u64 = 1_000_000;
+/// Time of a tick.
+const TICK_US: u64 = 1_000;
 
 /// A library that is planned.
 struct Planned {
@@ -30,12 +34,8 @@ struct Planned {
 
 impl Planned {
     fn agilebot() -> Self {
-        Self::new("motions/agilebot_library.toml")
-    }
-
-    fn new(path: &str) -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        let library = Source::Disk.library(&root.join(path));
+        let library = Source::Disk.library(&root.join("motions/agilebot_library.toml"));
         let library = library.expect("it ships");
         let plans = planning::plan_all(&library, false).expect("files").expect("not interrupted");
         let file = plans.pack(&library).expect("it holds").bytes;
@@ -43,14 +43,30 @@ impl Planned {
     }
 
     fn conductor(&self, play: &[&str], rate_hz: u32) -> Conductor<'_> {
+        self.conductor_for(play, rate_hz, identity(&self.file).expect("a library"))
+    }
+
+    /// For a controller with a library of this identity.
+    fn conductor_for(&self, play: &[&str], rate_hz: u32, library: u32) -> Conductor<'_> {
         let play: Vec<Play> = play.iter().map(|text| text.parse().expect("a motion")).collect();
         let legs = route::legs(&self.library, &self.plans, &play).expect("a way");
         let sequence = Sequence::new(legs, timing(rate_hz)).expect("they follow each other");
         let robot = &self.library.robot;
         let wheels = wheels(robot, sequence.tree()).expect("encoders");
-        let id = identity(&self.file).expect("a library");
-        Conductor::new(sequence, robot, wheels, tracking(rate_hz), id)
+        Conductor::new(sequence, robot, wheels, tracking(rate_hz), library)
     }
+}
+
+/// What does not reach the host.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Loses {
+    Nothing,
+    /// Ends of batches, so that it does not answer.
+    Samples,
+    /// Gyro and accelerometer.
+    Imu,
+    /// What the contact switches say.
+    Contacts,
 }
 
 /// A robot with a host.
@@ -58,34 +74,26 @@ struct Bench<'p> {
     rig: Rig,
     operator: Operator,
     conductor: Conductor<'p>,
-    /// Time of a tick, µs, and whether there are any.
-    tick_us: u64,
+    /// Whether it only listens.
     waits: bool,
-    silent: bool,
+    loses: Loses,
     at_us: Option<u64>,
 }
 
 impl<'p> Bench<'p> {
-    fn new(planned: &Planned, conductor: Conductor<'p>, shoves: Vec<Shove>) -> Self {
+    fn new(planned: &Planned, conductor: Conductor<'p>) -> Self {
         let robot = &planned.library.robot;
         let packed = Packed::new(robot.clone(), planned.file.clone()).expect("it was built");
         let ground: Arc<dyn Ground> = Arc::new(Plane::level());
-        let rig = Rig::new(robot).unwrap().onto_ground(robot, &ground, shoves);
+        let rig = Rig::new(robot).unwrap().onto_ground(robot, &ground, Vec::new());
         let node = Node::new(1).unwrap();
         let mut session = Session::connect(rig, node).unwrap();
         session.flash(&packed.file, |_| {}).unwrap();
         let config_hash = robot.controller_config().unwrap().hash();
         let operator = Operator::new(node, Some(config_hash));
         let rig = session.into_bus();
-        let mut bench = Self {
-            rig,
-            operator,
-            conductor,
-            tick_us: 1_000,
-            waits: true,
-            silent: false,
-            at_us: None,
-        };
+        let mut bench =
+            Self { rig, operator, conductor, waits: true, loses: Loses::Nothing, at_us: None };
         // Until its heartbeats count in place of those of the session before.
         bench.run(S);
         bench.waits = false;
@@ -133,12 +141,29 @@ impl<'p> Bench<'p> {
         }
         let wake_us = self.operator.next_poll_us(now_us).clamp(now_us + 200, now_us + 1_000);
         let wake_us = self.at_us.map_or(wake_us, |at_us| wake_us.min(at_us.max(now_us + 1)));
-        if let Some(frame) = self.rig.receive(wake_us).unwrap() {
-            self.operator.on_frame(self.rig.now_us(), &frame);
-            let is_sample = frame.standard_id().is_some_and(|id| id & 0x70F == 0x404);
-            if is_sample && !self.silent {
-                self.at_us = Some(self.rig.now_us() + self.tick_us);
+        if let Some(frame) = self.rig.receive(wake_us).unwrap()
+            && let Some(frame) = self.heard(frame)
+        {
+            let now_us = self.rig.now_us();
+            self.operator.on_frame(now_us, &frame);
+            let is_sample =
+                matches!(FromController::decode(&frame), Ok((_, FromController::Sample(_))));
+            if is_sample {
+                self.at_us = Some(now_us + TICK_US);
             }
+        }
+    }
+
+    /// What the host hears of a frame.
+    fn heard(&self, frame: Frame) -> Option<Frame> {
+        use FromController as M;
+        match (self.loses, FromController::decode(&frame)) {
+            (Loses::Samples, Ok((_, M::Sample(_)))) => None,
+            (Loses::Imu, Ok((_, M::Gyro(_) | M::Accelerometer(_)))) => None,
+            (Loses::Contacts, Ok((from, M::Sample(sample)))) => {
+                Some(Sample { contacts: None, ..sample }.encode(from))
+            }
+            _ => Some(frame),
         }
     }
 
@@ -153,121 +178,132 @@ impl<'p> Bench<'p> {
     }
 }
 
-#[test]
-fn a_robot_walks_in_closed_loop_over_a_bus() {
-    let planned = Planned::agilebot();
-    let mut bench = Bench::new(&planned, planned.conductor(&["walk:4"], 120), Vec::new());
-    bench.run_until(10 * S, |bench| bench.conductor.phase() == Phase::Playing);
-    let before = bench.place();
-    bench.run_until(60 * S, |bench| bench.conductor.phase() == Phase::Homeward);
+/// Way of the body over that of the plans.
+fn way(bench: &Bench<'_>, before: [f64; 3]) -> f64 {
     let after = bench.place();
-    let way = (after[0] - before[0]).hypot(after[1] - before[1]);
-    let wanted: f64 = bench
-        .conductor
-        .sequence()
-        .legs()
-        .iter()
-        .map(|leg| {
-            leg.plan().end_placement.offset_m[0]
-                * if leg.plan().motion.name == "walk" { 4.0 } else { 1.0 }
-        })
-        .sum();
-    println!("{way} of {wanted}: {:?}", bench.conductor.tally());
-    for message in &bench.operator.view(bench.now_us()).messages {
-        println!("{:9.3} {}", message.at_us as f64 * 1e-6, message.text);
-    }
-    assert_eq!(bench.falls(), 0);
-    bench.run_until(20 * S, |bench| bench.operator.leaving() == Leaving::Now);
-    assert_eq!(bench.state(), State::Disarmed);
-    assert!((way / wanted - 1.0).abs() < 0.05);
-    let tally = bench.conductor.tally();
-    assert!(tally.complete && tally.lost == 0);
+    let legs = bench.conductor.sequence().legs().iter();
+    let planned_m: f64 =
+        legs.map(|leg| leg.plan().end_placement.offset_m[0] * f64::from(leg.cycles())).sum();
+    (after[0] - before[0]).hypot(after[1] - before[1]) / planned_m
+}
+
+fn plays(bench: &Bench<'_>) -> bool {
+    bench.conductor.phase() == Phase::Playing
+}
+
+fn has_left(bench: &Bench<'_>) -> bool {
+    bench.operator.leaving() == Leaving::Now
 }
 
 #[test]
-#[ignore = "scratch"]
-fn scratch() {
-    let args: Vec<String> =
-        std::env::var("SCRATCH").unwrap().split(' ').map(String::from).collect();
-    let planned = Planned::new(&args[0]);
-    for failure in planned.plans.failures() {
-        println!("{failure}");
-    }
-    let plays: Vec<&str> = args[1].split(',').collect();
-    for rate in args[2].split(',') {
-        for tick_us in args[3].split(',') {
-            let shoves: Vec<Shove> = args
-                .get(4)
-                .into_iter()
-                .flat_map(|of| of.split(';'))
-                .map(|of| {
-                    let n: Vec<f64> = of.split(',').map(|x| x.parse().unwrap()).collect();
-                    Shove { from_s: n[0], duration_s: n[1], force_n: [n[2], n[3], 0.0].into() }
-                })
-                .collect();
-            let mut bench =
-                Bench::new(&planned, planned.conductor(&plays, rate.parse().unwrap()), shoves);
-            bench.tick_us = tick_us.parse().unwrap();
-            bench.run_until(10 * S, |bench| bench.conductor.phase() == Phase::Playing);
-            let before = bench.place();
-            let mut last = before[2];
-            let mut turned = 0.0;
-            let end = bench.now_us() + 120 * S;
-            let begin = bench.now_us();
-            let silent: Vec<f64> = std::env::var("SILENT")
-                .ok()
-                .into_iter()
-                .flat_map(|of| of.split(',').map(|x| x.parse::<f64>().unwrap()).collect::<Vec<_>>())
-                .collect();
-            while bench.conductor.phase() == Phase::Playing && bench.now_us() < end {
-                if let &[from, len] = silent.as_slice() {
-                    let t = (bench.now_us() - begin) as f64 * 1e-6;
-                    bench.silent = t >= from && t < from + len;
-                }
-                bench.step();
-                let h = bench.place()[2];
-                let d = (h - last + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU)
-                    - std::f64::consts::PI;
-                turned += d;
-                last = h;
-            }
-            if !silent.is_empty() && bench.state() != State::Streaming {
-                bench.run(3 * S);
-            }
-            let after = bench.place();
-            let way = (after[0] - before[0]).hypot(after[1] - before[1]);
-            let legs = bench.conductor.sequence().legs();
-            let wanted: f64 = legs
-                .iter()
-                .map(|leg| leg.plan().end_placement.offset_m[0] * leg.cycles() as f64)
-                .sum();
-            let wanted_turn: f64 =
-                legs.iter().map(|leg| leg.plan().end_placement.yaw_rad * leg.cycles() as f64).sum();
-            let t = bench.conductor.tally().clone();
-            println!(
-                "rate {rate} tick {tick_us}: way {way:.3} of {wanted:.3} ({:.3}), turn {turned:.3} of {wanted_turn:.3} ({:.3}), place {:.3} {:.3} {:.3}, falls {}, answered {} untracked {} late {:?} lost {} stale {} {:?}",
-                way / wanted,
-                turned / wanted_turn,
-                after[0] - before[0],
-                after[1] - before[1],
-                after[2] - before[2],
-                bench.falls(),
-                t.answered,
-                t.untracked,
-                &t.late[..6],
-                t.lost,
-                t.stale,
-                bench.state()
-            );
-            for message in bench
-                .operator
-                .view(bench.now_us())
-                .messages
-                .iter()
-                .filter(|m| m.weight != rollwalk_host::operator::Weight::Note)
-            {
-                println!("   {:9.3} {}", message.at_us as f64 * 1e-6, message.text);
-            }
-        }
-    }
+fn a_robot_walks_in_closed_loop_and_waits_for_answers_that_are_missing() {
+    let planned = Planned::agilebot();
+    let mut bench = Bench::new(&planned, planned.conductor(&["walk:4"], 120));
+    bench.run_until(10 * S, plays);
+    let before = bench.place();
+    bench.run(3 * S);
+    // Some that are lost, and a host that is held up for longer than what counts as missed, shorter than what ends it.
+    bench.loses = Loses::Samples;
+    bench.run(S / 30);
+    bench.loses = Loses::Nothing;
+    bench.run(S);
+    let until = bench.rig.now() + SimTime::from_us(S / 8);
+    bench.rig.run_until(until);
+    bench.run_until(60 * S, |bench| !plays(bench));
+    let way = way(&bench, before);
+    assert!((way - 1.0).abs() < 0.05, "{way}");
+    bench.run_until(20 * S, has_left);
+    assert_eq!((bench.state(), bench.falls()), (State::Disarmed, 0));
+    let tally = bench.conductor.tally();
+    assert!(tally.complete && tally.lost == 4, "{tally:?}");
+}
+
+#[test]
+fn without_contact_switches_contacts_are_those_of_the_plan() {
+    let planned = Planned::agilebot();
+    let mut bench = Bench::new(&planned, planned.conductor(&["walk:2"], 60));
+    bench.loses = Loses::Contacts;
+    bench.run_until(10 * S, plays);
+    let before = bench.place();
+    bench.run_until(60 * S, |bench| !plays(bench));
+    let way = way(&bench, before);
+    assert!((way - 1.0).abs() < 0.05, "{way}");
+    assert_eq!(bench.falls(), 0);
+    assert!(bench.conductor.tally().complete);
+}
+
+#[test]
+fn a_host_that_falls_silent_has_the_robot_hold_still_and_let_down() {
+    let planned = Planned::agilebot();
+    let mut bench = Bench::new(&planned, planned.conductor(&["walk:4"], 120));
+    bench.run_until(10 * S, plays);
+    bench.run(3 * S);
+    bench.loses = Loses::Samples;
+    bench.run_until(S, |bench| bench.state() == State::Returning);
+    let faults = bench.operator.view(bench.now_us()).status.unwrap().faults;
+    assert!(faults.contains(Fault::SetpointTimeout));
+    bench.run_until(5 * S, |bench| bench.state() == State::TorqueOff);
+    assert_eq!(bench.falls(), 0);
+    bench.run_until(10 * S, has_left);
+    assert!(!bench.conductor.tally().complete);
+}
+
+#[test]
+fn a_robot_without_its_imu_is_brought_to_a_stop_and_home() {
+    let planned = Planned::agilebot();
+    let mut bench = Bench::new(&planned, planned.conductor(&["walk:4"], 120));
+    bench.run_until(10 * S, plays);
+    bench.run(3 * S);
+    bench.loses = Loses::Imu;
+    bench.run_until(5 * S, |bench| bench.conductor.phase() == Phase::Homeward);
+    bench.run_until(20 * S, has_left);
+    assert_eq!((bench.state(), bench.falls()), (State::Disarmed, 0));
+    let tally = bench.conductor.tally();
+    assert!(!tally.complete && tally.untracked > 10, "{tally:?}");
+}
+
+#[test]
+fn it_ends_early_with_its_cycle() {
+    let planned = Planned::agilebot();
+    let mut bench = Bench::new(&planned, planned.conductor(&["walk:1000"], 120));
+    bench.run_until(10 * S, plays);
+    bench.run(5 * S);
+    let now_us = bench.now_us();
+    bench.conductor.stop(now_us, &mut bench.operator);
+    // Its cycle, the transition to the stand, and home.
+    bench.run_until(10 * S, has_left);
+    assert_eq!((bench.state(), bench.falls()), (State::Disarmed, 0));
+    assert!(!bench.conductor.tally().complete);
+}
+
+#[test]
+fn a_robot_with_another_library_is_not_armed() {
+    let planned = Planned::agilebot();
+    let mut bench = Bench::new(&planned, planned.conductor_for(&["walk"], 120, 1));
+    bench.run_until(10 * S, has_left);
+    assert_eq!(bench.state(), State::Disarmed);
+    let view = bench.operator.view(bench.now_us());
+    assert!(view.messages.iter().any(|message| message.text.contains("another library")));
+}
+
+#[test]
+fn ways_lead_along_the_graph() {
+    let planned = Planned::agilebot();
+    let names = |play: &[&str]| {
+        let play: Vec<Play> = play.iter().map(|text| text.parse().unwrap()).collect();
+        let legs = route::legs(&planned.library, &planned.plans, &play);
+        legs.map(|legs| {
+            let names = legs.iter().map(|leg| leg.plan().motion.name.clone());
+            names.collect::<Vec<_>>().join(", ")
+        })
+    };
+    assert_eq!(names(&["walk:3"]).unwrap(), "stand, stand to walk, walk, walk to stand, stand");
+    // Joined directly; and one that ends, twice.
+    let joined = "stand, stand to walk, walk, walk to turn_in_place, turn_in_place, turn_in_place to stand, stand";
+    assert_eq!(names(&["walk", "turn_in_place"]).unwrap(), joined);
+    let twice = "stand, stand to drive_1m, drive_1m, drive_1m to stand, stand, stand to drive_1m, drive_1m, \
+                 drive_1m to stand, stand";
+    assert_eq!(names(&["drive_1m:2"]).unwrap(), twice);
+    let unknown = names(&["run"]).unwrap_err();
+    assert_eq!(unknown.to_string(), "agilebot has no motion `run`");
 }
