@@ -1,10 +1,11 @@
-//! `cargo xtask quick`: the check of a change while working on it. Formatting, house rules and clippy, and the tests of
+//! `cargo xtask quick`: the check of a change while working on it. Formatting, house rules, clippy, and the tests of
 //! the changed crates and of those that depend on them.
 //!
 //! Cargo is given the whole workspace, as in `cargo xtask test`: it recompiles what has changed, and no dependency in
 //! another selection of features. Only the tests to run are chosen here.
 
-use crate::steps::{Run, test};
+use crate::steps::test::{self, TestStep};
+use crate::steps::{Run, Step};
 use crate::workspace::{self, Program};
 use crate::{programs, shell, tidy};
 use serde_json::Value;
@@ -49,7 +50,7 @@ pub fn run(options: &Options) -> Result<(), String> {
     let root = shell::workspace_root();
     let _ = run.step("fmt", "formatting", test::format)
         && run.step("tidy", "house rules", || tidy::check(&root))
-        && run.step("clippy", "clippy, warnings denied", test::clippy)
+        && run.step("build", TestStep::Build.title(), || TestStep::Build.check())
         && run.step("test", "tests of the affected crates", || run_tests(&affected));
     run.finish()
 }

@@ -35,14 +35,18 @@ const INSTALLED: [&str; 4] = [
 /// # Errors
 /// A test or the build failed; or a tool is missing, and the error names the command that installs it.
 pub fn check(extent: Extent) -> Result<(), String> {
+    let programs = workspace::programs()?;
+    let program = |folder, name| {
+        workspace::find(&programs, folder, name, false).map(|program| program.path.clone())
+    };
     let node = match extent {
-        Extent::Short => workspace::program("ros2", "rollwalk-ros2")?.path,
+        Extent::Short => program("ros2", "rollwalk-ros2")?,
         Extent::Full => colcon()?,
     };
     let python = Environment::kept("ros2", &CLIENT)?;
     let mut tests = python.module("unittest", &["discover", "-v", "-f", "-s", "tests/ros2"]);
-    tests.env("ROLLWALK", workspace::program("tests", "rollwalk-under-test")?.path);
-    tests.env("ROLLWALK_SIM", workspace::program("tests", "rollwalk-sim-under-test")?.path);
+    tests.env("ROLLWALK", program("tests", "rollwalk-under-test")?);
+    tests.env("ROLLWALK_SIM", program("tests", "rollwalk-sim-under-test")?);
     shell::run(tests.env("ROLLWALK_ROS2", node))
 }
 

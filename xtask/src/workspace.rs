@@ -1,7 +1,10 @@
 //! Builds of the whole workspace. All of them select the same packages and features, so that each dependency is
 //! compiled once, whatever is built after it.
+//!
+//! Clippy is the compiler of our own crates: it lints them while it compiles them. `cargo clippy` would check all
+//! dependencies as well, and then compile none of them.
 
-use crate::shell;
+use crate::{shell, toolchain};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -10,11 +13,23 @@ use std::process::{Command, Stdio};
 const SELECTION: [&str; 3] =
     ["--workspace", "--features", "rollwalk-firmware/authenticated,rollwalk-firmware/ed25519"];
 
+/// Options of clippy, each with the separator of options after it.
+const DENY_WARNINGS: &str = "-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__";
+
 /// A cargo command on every package of the workspace.
 pub fn cargo(args: &[&str]) -> Command {
     let mut cargo = shell::cargo(args);
     cargo.args(SELECTION);
     cargo
+}
+
+/// The same with clippy as the compiler of our crates, and its warnings denied: what `cargo clippy` sets for `cargo check`.
+fn linted(args: &[&str]) -> Result<Command, String> {
+    toolchain::need_component("clippy")?;
+    let mut cargo = cargo(args);
+    let clippy = Path::new(cargo.get_program()).with_file_name("clippy-driver");
+    cargo.env("RUSTC_WORKSPACE_WRAPPER", clippy).env("CLIPPY_ARGS", DENY_WARNINGS);
+    Ok(cargo)
 }
 
 /// A program that a build has left.
@@ -58,20 +73,21 @@ impl Program {
     }
 }
 
-/// Builds all programs and tests.
+/// Builds every target with clippy's warnings denied: programs, tests, and examples and benchmarks, which nothing runs.
 ///
 /// # Errors
-/// The command line; the compiler's messages are on the terminal.
+/// The command line; warnings and the compiler's messages are on the terminal.
 pub fn programs() -> Result<Vec<Program>, String> {
-    build(&[])
+    // Not `--all-targets`, which would make test programs of programs without tests.
+    of(linted(&["build", "--lib", "--bins", "--tests", "--examples", "--bench", "*"])?)
 }
 
-/// Builds one program, with the features of all other builds.
+/// Builds one program, by the compiler itself: for those who have no clippy.
 ///
 /// # Errors
 /// The command line; the compiler's messages are on the terminal.
 pub fn program(folder: &str, name: &str) -> Result<Program, String> {
-    one(folder, name, &[])
+    find(&of(cargo(&["build", "--bin", name]))?, folder, name, false).cloned()
 }
 
 /// The same in the release profile.
@@ -79,15 +95,7 @@ pub fn program(folder: &str, name: &str) -> Result<Program, String> {
 /// # Errors
 /// The command line; the compiler's messages are on the terminal.
 pub fn optimised_program(folder: &str, name: &str) -> Result<Program, String> {
-    one(folder, name, &["--release"])
-}
-
-fn one(folder: &str, name: &str, profile: &[&str]) -> Result<Program, String> {
-    let mut build = cargo(&["build", "--bin", name, "--message-format", "json-render-diagnostics"]);
-    build.args(profile);
-    let messages = shell::output(build.stderr(Stdio::inherit()))?;
-    let programs: Vec<_> = messages.lines().filter_map(of_message).collect();
-    find(&programs, folder, name, false).cloned()
+    find(&of(cargo(&["build", "--release", "--bin", name]))?, folder, name, false).cloned()
 }
 
 /// Builds all programs and tests in the release profile.
@@ -95,15 +103,20 @@ fn one(folder: &str, name: &str, profile: &[&str]) -> Result<Program, String> {
 /// # Errors
 /// The command line; the compiler's messages are on the terminal.
 pub fn optimised_programs() -> Result<Vec<Program>, String> {
-    build(&["--release"])
+    of(cargo(&["test", "--release", "--no-run", "--tests"]))
 }
 
-fn build(profile: &[&str]) -> Result<Vec<Program>, String> {
-    // Without examples, which clippy checks.
-    let json = ["--message-format", "json-render-diagnostics"];
-    let mut build = cargo(&["test", "--no-run", "--tests"]);
-    build.args(json);
-    build.args(profile);
+/// Runs the examples in the documentation of the crates, with the crates of [`programs`].
+///
+/// # Errors
+/// The command line; what failed is on the terminal.
+pub fn documented_examples() -> Result<(), String> {
+    shell::run(&mut linted(&["test", "--doc"])?)
+}
+
+/// The programs that a build leaves.
+fn of(mut build: Command) -> Result<Vec<Program>, String> {
+    build.args(["--message-format", "json-render-diagnostics"]);
     let messages = shell::output(build.stderr(Stdio::inherit()))?;
     Ok(messages.lines().filter_map(of_message).collect())
 }
@@ -126,9 +139,12 @@ pub fn find<'a>(
         .ok_or_else(|| format!("cargo built no `{name}` in {}", folder.display()))
 }
 
-/// The program that one of cargo's messages is about.
+/// The program or test that one of cargo's messages is about.
 fn of_message(line: &str) -> Option<Program> {
     let message: Value = serde_json::from_str(line).ok()?;
+    if ["example", "bench"].contains(&message["target"]["kind"][0].as_str()?) {
+        return None;
+    }
     let path = PathBuf::from(message["executable"].as_str()?);
     let folder = Path::new(message["manifest_path"].as_str()?).parent()?.into();
     let name = message["target"]["name"].as_str()?.into();

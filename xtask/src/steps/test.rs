@@ -16,9 +16,7 @@ pub enum TestStep {
     Tidy,
     /// Packages of the crates that are published, without building them.
     Crates,
-    /// Clippy over every target, warnings denied.
-    Clippy,
-    /// Every program and test of the workspace, built for the steps that follow.
+    /// Every target of the workspace, compiled by clippy, warnings denied; programs and tests for the steps that follow.
     Build,
     /// The studio's page in Chromium and Firefox, without robots.
     Studio,
@@ -53,8 +51,7 @@ impl Step for TestStep {
             Self::Fmt => "formatting",
             Self::Tidy => "house rules",
             Self::Crates => "packages of the published crates",
-            Self::Clippy => "clippy, warnings denied",
-            Self::Build => "programs and tests of the workspace",
+            Self::Build => "every target, compiled by clippy, warnings denied",
             Self::Studio => "the studio's page in real browsers",
             Self::NoStd => "protocol and firmware for the Cortex-M4 (no_std)",
             Self::Board => "board images, one of them emulated",
@@ -74,7 +71,6 @@ impl Step for TestStep {
             Self::Fmt => format(),
             Self::Tidy => tidy::check(&shell::workspace_root()),
             Self::Crates => crates::check(Extent::Short),
-            Self::Clippy => clippy(),
             Self::Build => workspace::programs().map(drop),
             Self::Studio => browsers::check(Extent::Short),
             Self::NoStd => bare_metal::check(),
@@ -88,7 +84,7 @@ impl Step for TestStep {
             Self::Ros2 => ros2::check(Extent::Short),
             Self::Test => {
                 need_python()?;
-                shell::run(&mut workspace::cargo(&["test", "--doc"]))?;
+                workspace::documented_examples()?;
                 let built = workspace::programs()?;
                 let tests: Vec<_> = built.iter().filter(|program| program.is_test).collect();
                 programs::beside_each_other(&tests)?;
@@ -117,15 +113,6 @@ pub fn format() -> Result<(), String> {
     shell::run(&mut shell::cargo(&["fmt", "--all", "--check"]))?;
     let fuzz = ["fmt", "--manifest-path", "fuzz/Cargo.toml", "--check"];
     shell::run(&mut shell::cargo(&fuzz))
-}
-
-/// Runs clippy over the workspace.
-///
-/// # Errors
-/// Its warnings.
-pub fn clippy() -> Result<(), String> {
-    toolchain::need_component("clippy")?;
-    shell::run(workspace::cargo(&["clippy", "--all-targets"]).args(["--", "-D", "warnings"]))
 }
 
 /// Makes sure that there is Python for the independent check of plans, `docs/check_plan.py`, which tests call.
