@@ -1,6 +1,6 @@
 """What `rollwalk robot export` writes for `ros2_control`, as a reader of YAML reads it.
 
-Run by `cargo xtask test --only ros2`, which sets ROLLWALK to the program under test.
+Run by `cargo xtask nightly --only ros2`, which sets ROLLWALK to the program under test.
 """
 
 import os

@@ -1,6 +1,6 @@
 """`rollwalk-ros2` on a simulated Pup, as nodes of ROS 2 see it: topics, services, and what becomes of the robot when it ends.
 
-Run by `cargo xtask test --only ros2`, which sets ROLLWALK, ROLLWALK_SIM and ROLLWALK_ROS2 to the programs under test. The robot
+Run by `cargo xtask nightly --only ros2`, which sets ROLLWALK, ROLLWALK_SIM and ROLLWALK_ROS2 to the programs under test. The robot
 plays in real time, and each test begins where the one before has ended.
 """
 

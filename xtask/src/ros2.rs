@@ -1,8 +1,7 @@
-//! The ROS 2 node: a simulated robot as clients over Cyclone DDS see it (`tests/ros2/`), which needs no ROS, and the package as
-//! colcon builds and installs it.
+//! The ROS 2 node as colcon builds and installs it: a simulated robot as clients over Cyclone DDS see it (`tests/ros2/`), which
+//! needs no ROS.
 
 use crate::python::Environment;
-use crate::steps::Extent;
 use crate::{shell, toolchain, workspace};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -30,19 +29,16 @@ const INSTALLED: [&str; 4] = [
     "share/ament_index/resource_index/packages/rollwalk_ros2",
 ];
 
-/// Tests the node of the workspace; in full the one that colcon builds, which is optimised.
+/// Tests the node that colcon builds, which is optimised.
 ///
 /// # Errors
 /// A test or the build failed; or a tool is missing, and the error names the command that installs it.
-pub fn check(extent: Extent) -> Result<(), String> {
+pub fn check() -> Result<(), String> {
     let programs = workspace::programs()?;
     let program = |folder, name| {
         workspace::find(&programs, folder, name, false).map(|program| program.path.clone())
     };
-    let node = match extent {
-        Extent::Short => program("ros2", "rollwalk-ros2")?,
-        Extent::Full => colcon()?,
-    };
+    let node = colcon()?;
     let python = Environment::kept("ros2", &CLIENT)?;
     let mut tests = python.module("unittest", &["discover", "-v", "-f", "-s", "tests/ros2"]);
     tests.env("ROLLWALK", program("tests", "rollwalk-under-test")?);

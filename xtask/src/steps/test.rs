@@ -3,7 +3,7 @@
 use super::{Extent, Step};
 use crate::{
     bare_metal, board, browsers, cantools, crates, debian, exports, hostile, mujoco, programs,
-    replay, ros2, shell, tidy, toolchain, workspace,
+    replay, shell, tidy, toolchain, workspace,
 };
 use clap::ValueEnum;
 
@@ -36,8 +36,6 @@ pub enum TestStep {
     Hostile,
     /// Robots that the studio's page drives in real time.
     Robots,
-    /// A simulated robot as a node of ROS 2, from a client over another DDS.
-    Ros2,
     /// All tests of all crates.
     Test,
 }
@@ -61,7 +59,6 @@ impl Step for TestStep {
             Self::Replay => "the replay harness against closed forms",
             Self::Hostile => "the rules of attacks on a simulated robot",
             Self::Robots => "robots that the studio's page drives in real time",
-            Self::Ros2 => "a simulated robot as a node of ROS 2",
             Self::Test => "all tests",
         }
     }
@@ -81,7 +78,6 @@ impl Step for TestStep {
             Self::Replay => replay::check(Extent::Short),
             Self::Hostile => hostile::check(Extent::Short),
             Self::Robots => browsers::check_robots(),
-            Self::Ros2 => ros2::check(Extent::Short),
             Self::Test => {
                 need_python()?;
                 workspace::documented_examples()?;
@@ -98,9 +94,9 @@ impl Step for TestStep {
         *self == Self::Studio
     }
 
-    /// Simulated robots at pages, nodes and serial lines play in real time.
+    /// Simulated robots at pages and serial lines play in real time.
     fn is_alone(&self) -> bool {
-        matches!(self, Self::Robots | Self::Ros2 | Self::Test)
+        matches!(self, Self::Robots | Self::Test)
     }
 }
 
