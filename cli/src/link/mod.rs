@@ -1,8 +1,10 @@
-//! The link to a controller, as commands open it; an operator on it ([`operated`]); and the [`names`] of its motions and channels.
+//! The link to a controller, as commands open it; an operator on it ([`operated`]); the [`names`] of its motions and
+//! channels; and what it takes for [`steering`].
 
 mod interruptible;
 pub mod names;
 pub mod operated;
+pub mod steering;
 
 pub use interruptible::Interruptible;
 

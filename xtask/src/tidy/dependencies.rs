@@ -59,6 +59,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rollwalk-bus", &["rollwalk-protocol"]),
     ("rollwalk-host", &["rollwalk-bus", "rollwalk-protocol"]),
     ("rollwalk-gamepads", &["rollwalk-host", "rollwalk-robot"]),
+    (
+        "rollwalk-pilot",
+        &["rollwalk-host", "rollwalk-planner", "rollwalk-protocol", "rollwalk-robot"],
+    ),
     // It builds and runs the others as processes, so that its own checks need none of them.
     ("xtask", &[]),
     (

@@ -1,8 +1,6 @@
 //! The loop of a drive: keys, sticks, plans and frames in; requests, frames and a screen out.
 
 use super::controls::{Controls, Meaning, sticks};
-use super::pilot::{After, Phase, Pilot, Tally};
-use super::plans::{Planned, Planner};
 use super::screen::{self, Scene};
 use super::steps::{self, Step};
 use crate::gamepad::reader::Gamepad;
@@ -16,6 +14,7 @@ use rollwalk_gamepads::pad::Wish;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{Deadman, Intent, Leaving, Operator, Weight};
+use rollwalk_pilot::{After, END_US, Phase, Pilot, Steered, Tally};
 use rollwalk_planner::receding::Steering;
 use rollwalk_protocol::wire::State;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -23,7 +22,6 @@ use signal_hook::flag;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::TryRecvError;
 use std::time::Duration;
 
 /// Interval between redraws of the screen, µs.
@@ -32,8 +30,6 @@ const DRAW_US: u64 = 50_000;
 const TELL_US: u64 = 1_000_000;
 /// Longest time until the robot follows the steering of a drive without a terminal, µs.
 const START_US: u64 = 20_000_000;
-/// Longest time until it has stopped and is disarmed, µs: then torque goes off where it is, and after as long again the drive ends.
-const END_US: u64 = 15_000_000;
 /// Time without contact after which a drive without a terminal ends, µs.
 const SILENT_US: u64 = 5_000_000;
 
@@ -49,8 +45,7 @@ pub struct Ending {
 pub struct App<'a> {
     operated: Operated<'a>,
     bus: String,
-    planner: Planner,
-    pilot: Pilot,
+    steered: Steered,
     controls: Controls,
     /// The gamepad, if one steers.
     pub gamepad: Option<Gamepad>,
@@ -70,15 +65,14 @@ impl<'a> App<'a> {
         link: &'a LinkArgs,
         bus: Live,
         operator: Operator,
-        planner: Planner,
+        steered: Steered,
         controls: Controls,
         catalog: Catalog,
     ) -> Self {
         Self {
             operated: Operated::new(link, bus, operator),
             bus: link.bus.to_string(),
-            planner,
-            pilot: Pilot::new(false),
+            steered,
             controls,
             gamepad: None,
             catalog,
@@ -111,15 +105,15 @@ impl<'a> App<'a> {
         loop {
             self.rounds.fetch_add(1, Ordering::Relaxed);
             let now_us = self.operated.now_us();
-            if self.pilot.phase() == Phase::Off || self.is_let_go(now_us) {
+            if self.steered.pilot.phase() == Phase::Off || self.is_let_go(now_us) {
                 self.controls.rest();
             }
             self.read_keys(now_us)?;
             let sticks = self.read_gamepad(now_us);
             if sticks != [0.0; 3] {
-                self.pilot.rise();
+                self.steered.pilot.rise();
             }
-            self.pilot.steer(self.controls.wanted(sticks));
+            self.steered.pilot.steer(self.controls.wanted(sticks));
             self.turn(now_us);
             if self.operated.operator.leaving() == Leaving::Now {
                 return Ok(self.ending(true));
@@ -132,7 +126,7 @@ impl<'a> App<'a> {
                 let scene = Scene {
                     view: &view,
                     bus: &self.bus,
-                    pilot: &self.pilot,
+                    pilot: &self.steered.pilot,
                     gamepad: gamepad.as_deref(),
                     ahead: self.operated.operator.streamed_ahead(),
                     took_ms: self.took_ms.last().copied(),
@@ -145,27 +139,27 @@ impl<'a> App<'a> {
 
     /// Arms, steers by a list, stops, disarms and ends; prints what happens.
     pub fn steer(&mut self, steps: &[Step], until_s: f64) -> Ending {
-        self.pilot = Pilot::new(true);
+        self.steered.pilot = Pilot::new(true);
         let (mut said, mut tell_us, mut heard_us) = (None, 0, 0);
         let (mut begun_us, mut over_us, mut is_whole) = (None, None, false);
         loop {
             let now_us = self.operated.now_us();
-            if begun_us.is_none() && self.pilot.phase() == Phase::Steered {
+            if begun_us.is_none() && self.steered.pilot.phase() == Phase::Steered {
                 begun_us = Some(now_us);
             }
             let time_s = begun_us.map(|begun_us| (now_us - begun_us) as f64 * 1e-6);
             let steering = time_s.map_or(Steering::default(), |time_s| steps::at(steps, time_s));
             let has_ended = match begun_us {
-                Some(_) => self.pilot.phase() == Phase::Off,
+                Some(_) => self.steered.pilot.phase() == Phase::Off,
                 None => now_us > START_US,
             };
             if over_us.is_none() {
                 is_whole = !has_ended && time_s.is_some_and(|time_s| time_s >= until_s);
                 if is_whole || has_ended || interrupt::requested() {
                     over_us = Some(now_us);
-                    self.pilot.stop(now_us, After::Leave, &mut self.operated.operator);
+                    self.steered.pilot.stop(now_us, After::Leave, &mut self.operated.operator);
                 } else {
-                    self.pilot.steer(self.controls.wanted_of(steering));
+                    self.steered.pilot.steer(self.controls.wanted_of(steering));
                 }
             }
             self.turn(now_us);
@@ -182,6 +176,7 @@ impl<'a> App<'a> {
             if overtime_us > END_US && self.operated.operator.leaving() == Leaving::No {
                 self.operated.operator.want(now_us, Intent::Quit);
             }
+            // After as long again the drive ends.
             let is_lost = now_us.saturating_sub(heard_us) > SILENT_US || overtime_us > 2 * END_US;
             if self.operated.operator.leaving() == Leaving::Now || is_lost {
                 return self.ending(is_whole && !is_lost);
@@ -192,7 +187,7 @@ impl<'a> App<'a> {
 
     /// Prints a line of a drive without a terminal.
     fn tell(&self, time_s: f64, steering: Steering) {
-        let [forward, left, turn] = self.pilot.tally().velocity;
+        let [forward, left, turn] = self.steered.pilot.tally().velocity;
         let Steering { forward_m_s, left_m_s, turn_rad_s } = steering;
         let line = format!(
             "{time_s:7.1} s  steered {forward_m_s:.2} {left_m_s:.2} {turn_rad_s:.2}  planned {forward:.3} {left:.3} {turn:.3}  \
@@ -207,28 +202,8 @@ impl<'a> App<'a> {
     /// Takes plans, asks for plans, sends.
     fn turn(&mut self, now_us: u64) {
         let operator = &mut self.operated.operator;
-        self.pilot.look(now_us, operator);
-        loop {
-            match self.planner.planned.try_recv() {
-                Ok(Planned { request, stretch, took }) => {
-                    self.took_ms.push(took.as_secs_f64() * 1e3);
-                    self.pilot.on_stretch(now_us, request, stretch, operator);
-                }
-                Err(TryRecvError::Empty) => break,
-                Err(TryRecvError::Disconnected) => {
-                    let text = "the planner has ended: the robot halts";
-                    if operator.leaving() == Leaving::No {
-                        operator.say(now_us, Weight::Warning, text);
-                        operator.want(now_us, Intent::Quit);
-                    }
-                    break;
-                }
-            }
-        }
-        if let Some(request) = self.pilot.request(operator) {
-            // If the planner has ended, the next look for plans tells.
-            let _ = self.planner.requests.send(request);
-        }
+        let took_ms = &mut self.took_ms;
+        self.steered.turn(now_us, operator, |took| took_ms.push(took.as_secs_f64() * 1e3));
         let library = operator.hello().and_then(|hello| hello.library);
         if library.is_some_and(|id| id != self.catalog.library) && !self.is_other {
             self.is_other = true;
@@ -253,7 +228,7 @@ impl<'a> App<'a> {
             match self.controls.press(now_us, key) {
                 None => {}
                 Some(Meaning::Steered) if self.is_let_go(now_us) => self.controls.rest(),
-                Some(Meaning::Steered) => self.pilot.rise(),
+                Some(Meaning::Steered) => self.steered.pilot.rise(),
                 Some(Meaning::Stop(after)) => self.stop(after),
                 Some(Meaning::Want(intent)) => self.want(intent),
             }
@@ -264,17 +239,17 @@ impl<'a> App<'a> {
     fn stop(&mut self, after: After) {
         self.controls.rest();
         let now_us = self.operated.now_us();
-        if self.pilot.phase() == Phase::Off && after == After::Rest {
+        if self.steered.pilot.phase() == Phase::Off && after == After::Rest {
             // A motion that a button of the gamepad began.
             self.operated.operator.want(now_us, Intent::Return);
         }
-        self.pilot.stop(now_us, after, &mut self.operated.operator);
+        self.steered.pilot.stop(now_us, after, &mut self.operated.operator);
     }
 
     fn want(&mut self, intent: Intent) {
         let now_us = self.operated.now_us();
         if intent == Intent::Arm {
-            self.pilot.rise();
+            self.steered.pilot.rise();
         }
         if matches!(intent, Intent::Estop | Intent::Arm) {
             self.controls.rest();
@@ -287,7 +262,7 @@ impl<'a> App<'a> {
         let Some(gamepad) = &mut self.gamepad else { return [0.0; 3] };
         let wishes = gamepad.wishes(now_us);
         let sticks = sticks(|push| gamepad.pushed(push));
-        let follows = self.pilot.phase() != Phase::Off;
+        let follows = self.steered.pilot.phase() != Phase::Off;
         for wish in wishes {
             match wish {
                 // The robot stops first, on all its feet.
@@ -314,7 +289,7 @@ impl<'a> App<'a> {
     fn ending(&mut self, is_whole: bool) -> Ending {
         let now_us = self.operated.now_us();
         let view = self.operated.operator.view(now_us);
-        let Tally { planned, rejected, least_ahead, .. } = self.pilot.tally();
+        let Tally { planned, rejected, least_ahead, .. } = self.steered.pilot.tally();
         self.took_ms.sort_by(f64::total_cmp);
         let at = |part: f64| {
             let index = (part * self.took_ms.len() as f64) as usize;

@@ -1,9 +1,9 @@
 //! What the operator steers with: keys of a terminal, and the sticks of a gamepad.
 
-use super::pilot::{After, Wanted};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rollwalk_gamepads::inputs::{Push, push};
 use rollwalk_host::operator::Intent;
+use rollwalk_pilot::{After, Fastest, Wanted};
 use rollwalk_planner::receding::Steering;
 
 /// Steps from rest to the fastest.
@@ -14,15 +14,6 @@ const HELD_US: u64 = 700_000;
 const DEAD_ZONE: f64 = 0.1;
 /// Axes that steer: forward, to the left, and turning to the left.
 const AXES: [&str; 3] = ["ABS_Y-", "ABS_X-", "ABS_RX-"];
-
-/// Fastest steering.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fastest {
-    /// Along the heading and to its sides, m/s.
-    pub speed_m_s: f64,
-    /// Of the heading, rad/s.
-    pub turn_rad_s: f64,
-}
 
 /// Meaning of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,8 +65,7 @@ impl Controls {
 
     /// The same for steering that is given: a robot with a gait walks unless it stands.
     pub fn wanted_of(&self, steering: Steering) -> Wanted {
-        let walks = self.has_gait && !self.rolls && steering != Steering::default();
-        Wanted { steering, walks }
+        Wanted::of(steering, self.has_gait && !self.rolls)
     }
 
     /// What a key means that is pressed now. Keys that steer and the emergency stop count as often as they come.

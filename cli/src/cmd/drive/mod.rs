@@ -2,8 +2,6 @@
 
 mod app;
 mod controls;
-mod pilot;
-mod plans;
 mod screen;
 mod steps;
 #[cfg(test)]
@@ -12,27 +10,19 @@ mod tests;
 use crate::cmd::console::app::{terminal_gone, watch};
 use crate::gamepad::reader::Gamepad;
 use crate::inputs::number_within;
+use crate::link::steering::{Prepared, SteeringArgs};
 use crate::link::{LinkArgs, cannot_open, ended};
-use crate::packed::Packed;
-use crate::{Exit, inputs, interrupt, output};
+use crate::{Exit, interrupt, output};
 use app::{App, Ending};
-use controls::{Controls, Fastest};
-use miette::{IntoDiagnostic, Report, miette};
-use plans::{Planner, Route};
+use controls::Controls;
+use miette::miette;
 use ratatui::{TerminalOptions, Viewport};
 use rollwalk_host::listener;
 use rollwalk_host::operator::Operator;
 use rollwalk_host::session::SessionError;
-use rollwalk_planner::plan::Plan;
-use rollwalk_planner::receding::Gait;
-use rollwalk_protocol::config::MAX_CHANNELS;
-use rollwalk_robot::Robot;
+use rollwalk_pilot::{Pilot, Steered};
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
-use std::time::Duration;
-
-/// Fastest speed of a robot whose gait says nothing, m/s.
-const SPEED_M_S: f64 = 0.2;
 
 /// Steer the robot continuously, by keys or a gamepad: forward, sideways, turning, to a halt, and from driving to walking.
 ///
@@ -63,24 +53,14 @@ pub struct Args {
     robot: Option<PathBuf>,
     #[command(flatten)]
     link: LinkArgs,
-    /// Periodic plan (JSON) in whose gait the robot walks.
-    #[arg(long, value_name = "PLAN.json")]
-    gait: Option<PathBuf>,
+    #[command(flatten)]
+    steering: SteeringArgs,
     /// Steer with a gamepad, too: auto, or a device such as /dev/input/event7.
     #[arg(long, value_name = "DEVICE")]
     gamepad: Option<String>,
     /// Button mapping (TOML, docs/gamepad.md), for a gamepad without a shipped one.
     #[arg(long, value_name = "FILE", requires = "gamepad")]
     mapping: Option<PathBuf>,
-    /// Fastest speed of keys and sticks, m/s [default: that of the gait, or 0.2].
-    #[arg(long, value_name = "M/S", value_parser = fast)]
-    speed: Option<f64>,
-    /// Fastest turn of keys and sticks, rad/s.
-    #[arg(long, value_name = "RAD/S", default_value_t = 0.4, value_parser = fast)]
-    turn: f64,
-    /// Longest time to plan, in milliseconds; the best plan so far counts then, if it meets the constraints.
-    #[arg(long, value_name = "MS", default_value_t = 90, value_parser = clap::value_parser!(u64).range(10..=200))]
-    budget_ms: u64,
     /// Steer without a terminal: velocity from a time on, forward and to the left in m/s, turning to the left in rad/s.
     #[arg(
         long,
@@ -92,10 +72,6 @@ pub struct Args {
     /// End of the drive with --steer, seconds.
     #[arg(long, value_name = "S", requires = "steer", value_parser = duration)]
     until: Option<f64>,
-}
-
-fn fast(text: &str) -> Result<f64, String> {
-    number_within(text, 0.01..=20.0)
 }
 
 fn duration(text: &str) -> Result<f64, String> {
@@ -113,14 +89,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             "driving needs a terminal for keys, and this is none"
         ));
     }
-    let packed = Packed::read(&args.library, args.robot.as_deref())?;
-    let (route, fastest) = route(args, &packed)?;
-    // Whether it can be planned shows before the robot is armed.
-    route.course().map_err(Report::msg)?;
+    let Prepared { route, fastest, catalog } =
+        args.steering.prepare(&args.library, args.robot.as_deref())?;
     let gamepad =
         args.gamepad.as_deref().map(|device| Gamepad::open(device, args.mapping.as_deref()));
     let gamepad = gamepad.transpose()?;
-    let catalog = packed.catalog();
     let peer = args.link.peer()?;
     let mut bus = args.link.live().map_err(cannot_open)?;
     let node = args.link.node;
@@ -130,8 +103,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut operator = Operator::new(peer, Some(catalog.config_hash));
     operator.set_catalog(Some(catalog.clone()));
     let controls = Controls::new(fastest, route.gait.is_some());
-    let planner = Planner::start(route, Duration::from_millis(args.budget_ms));
-    let mut app = App::new(&args.link, bus, operator, planner, controls, catalog);
+    let steered = Steered::new(Pilot::new(false), route, args.steering.budget());
+    let mut app = App::new(&args.link, bus, operator, steered, controls, catalog);
     if let Some(until_s) = args.until.filter(|_| !needs_terminal) {
         interrupt::listen();
         return Ok(exit(app.steer(&args.steer, until_s)));
@@ -162,49 +135,4 @@ impl Drop for Restored {
 fn exit(ending: Ending) -> Exit {
     output::say(&ending.words);
     ending.exit
-}
-
-/// Where the robot begins, its gait, and how fast it may be steered.
-fn route(args: &Args, packed: &Packed) -> miette::Result<(Route, Fastest)> {
-    let robot = packed.robot.clone();
-    let mut pose = [0.0; MAX_CHANNELS];
-    packed
-        .library()
-        .safe_pose_into(&mut pose)
-        .ok_or_else(|| miette!("{}: its SAFE pose cannot be read", args.library.display()))?;
-    let safe_rad = pose.iter().take(robot.joints.len()).map(|&angle| f64::from(angle)).collect();
-    let plan = args.gait.as_deref().map(inputs::plan).transpose()?;
-    if let Some(plan) = &plan {
-        check_gait(args, plan, &robot)?;
-    }
-    let gait = plan.as_ref().map(Gait::of).transpose().into_diagnostic()?;
-    let speed_m_s = args.speed.or(plan.as_ref().and_then(mean_speed_m_s)).unwrap_or(SPEED_M_S);
-    let fastest = Fastest { speed_m_s, turn_rad_s: args.turn };
-    Ok((Route { robot, safe_rad, gait }, fastest))
-}
-
-fn check_gait(args: &Args, plan: &Plan, robot: &Robot) -> miette::Result<()> {
-    let name = &plan.motion.name;
-    if plan.robot != *robot {
-        return Err(miette!(
-            help = "plan the gait with the robot file that the library was built from",
-            "the gait `{name}` is of robot `{}`, {} is for `{}`, or their files differ",
-            plan.robot.name,
-            args.library.display(),
-            robot.name
-        ));
-    }
-    if let Some(why) = &plan.motion.needs_feedback {
-        output::say(format_args!(
-            "warning: `{name}` needs feedback of the whole body ({why}), and is played without"
-        ));
-    }
-    Ok(())
-}
-
-/// Mean speed of a plan over the ground, if it goes anywhere.
-fn mean_speed_m_s(plan: &Plan) -> Option<f64> {
-    let [x, y] = plan.end_placement.offset_m;
-    let speed_m_s = x.hypot(y) / plan.motion.duration_s;
-    (speed_m_s > 0.01).then_some(speed_m_s)
 }

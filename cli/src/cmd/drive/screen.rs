@@ -1,12 +1,12 @@
 //! The lines at the foot of the terminal while a robot is driven: a pure function of the scene.
 
-use super::pilot::{Phase, Pilot};
 use ratatui::Frame;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 use rollwalk_host::describe::{fault_names, state_name};
 use rollwalk_host::operator::{View, Weight};
+use rollwalk_pilot::{Phase, Pilot};
 
 /// Lines of the screen.
 pub const HEIGHT: u16 = 9;

@@ -1,8 +1,6 @@
 //! A drive over the simulated bus in virtual time: AgileBot on the ground of its world, its firmware, an operator, and plans that
 //! take a given time.
 
-use super::pilot::{After, Phase, Pilot, Request, Wanted};
-use super::plans::{Courses, Route};
 use crate::inputs::Source;
 use crate::packed::Packed;
 use crate::planning;
@@ -10,6 +8,7 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_host::operator::{Deadman, Intent, Leaving, LetGo, Operator};
 use rollwalk_host::session::Session;
 use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_pilot::{After, Courses, Phase, Pilot, Request, Route, Wanted};
 use rollwalk_planner::receding::{CourseError, Gait, Steering, Stretch};
 use rollwalk_planner::{Options, optimise};
 use rollwalk_protocol::config::MAX_CHANNELS;
@@ -121,8 +120,7 @@ impl Drive {
 
     fn steer(&mut self, forward_m_s: f64, turn_rad_s: f64) {
         let steering = Steering { forward_m_s, left_m_s: 0.0, turn_rad_s };
-        let walks = steering != Steering::default();
-        self.pilot.steer(Wanted { steering, walks });
+        self.pilot.steer(Wanted::of(steering, true));
     }
 
     /// Where the body is: along and across the heading at the start, m, and its heading, rad.

@@ -30,6 +30,13 @@ pub struct Wanted {
     pub walks: bool,
 }
 
+impl Wanted {
+    /// A robot that may walk does, unless it is to stand.
+    pub fn of(steering: Steering, may_walk: bool) -> Self {
+        Self { steering, walks: may_walk && steering != Steering::default() }
+    }
+}
+
 /// A horizon that is to be planned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
@@ -154,6 +161,11 @@ impl Pilot {
                 self.end(now_us, operator);
             }
         }
+    }
+
+    /// Keeps a robot that does not follow a stream in SAFE until [`rise`](Self::rise).
+    pub fn rest(&mut self) {
+        self.rests = true;
     }
 
     /// Lets a robot that rests in SAFE be steered again.

@@ -1,6 +1,6 @@
 //! The planner of a steered robot: takes requests and returns stretches, in a thread of its own.
 
-use super::pilot::{Request, Wanted};
+use crate::pilot::{Request, Wanted};
 use rollwalk_planner::receding::{
     Course, CourseError, Gait, HorizonError, HorizonOptions, Stretch,
 };

@@ -1,0 +1,113 @@
+//! What a program needs to steer a robot continuously: the motion library with its SAFE pose, a gait, and how fast it may be.
+
+use crate::inputs::{self, number_within};
+use crate::output;
+use crate::packed::Packed;
+use miette::{IntoDiagnostic, Report, miette};
+use rollwalk_host::catalog::Catalog;
+use rollwalk_pilot::{Fastest, Route};
+use rollwalk_planner::plan::Plan;
+use rollwalk_planner::receding::Gait;
+use rollwalk_protocol::config::MAX_CHANNELS;
+use rollwalk_robot::Robot;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Fastest speed of a robot whose gait says nothing, m/s.
+const SPEED_M_S: f64 = 0.2;
+
+/// How a robot is steered.
+#[derive(clap::Args)]
+pub struct SteeringArgs {
+    /// Periodic plan (JSON) in whose gait the robot walks while it is steered.
+    #[arg(long, value_name = "PLAN.json")]
+    pub gait: Option<PathBuf>,
+    /// Fastest speed that the robot is steered to, m/s [default: that of the gait, or 0.2].
+    #[arg(long, value_name = "M/S", value_parser = fast)]
+    speed: Option<f64>,
+    /// Fastest turn that the robot is steered to, rad/s.
+    #[arg(long, value_name = "RAD/S", default_value_t = 0.4, value_parser = fast)]
+    turn: f64,
+    /// Longest time to plan, in milliseconds; the best plan so far counts then, if it meets the constraints.
+    #[arg(long, value_name = "MS", default_value_t = 90, value_parser = clap::value_parser!(u64).range(10..=200))]
+    budget_ms: u64,
+}
+
+fn fast(text: &str) -> Result<f64, String> {
+    number_within(text, 0.01..=20.0)
+}
+
+/// What steering begins with.
+pub struct Prepared {
+    /// Where the robot begins, and its gait.
+    pub route: Route,
+    /// How fast it may be steered.
+    pub fastest: Fastest,
+    /// Names of the library whose SAFE pose it begins in.
+    pub catalog: Catalog,
+}
+
+impl SteeringArgs {
+    /// Reads the files.
+    ///
+    /// # Errors
+    /// A file is missing or wrong, the gait is of another robot, or no motion of the robot can be planned as it goes.
+    pub fn prepare(&self, library: &Path, robot: Option<&Path>) -> miette::Result<Prepared> {
+        let packed = Packed::read(library, robot)?;
+        let (route, fastest) = self.route(library, &packed)?;
+        // Whether it can be planned shows before the robot is armed.
+        route.course().map_err(Report::msg)?;
+        Ok(Prepared { route, fastest, catalog: packed.catalog() })
+    }
+
+    /// Longest time of a plan.
+    pub fn budget(&self) -> Duration {
+        Duration::from_millis(self.budget_ms)
+    }
+
+    /// Where the robot begins, its gait, and how fast it may be steered.
+    fn route(&self, library: &Path, packed: &Packed) -> miette::Result<(Route, Fastest)> {
+        let robot = packed.robot.clone();
+        let mut pose = [0.0; MAX_CHANNELS];
+        packed
+            .library()
+            .safe_pose_into(&mut pose)
+            .ok_or_else(|| miette!("{}: its SAFE pose cannot be read", library.display()))?;
+        let safe_rad =
+            pose.iter().take(robot.joints.len()).map(|&angle| f64::from(angle)).collect();
+        let plan = self.gait.as_deref().map(inputs::plan).transpose()?;
+        if let Some(plan) = &plan {
+            check_gait(library, plan, &robot)?;
+        }
+        let gait = plan.as_ref().map(Gait::of).transpose().into_diagnostic()?;
+        let speed_m_s = self.speed.or(plan.as_ref().and_then(mean_speed_m_s)).unwrap_or(SPEED_M_S);
+        let fastest = Fastest { speed_m_s, turn_rad_s: self.turn };
+        Ok((Route { robot, safe_rad, gait }, fastest))
+    }
+}
+
+fn check_gait(library: &Path, plan: &Plan, robot: &Robot) -> miette::Result<()> {
+    let name = &plan.motion.name;
+    if plan.robot != *robot {
+        return Err(miette!(
+            help = "plan the gait with the robot file that the library was built from",
+            "the gait `{name}` is of robot `{}`, {} is for `{}`, or their files differ",
+            plan.robot.name,
+            library.display(),
+            robot.name
+        ));
+    }
+    if let Some(why) = &plan.motion.needs_feedback {
+        output::say(format_args!(
+            "warning: `{name}` needs feedback of the whole body ({why}), and is played without"
+        ));
+    }
+    Ok(())
+}
+
+/// Mean speed of a plan over the ground, if it goes anywhere.
+fn mean_speed_m_s(plan: &Plan) -> Option<f64> {
+    let [x, y] = plan.end_placement.offset_m;
+    let speed_m_s = x.hypot(y) / plan.motion.duration_s;
+    (speed_m_s > 0.01).then_some(speed_m_s)
+}

@@ -1,0 +1,105 @@
+//! A pilot and its planner in the loop of a program: what every program that steers does in each turn.
+
+use crate::pilot::{Pilot, Wanted};
+use crate::plans::{Planned, Planner, Route};
+use rollwalk_host::operator::{Intent, Leaving, Operator, Weight};
+use rollwalk_planner::receding::Steering;
+use std::sync::mpsc::TryRecvError;
+use std::time::Duration;
+
+/// Longest time until a robot that is to leave has stopped and is disarmed, µs: a program takes torque off then where it is.
+pub const END_US: u64 = 15_000_000;
+
+/// Fastest steering.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fastest {
+    /// Along the heading and to its sides, m/s.
+    pub speed_m_s: f64,
+    /// Of the heading, rad/s.
+    pub turn_rad_s: f64,
+}
+
+impl Fastest {
+    /// The steering, each part of it within what is fastest.
+    pub fn limit(&self, steering: Steering) -> Steering {
+        let Self { speed_m_s, turn_rad_s } = *self;
+        Steering {
+            forward_m_s: steering.forward_m_s.clamp(-speed_m_s, speed_m_s),
+            left_m_s: steering.left_m_s.clamp(-speed_m_s, speed_m_s),
+            turn_rad_s: steering.turn_rad_s.clamp(-turn_rad_s, turn_rad_s),
+        }
+    }
+}
+
+/// A robot that is steered.
+#[derive(Debug)]
+pub struct Steered {
+    /// When to arm, to plan and to stop.
+    pub pilot: Pilot,
+    planner: Planner,
+    has_gait: bool,
+}
+
+impl Steered {
+    /// A robot on a route. A plan takes `budget` at most, whole iterations.
+    pub fn new(pilot: Pilot, route: Route, budget: Duration) -> Self {
+        let has_gait = route.gait.is_some();
+        Self { pilot, planner: Planner::start(route, budget), has_gait }
+    }
+
+    /// Steers from now on: a robot with a gait walks while it is not to stand.
+    pub fn steer(&mut self, steering: Steering) {
+        self.pilot.steer(Wanted::of(steering, self.has_gait));
+    }
+
+    /// Gives commands, takes plans and asks for plans; call often. `took` hears how long each plan took.
+    pub fn turn(&mut self, now_us: u64, operator: &mut Operator, mut took: impl FnMut(Duration)) {
+        self.pilot.look(now_us, operator);
+        loop {
+            match self.planner.planned.try_recv() {
+                Ok(Planned { request, stretch, took: time }) => {
+                    took(time);
+                    self.pilot.on_stretch(now_us, request, stretch, operator);
+                }
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => {
+                    let text = "the planner has ended: the robot halts";
+                    if operator.leaving() == Leaving::No {
+                        operator.say(now_us, Weight::Warning, text);
+                        operator.want(now_us, Intent::Quit);
+                    }
+                    break;
+                }
+            }
+        }
+        if let Some(request) = self.pilot.request(operator) {
+            // If the planner has ended, the next look for plans tells.
+            let _ = self.planner.requests.send(request);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_part_of_the_steering_is_faster_than_the_fastest() {
+        let fastest = Fastest { speed_m_s: 0.2, turn_rad_s: 0.5 };
+        let steering =
+            |forward_m_s, left_m_s, turn_rad_s| Steering { forward_m_s, left_m_s, turn_rad_s };
+        assert_eq!(fastest.limit(steering(3.0, -3.0, 3.0)), steering(0.2, -0.2, 0.5));
+        assert_eq!(fastest.limit(steering(0.1, 0.0, -0.4)), steering(0.1, 0.0, -0.4));
+    }
+
+    #[test]
+    fn a_robot_with_a_gait_walks_unless_it_stands() {
+        let (rest, on) =
+            (Steering::default(), Steering { forward_m_s: 0.1, ..Steering::default() });
+        for (steering, has_gait, walks) in
+            [(on, true, true), (on, false, false), (rest, true, false)]
+        {
+            assert_eq!(Wanted::of(steering, has_gait), Wanted { steering, walks });
+        }
+    }
+}
