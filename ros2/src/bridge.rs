@@ -5,6 +5,7 @@
 //! is the operator's to know (`rollwalk_host::operator`): the node passes requests on and answers with its words.
 
 use crate::convert::{self, Diagnosed};
+use crate::driving::Driving;
 use crate::graph::{Call, Graph, Lost, Service};
 use rollwalk::link::LinkArgs;
 use rollwalk::link::names::NamesArgs;
@@ -12,7 +13,9 @@ use rollwalk::link::operated::{Operated, farewell};
 use rollwalk::{Exit, interrupt, output};
 use rollwalk_bus::port::Live;
 use rollwalk_host::catalog::Catalog;
+use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use rollwalk_pilot::{After, END_US, Phase};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::text::Shown;
 use rollwalk_protocol::wire::{FromController, JointTelemetry, State};
@@ -32,9 +35,21 @@ const STOPPED_US: u64 = 1_000_000;
 /// A call that waits for the robot's answer.
 struct Waiting {
     call: Call,
-    /// Number of its intent; an emergency stop is acknowledged without one.
-    wish: Option<u64>,
+    outcome: Outcome,
     since_us: u64,
+}
+
+/// What answers a call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// A message about the intent with this number.
+    Message(u64),
+    /// The acknowledgement of an emergency stop.
+    Stopped,
+    /// The robot follows velocities.
+    Driven,
+    /// A driven robot has stopped and is in this state.
+    Home(State),
 }
 
 /// A robot and a node.
@@ -54,6 +69,7 @@ pub struct Bridge<'a> {
     /// Last telemetry of each channel since joints were published.
     round: BTreeMap<u8, JointTelemetry>,
     urdf: Option<String>,
+    driving: Option<Driving>,
     waiting: Vec<Waiting>,
     /// Number of the last message of the operator that was passed on.
     said: u64,
@@ -62,13 +78,14 @@ pub struct Bridge<'a> {
 }
 
 impl<'a> Bridge<'a> {
-    /// A node for the robot on an open bus.
+    /// A node for the robot on an open bus; with `driving` it can be driven.
     pub fn new(
         link: &'a LinkArgs,
         names: &'a NamesArgs,
         bus: Live,
         operator: Operator,
         graph: Graph,
+        driving: Option<Driving>,
     ) -> Self {
         Self {
             operated: Operated::new(link, bus, operator),
@@ -82,6 +99,7 @@ impl<'a> Bridge<'a> {
             joints: Vec::new(),
             round: BTreeMap::new(),
             urdf: None,
+            driving,
             waiting: Vec::new(),
             said: 0,
             look_us: 0,
@@ -100,6 +118,9 @@ impl<'a> Bridge<'a> {
                 self.lose(error);
             }
             self.leave_if(interrupt::requested() || self.lost.is_some());
+            if let Some(driving) = &mut self.driving {
+                driving.turn(self.operated.now_us(), &mut self.operated.operator);
+            }
             self.operated.send();
             let leaves = self.operated.operator.leaving() == Leaving::Now;
             if leaves || self.operated.now_us() >= self.look_us {
@@ -124,6 +145,9 @@ impl<'a> Bridge<'a> {
         // Before the calls, which may stop the robot.
         if let Some(name) = self.graph.play()? {
             self.on_play(&name);
+        }
+        if let (Some(velocity), Some(driving)) = (self.graph.velocity()?, &mut self.driving) {
+            driving.command(self.operated.now_us(), velocity, &mut self.operated.operator);
         }
         for call in self.graph.calls()? {
             self.on_call(call);
@@ -202,8 +226,9 @@ impl<'a> Bridge<'a> {
                 continue;
             }
             self.graph.log(level, &message.text);
-            let is_answered = |waiting: &mut Waiting| {
-                waiting.wish.is_some_and(|wish| message.answers == Some(wish))
+            let is_answered = |waiting: &mut Waiting| match waiting.outcome {
+                Outcome::Message(wish) => message.answers == Some(wish),
+                _ => false,
             };
             for Waiting { call, .. } in self.waiting.extract_if(.., is_answered) {
                 self.graph.answer(&call, message.weight == Weight::Note, &message.text);
@@ -217,19 +242,42 @@ impl<'a> Bridge<'a> {
     /// Answers calls whose outcome no message is about.
     fn answer_others(&mut self, view: &View) {
         let (graph, operator) = (&self.graph, &self.operated.operator);
-        self.waiting.retain(|Waiting { call, wish, since_us }| {
-            let late = view.now_us > since_us + STOPPED_US;
-            let (success, text) = match wish {
-                Some(wish) if operator.is_asking(*wish) => return true,
-                Some(_) => (false, "it was given up; /rosout says why"),
-                None if !view.stopping => (true, "stopped: torque is off"),
-                None if late => (
-                    false,
-                    "the robot has not acknowledged the emergency stop; it is sent again until it does",
-                ),
-                None => return true,
+        let phase = self.driving.as_ref().map_or(Phase::Off, Driving::phase);
+        self.waiting.retain(|Waiting { call, outcome, since_us }| {
+            let waited_us = view.now_us.saturating_sub(*since_us);
+            let (success, text) = match outcome {
+                Outcome::Message(wish) if operator.is_asking(*wish) => return true,
+                Outcome::Message(_) => (false, "it was given up; /rosout says why".into()),
+                Outcome::Stopped if !view.stopping => (true, "stopped: torque is off".into()),
+                Outcome::Stopped if waited_us > STOPPED_US => {
+                    let text = "the robot has not acknowledged the emergency stop; it is sent again until it does";
+                    (false, text.into())
+                }
+                Outcome::Stopped => return true,
+                Outcome::Driven => match phase {
+                    Phase::Beginning => return true,
+                    Phase::Steered => {
+                        (true, format!("it follows {}", graph.followed().unwrap_or_default()))
+                    }
+                    _ => (false, "it does not follow velocities; /rosout says why".into()),
+                },
+                Outcome::Home(state) => {
+                    let reached = view.status.map(|status| status.state);
+                    let barred = view.status.is_some_and(|status| match status.state {
+                        State::EStopped => true,
+                        // Without a fault they are on the way to Disarmed.
+                        State::Damped | State::TorqueOff => !status.faults.is_empty(),
+                        _ => false,
+                    });
+                    let is_there = phase == Phase::Off && reached == Some(*state);
+                    if !is_there && !barred && waited_us <= END_US {
+                        return true;
+                    }
+                    let words = reached.map_or("not heard", state_name);
+                    (is_there, format!("the robot is {words}"))
+                }
             };
-            graph.answer(call, success, text);
+            graph.answer(call, success, &text);
             false
         });
     }
@@ -239,6 +287,13 @@ impl<'a> Bridge<'a> {
         let status = self.view().status;
         let intent = match call.service {
             Service::Arm => Intent::Arm,
+            Service::Drive => return self.on_drive(call),
+            Service::Disarm if self.is_driven() => {
+                return self.stop_driving(call, After::Disarm, State::Disarmed);
+            }
+            Service::Return | Service::Pause if self.is_driven() => {
+                return self.stop_driving(call, After::Rest, State::Ready);
+            }
             Service::Disarm => Intent::Disarm,
             Service::Return => Intent::Return,
             Service::Pause => Intent::Pause,
@@ -251,8 +306,39 @@ impl<'a> Bridge<'a> {
         };
         let operator = &mut self.operated.operator;
         operator.want(now_us, intent);
-        let wish = (intent != Intent::Estop).then(|| operator.wished());
-        self.waiting.push(Waiting { call, wish, since_us: now_us });
+        let outcome = match intent {
+            Intent::Estop => Outcome::Stopped,
+            _ => Outcome::Message(operator.wished()),
+        };
+        self.waiting.push(Waiting { call, outcome, since_us: now_us });
+    }
+
+    /// Whether the robot follows velocities, or is about to or to stop.
+    fn is_driven(&self) -> bool {
+        self.driving.as_ref().is_some_and(|driving| driving.phase() != Phase::Off)
+    }
+
+    fn on_drive(&mut self, call: Call) {
+        let now_us = self.operated.now_us();
+        let begun = match &mut self.driving {
+            Some(driving) => driving.begin(now_us, &self.operated.operator),
+            None => Err("start the node with --library LIB.rwl: the robot is driven from the library's SAFE pose".into()),
+        };
+        match begun {
+            Ok(()) => {
+                self.waiting.push(Waiting { call, outcome: Outcome::Driven, since_us: now_us })
+            }
+            Err(why) => self.graph.answer(&call, false, &format!("not driven: {why}")),
+        }
+    }
+
+    /// Stops a driven robot on all its feet, then sends it to SAFE: in the middle of a step it would not stand.
+    fn stop_driving(&mut self, call: Call, after: After, state: State) {
+        let now_us = self.operated.now_us();
+        if let Some(driving) = &mut self.driving {
+            driving.stop(now_us, after, &mut self.operated.operator);
+        }
+        self.waiting.push(Waiting { call, outcome: Outcome::Home(state), since_us: now_us });
     }
 
     /// Names of the library that the controller has said to have: with those of another one a name would play something else.
@@ -264,6 +350,10 @@ impl<'a> Bridge<'a> {
     /// Plays a motion by its name in the library, or by its code.
     fn on_play(&mut self, name: &str) {
         let now_us = self.operated.now_us();
+        if self.is_driven() {
+            let text = "not sent, to play a motion: the robot is driven; ~/return ends that";
+            return self.operated.operator.say(now_us, Weight::Refused, text);
+        }
         let by_name = self.library().and_then(|catalog| catalog.motion(name));
         let code = by_name.and_then(|motion| motion.code).or_else(|| name.parse().ok());
         if let Some(code) = code {
@@ -287,12 +377,15 @@ impl<'a> Bridge<'a> {
         self.operated.operator.say(now_us, Weight::Refused, text);
     }
 
-    /// Takes the robot home and leaves; at once where there is no contact with it.
+    /// Takes the robot home and leaves, a driven one when it has stopped; at once where there is no contact with it.
     fn leave_if(&mut self, wanted: bool) {
         let now_us = self.operated.now_us();
         let operator = &mut self.operated.operator;
         if wanted && operator.leaving() == Leaving::No {
-            operator.want(now_us, Intent::Quit);
+            let driving = self.driving.as_mut();
+            if !driving.is_some_and(|driving| driving.leave(now_us, operator)) {
+                operator.want(now_us, Intent::Quit);
+            }
         }
         if operator.leaving() == Leaving::WhenHome && !operator.view(now_us).link.contact {
             operator.want(now_us, Intent::Quit);

@@ -1,11 +1,15 @@
 //! The node in the graph of ROS: its topics and services. No call blocks: the thread that sends heartbeats to the robot makes
 //! them, and a subscriber that does not keep up loses messages.
 
+use crate::commanded::Velocity;
 use crate::environment::Environment;
-use crate::messages::{DiagnosticArray, JointState, TriggerRequest, TriggerResponse};
+use crate::messages::{
+    DiagnosticArray, JointState, TriggerRequest, TriggerResponse, Twist, TwistStamped,
+};
 use crate::names::Names;
 use miette::{IntoDiagnostic, WrapErr};
 use rollwalk::output;
+use ros2_client::builtin_interfaces::Time;
 use ros2_client::dds::rustdds::DomainParticipantBuilder;
 use ros2_client::error::{ReadError, ReadResult, WriteError};
 use ros2_client::log::LogLevel;
@@ -16,6 +20,7 @@ use ros2_client::{
     Subscription, rosout,
 };
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::fmt;
 use std::net::Ipv4Addr;
 use thiserror::Error;
@@ -28,6 +33,8 @@ const DEPTH: usize = 10;
 pub enum Service {
     /// Turns torque on and goes to SAFE.
     Arm,
+    /// Follows the velocities that are commanded.
+    Drive,
     /// Returns to SAFE and turns torque off.
     Disarm,
     /// Returns to SAFE.
@@ -45,9 +52,10 @@ pub enum Service {
 impl Service {
     /// In the order in which calls of one pass are handled, which is not known to be that of their arrival: what stops the robot is
     /// last, so that nothing else takes its place.
-    const ALL: [Self; 7] = [
+    const ALL: [Self; 8] = [
         Self::Clear,
         Self::Arm,
+        Self::Drive,
         Self::Resume,
         Self::Pause,
         Self::Return,
@@ -60,6 +68,7 @@ impl fmt::Display for Service {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Arm => "arm",
+            Self::Drive => "drive",
             Self::Disarm => "disarm",
             Self::Return => "return",
             Self::Pause => "pause",
@@ -98,6 +107,15 @@ impl Latched {
     }
 }
 
+/// The topic of velocities, with one of its two types.
+enum Velocities {
+    Plain(Subscription<Twist>),
+    Stamped(Subscription<TwistStamped>),
+}
+
+/// Name of the topic of velocities.
+const VELOCITIES: &str = "cmd_vel";
+
 /// The node.
 pub struct Graph {
     node: Node,
@@ -108,15 +126,18 @@ pub struct Graph {
     motion: Latched,
     motions: Latched,
     play: Subscription<String>,
+    velocities: Option<Velocities>,
+    /// What velocities are commanded by, in words.
+    followed: Option<String>,
     services: Vec<(Service, Server<TriggerRequest, TriggerResponse>)>,
 }
 
 impl Graph {
-    /// Joins the graph.
+    /// Joins the graph. `steers` says whether velocities are followed; without, their topic is not there.
     ///
     /// # Errors
     /// DDS finds no socket, or a name is not allowed.
-    pub fn join(environment: &Environment, names: &Names) -> miette::Result<Self> {
+    pub fn join(environment: &Environment, names: &Names, steers: bool) -> miette::Result<Self> {
         let mut participant = DomainParticipantBuilder::new(environment.domain);
         if environment.loopback {
             participant = participant.with_only_networks([Ipv4Addr::LOCALHOST]);
@@ -137,7 +158,14 @@ impl Graph {
         let state = making.latched("~/state")?;
         let motion = making.latched("~/motion")?;
         let motions = making.latched("~/motions")?;
-        let play = making.subscription("~/play")?;
+        let play = making.subscription("~/play", ("std_msgs", "String"))?;
+        let (velocities, kind) = match names.parameters.use_stamped_vel {
+            _ if !steers => (None, ""),
+            false => (Some(Velocities::Plain(making.velocities("Twist")?)), "Twist"),
+            true => (Some(Velocities::Stamped(making.velocities("TwistStamped")?)), "TwistStamped"),
+        };
+        let name = names.resolve(VELOCITIES)?;
+        let followed = velocities.as_ref().map(|_| format!("geometry_msgs/msg/{kind} on {name}"));
         let services = Service::ALL.map(|service| making.server(service, environment));
         let services = services.into_iter().collect::<miette::Result<_>>()?;
         Ok(Self {
@@ -149,6 +177,8 @@ impl Graph {
             motion,
             motions,
             play,
+            velocities,
+            followed,
             services,
         })
     }
@@ -203,10 +233,47 @@ impl Graph {
     /// # Errors
     /// As [`joint_states`](Self::joint_states).
     pub fn play(&self) -> Result<Option<String>, Lost> {
+        self.newest(&self.play, "~/play")
+    }
+
+    /// The newest velocity that was commanded since the last call.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn velocity(&self) -> Result<Option<Velocity>, Lost> {
+        Ok(match &self.velocities {
+            None => None,
+            Some(Velocities::Plain(topic)) => {
+                let twist = self.newest(topic, VELOCITIES)?;
+                twist.map(|twist| Velocity { twist, age_ns: 0 })
+            }
+            Some(Velocities::Stamped(topic)) => {
+                let stamped = self.newest(topic, VELOCITIES)?;
+                stamped.map(|TwistStamped { header, twist }| {
+                    // Programs that have no clock leave it at zero.
+                    let stamp = Some(header.stamp).filter(|stamp| *stamp != Time::ZERO);
+                    let age = |stamp: Time| Time::now().to_nanos().saturating_sub(stamp.to_nanos());
+                    Velocity { twist, age_ns: stamp.map_or(0, age) }
+                })
+            }
+        })
+    }
+
+    /// What velocities are commanded by, in words; `None` where none are followed.
+    pub fn followed(&self) -> Option<&str> {
+        self.followed.as_deref()
+    }
+
+    /// The newest message of a topic since the last call.
+    fn newest<M: DeserializeOwned + 'static>(
+        &self,
+        topic: &Subscription<M>,
+        name: &str,
+    ) -> Result<Option<M>, Lost> {
         let mut newest = None;
         for _ in 0..DEPTH {
-            let Some((name, _)) = self.read(self.play.take(), "~/play")? else { break };
-            newest = Some(name);
+            let Some((message, _)) = self.read(topic.take(), name)? else { break };
+            newest = Some(message);
         }
         Ok(newest)
     }
@@ -281,9 +348,20 @@ impl Making<'_> {
         Ok(Latched { publisher, published: None })
     }
 
-    fn subscription(&mut self, name: &str) -> miette::Result<Subscription<String>> {
+    fn velocities<M: DeserializeOwned + 'static>(
+        &mut self,
+        kind: &str,
+    ) -> miette::Result<Subscription<M>> {
+        self.subscription(VELOCITIES, ("geometry_msgs", kind))
+    }
+
+    fn subscription<M: DeserializeOwned + 'static>(
+        &mut self,
+        name: &str,
+        (package, kind): (&str, &str),
+    ) -> miette::Result<Subscription<M>> {
         let resolved = self.names.resolve(name)?;
-        let kind = MessageTypeName::new("std_msgs", "String");
+        let kind = MessageTypeName::new(package, kind);
         let topic = self.node.create_topic(&resolved, kind, &streamed()).into_diagnostic();
         let subscription = topic.and_then(|topic| {
             self.node.create_subscription(&topic, Some(streamed())).into_diagnostic()
@@ -339,7 +417,7 @@ mod tests {
         let mapping = ServiceMapping::Enhanced;
         let environment = Environment { domain, loopback: true, mapping };
         let (names, _) = Names::split([]).unwrap();
-        let graph = Graph::join(&environment, &names).unwrap();
+        let graph = Graph::join(&environment, &names, false).unwrap();
         let participant =
             DomainParticipantBuilder::new(domain).with_only_networks([Ipv4Addr::LOCALHOST]).build();
         let context = Context::from_domain_participant(participant.unwrap()).unwrap();

@@ -2,31 +2,39 @@
 //!
 //! The node is a host of the robot with messages and services for a screen and keys: joint states, URDF and diagnostics go out, the
 //! commands of an operator come in. The robot plays whole motions from its own library, and its firmware keeps all limits; so the
-//! node passes on which motion, not angles of joints.
+//! node passes on which motion, not angles of joints. A robot that is driven by velocities follows plans that the node makes as it goes.
 //!
 //! The package for colcon, with its launch file, is in `packaging/rollwalk_ros2/`.
 //!
 //! | module | is |
 //! |---|---|
-//! | `environment`, `names` | what ROS says to a node by variables and arguments |
+//! | `environment`, `names`, `parameters` | what ROS says to a node by variables and arguments |
 //! | `messages` | messages of ROS |
 //! | `convert` | what the host knows, as messages |
 //! | `graph` | topics and services |
+//! | `commanded` | the velocity that counts now |
+//! | `driving` | the pilot that follows it |
 //! | `bridge` | the loop |
 
 mod bridge;
+mod commanded;
 mod convert;
+mod driving;
 mod environment;
 mod graph;
 mod messages;
 mod names;
+mod parameters;
 
 use bridge::Bridge;
 use clap::{CommandFactory, FromArgMatches, Parser};
+use driving::Driving;
 use environment::Environment;
 use graph::Graph;
+use miette::miette;
 use names::Names;
 use rollwalk::link::names::NamesArgs;
+use rollwalk::link::steering::SteeringArgs;
 use rollwalk::link::{LinkArgs, cannot_open, ended};
 use rollwalk::{Exit, end, exit, interrupt, output};
 use rollwalk_host::listener;
@@ -37,7 +45,7 @@ use std::process::ExitCode;
 /// A robot as a node of ROS 2: joint states, URDF and diagnostics out, commands of an operator in.
 ///
 /// The node is the robot's only host: it sends the heartbeat that keeps an armed robot armed. It arms only when its service `arm`
-/// is called. Ctrl-C and SIGTERM return the robot to SAFE and disarm it; when the node ends in any other way, the robot
+/// is called, and follows velocities only when its service `drive` is. Ctrl-C and SIGTERM return the robot to SAFE and disarm it; when the node ends in any other way, the robot
 /// does so by itself.
 ///
 /// It needs no installation of ROS. ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and RMW_IMPLEMENTATION
@@ -48,6 +56,7 @@ use std::process::ExitCode;
 Examples:
   rollwalk-ros2 --bus can:can0
   rollwalk-ros2 --bus serial:/dev/ttyUSB0 --library pup.rwl --robot pup.toml
+  rollwalk-ros2 --bus can:can0 --library agilebot.rwl --gait walk.plan.json     # follows /cmd_vel
   rollwalk-ros2 --bus sim --ros-args -r __ns:=/lab -r __node:=agilebot
 
 Then, in another terminal:
@@ -61,6 +70,8 @@ struct Cli {
     link: LinkArgs,
     #[command(flatten)]
     names: NamesArgs,
+    #[command(flatten)]
+    steering: SteeringArgs,
 }
 
 /// The command line; its long help ends with the exit codes.
@@ -84,6 +95,16 @@ fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
         output::say_warnings(&[warning]);
     }
     let operator = Operator::new(cli.link.peer()?, cli.names.config_hash()?).unwatched();
+    let prepared = match &cli.names.library {
+        Some(library) => Some(cli.steering.prepare(library, cli.names.robot.as_deref())?),
+        None if cli.steering.gait.is_some() => {
+            return Err(miette!(
+                help = "the robot begins and ends in its SAFE pose: --library LIB.rwl",
+                "--gait needs the motion library of the controller"
+            ));
+        }
+        None => None,
+    };
     interrupt::listen();
     let mut bus = cli.link.live().map_err(cannot_open)?;
     let node = cli.link.node;
@@ -91,9 +112,11 @@ fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
     if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {
         return Ok(ended(&cli.link, &SessionError::HasHost { node: node.number() }));
     }
-    let graph = Graph::join(&environment, names)?;
+    let graph = Graph::join(&environment, names, prepared.is_some())?;
     output::say(format_args!("node {} in ROS domain {}", graph.name(), environment.domain));
-    Ok(Bridge::new(&cli.link, &cli.names, bus, operator, graph).run())
+    let timeout_s = names.parameters.cmd_vel_timeout_s;
+    let driving = prepared.map(|it| Driving::new(it, cli.steering.budget(), timeout_s));
+    Ok(Bridge::new(&cli.link, &cli.names, bus, operator, graph, driving).run())
 }
 
 #[cfg(test)]

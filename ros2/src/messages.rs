@@ -28,6 +28,35 @@ pub struct JointState {
     pub effort: Vec<f64>,
 }
 
+/// `geometry_msgs/Vector3`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Vector3 {
+    /// Ahead.
+    pub x: f64,
+    /// To the left.
+    pub y: f64,
+    /// Up.
+    pub z: f64,
+}
+
+/// `geometry_msgs/Twist`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Twist {
+    /// Velocity, m/s.
+    pub linear: Vector3,
+    /// Angular velocity, rad/s.
+    pub angular: Vector3,
+}
+
+/// `geometry_msgs/TwistStamped`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TwistStamped {
+    /// When, and in which frame.
+    pub header: Header,
+    /// The velocity.
+    pub twist: Twist,
+}
+
 /// `diagnostic_msgs/DiagnosticArray`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosticArray {

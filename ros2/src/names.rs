@@ -1,5 +1,6 @@
-//! Names of the node, its topics and its services: as they are by default, and as `--ros-args` changes them.
+//! Names of the node, its topics and its services: as they are by default, and as `--ros-args` changes them; and what else stands there.
 
+use crate::parameters::Parameters;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use ros2_client::{Name, NodeName};
 use std::ffi::OsString;
@@ -11,6 +12,8 @@ pub struct Names {
     pub node: NodeName,
     /// Fully qualified names, and what stands for them.
     replaced: Vec<(String, String)>,
+    /// Of the node.
+    pub parameters: Parameters,
 }
 
 impl Names {
@@ -23,6 +26,7 @@ impl Names {
     ) -> miette::Result<(Self, Vec<OsString>)> {
         let mut own = Vec::new();
         let mut rules = Vec::new();
+        let mut parameters = Parameters::default();
         let mut arguments = arguments.into_iter();
         let mut for_ros = false;
         while let Some(argument) = arguments.next() {
@@ -32,26 +36,29 @@ impl Names {
                 (_, false) => own.push(argument),
                 (Some("--"), true) => for_ros = false,
                 (Some("-r" | "--remap"), true) => rules.push(rule(arguments.next())?),
+                (Some("-p" | "--param"), true) => {
+                    parameters.set(&arguments.next().unwrap_or_default().to_string_lossy())?;
+                }
                 (_, true) => {
                     return Err(miette!(
-                        help = "after --ros-args it takes `-r __node:=NAME`, `-r __ns:=/NAMESPACE` and `-r TOPIC:=OTHER`",
+                        help = "after --ros-args it takes `-r __node:=NAME`, `-r __ns:=/NAMESPACE`, `-r TOPIC:=OTHER` and `-p PARAMETER:=VALUE`",
                         "the node has no argument `{}` for ROS",
                         argument.display()
                     ));
                 }
             }
         }
-        Ok((Self::new(&rules)?, own))
+        Ok((Self::new(&rules, parameters)?, own))
     }
 
-    fn new(rules: &[(String, String)]) -> miette::Result<Self> {
+    fn new(rules: &[(String, String)], parameters: Parameters) -> miette::Result<Self> {
         let of = |keys: &[&str]| rules.iter().rev().find(|(from, _)| keys.contains(&from.as_str()));
         let name = of(&["__node", "__name"]).map_or("rollwalk", |(_, to)| to);
         let namespace = of(&["__ns"]).map_or("/", |(_, to)| to);
         let node = NodeName::new(namespace, name)
             .into_diagnostic()
             .wrap_err_with(|| format!("`{namespace}` and `{name}` name no node"))?;
-        let mut names = Self { node, replaced: Vec::new() };
+        let mut names = Self { node, replaced: Vec::new(), parameters };
         let topics = rules.iter().filter(|(from, _)| !from.starts_with("__"));
         names.replaced = topics.map(|(from, to)| (names.expand(from), names.expand(to))).collect();
         Ok(names)
@@ -141,7 +148,9 @@ mod tests {
     #[test]
     fn what_ros_would_refuse_is_refused_with_its_words() {
         for (line, words) in [
-            ("node --ros-args -p rate:=3", "no argument `-p`"),
+            ("node --ros-args --params-file x", "no argument `--params-file`"),
+            ("node --ros-args -p rate:=3", "no parameter `rate`"),
+            ("node --ros-args -p", "a parameter is set by NAME:=VALUE"),
             ("node --ros-args -r a", "`-r a`: a rule is FROM:=TO"),
             ("node --ros-args -r", "a rule is FROM:=TO"),
             ("node --ros-args -r __node:=a-b", "`/` and `a-b` name no node"),

@@ -1,116 +1,27 @@
 """`rollwalk-ros2` on a simulated Pup, as nodes of ROS 2 see it: topics, services, and what becomes of the robot when it ends.
 
-Run by `cargo xtask nightly --only ros2`, which sets ROLLWALK, ROLLWALK_SIM and ROLLWALK_ROS2 to the programs under test. The robot
-plays in real time, and each test begins where the one before has ended.
+Run by `cargo xtask nightly --only ros2`, which sets ROLLWALK, ROLLWALK_SIM and ROLLWALK_ROS2 to the programs under test.
 """
 
-import dataclasses
 import os
-import pathlib
 import signal
 import subprocess
-import tempfile
 import time
 import unittest
 
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import get_typestore
 from urdf_parser_py.urdf import URDF
 
+import bench
 import ros
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-ROBOT = ROOT / "robots/pup.toml"
-# Its own, so that neither other tests nor nodes of ROS on this computer are in it. Higher ones have ports that Linux gives away.
-DOMAIN = 1 + os.getpid() % 100
-# Of a motion that lasts some seconds, on a computer with other work.
-PLAYED_S = 30.0
-# Their message definitions come with rosbags.
-DISTRIBUTIONS = (Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY, Stores.ROS2_KILTED, Stores.ROS2_LYRICAL)
+from bench import PLAYED_S, plain
 
 
-class Node(unittest.TestCase):
-    """A robot in its simulator and a node for it, for all tests."""
+class Node(bench.Bench):
+    """Pup and its node."""
 
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.processes = []
-        library, cls.bus = cls.path("pup.rwl"), f"sim:{cls.path('robot.sock')}"
-        cls.rollwalk("library", "build", ROOT / "motions/pup_library.toml", "-o", library)
-        cls.start(os.environ["ROLLWALK_SIM"], ROBOT, "--bus", cls.bus)
-        ros.wait_for(cls.path("robot.sock").exists, "the simulator's socket")
-        cls.rollwalk("flash", library, "--robot", ROBOT, "--bus", cls.bus)
-        cls.node = cls.start_node()
-        cls.domain = ros.on_this_computer(DOMAIN)
-        cls.client = ros.Client(DOMAIN)
-        cls.state = cls.client.reader("/rollwalk/state", ros.String, ros.LATCHED)
-        cls.motion = cls.client.reader("/rollwalk/motion", ros.String, ros.LATCHED)
-        cls.logs = cls.client.reader("/rosout", ros.Log, ros.LATCHED)
-        cls.play = cls.client.writer("/rollwalk/play", ros.String)
-        names = ("arm", "disarm", "return", "pause", "resume", "estop", "clear")
-        cls.services = {name: cls.client.service(f"/rollwalk/{name}") for name in names}
-
-    @classmethod
-    def tearDownClass(cls):
-        for process in reversed(cls.processes):
-            process.terminate()
-            process.wait(timeout=30)
-        cls.folder.cleanup()
-
-    @classmethod
-    def path(cls, name):
-        """A file of the test."""
-        return pathlib.Path(cls.folder.name) / name
-
-    @classmethod
-    def rollwalk(cls, *args):
-        """Runs the command line."""
-        cls.run_to_its_end([os.environ["ROLLWALK"], *map(str, args)])
-
-    @staticmethod
-    def run_to_its_end(command):
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise AssertionError(f"{command}: {done.stderr}")
-
-    @classmethod
-    def start(cls, *command, **environment):
-        """Starts a program that runs until it is asked to end."""
-        environment = {**os.environ, **environment}
-        process = subprocess.Popen([str(part) for part in command], env=environment)
-        cls.processes.append(process)
-        return process
-
-    @classmethod
-    def start_node(cls, *args):
-        """Starts a node on the bus."""
-        return cls.start(
-            os.environ["ROLLWALK_ROS2"], "--bus", cls.bus, "--robot", ROBOT, "--library", cls.path("pup.rwl"), *args,
-            ROS_DOMAIN_ID=str(DOMAIN), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST", RMW_IMPLEMENTATION="rmw_cyclonedds_cpp",
-        )
-
-    def done(self, name):
-        """Calls a service that does what it is asked to."""
-        success, message = self.services[name].call()
-        self.assertTrue(success, f"{name}: {message}")
-        return message
-
-    def refused(self, name):
-        """Calls a service that refuses."""
-        success, message = self.services[name].call()
-        self.assertFalse(success, f"{name}: {message}")
-        return message
-
-    def await_text(self, reader, wanted, seconds=PLAYED_S):
-        """Reads texts until one is as wanted; those before it."""
-        seen = []
-
-        def is_there():
-            seen.extend(one.data for one in reader.take(100) if isinstance(one, ros.String))
-            return wanted in seen
-
-        ros.wait_for(is_there, f"{wanted!r}, seen {seen}", seconds)
-        return seen
+    ROBOT = "robots/pup.toml"
+    LIBRARY = "motions/pup_library.toml"
 
     def test_1_joints_and_urdf_have_the_same_names(self):
         description = self.client.reader("/robot_description", ros.String, ros.LATCHED)
@@ -151,7 +62,7 @@ class Node(unittest.TestCase):
         ):
             reader = self.client.reader(name, kind, qos)
             message = ros.wait_for(lambda reader=reader: reader.take(1), name)[0]
-            for distribution in DISTRIBUTIONS:
+            for distribution in bench.DISTRIBUTIONS:
                 read = get_typestore(distribution).deserialize_cdr(message.serialize(), of_ros)
                 self.assertEqual(plain(read), plain(message), f"{of_ros} of {distribution}")
 
@@ -165,22 +76,12 @@ class Node(unittest.TestCase):
         self.assertIn("refused to pause", self.refused("pause"))
 
     def test_4_what_is_no_text_is_ignored(self):
-        other = ros.Client(DOMAIN)
+        other = ros.Client(self.number)
         writer = other.writer("/rollwalk/play", ros.Broken)
         ros.wait_for(lambda: writer.get_matched_subscriptions(), "the node listens")
         writer.write(ros.Broken(0xFFFFFFFF))
         self.await_log("ignored, on ~/play: what is no message of its type")
         self.assertIn("no motion is paused", self.refused("resume"))
-
-    def await_log(self, words):
-        """Reads /rosout until a line has these words."""
-        lines = []
-
-        def is_there():
-            lines.extend(one.msg for one in self.logs.take(100) if isinstance(one, ros.Log))
-            return any(words in line for line in lines)
-
-        ros.wait_for(is_there, f"a line with {words!r}: {lines}")
 
     def test_5_an_armed_robot_plays_a_motion_to_its_end_and_comes_home(self):
         joints = self.client.reader("/joint_states", ros.JointState)
@@ -253,17 +154,6 @@ class Node(unittest.TestCase):
             return '"TorqueOff"' in heard and '"HostLost"' in heard
 
         ros.wait_for(is_stopped, "the robot without its host", PLAYED_S)
-
-
-def plain(message):
-    """A message of either library as dictionaries, lists, numbers and texts."""
-    if dataclasses.is_dataclass(message):
-        # Constants of a message are in capitals, and its type has a name that no field can have.
-        names = (field.name for field in dataclasses.fields(message))
-        return {name: plain(getattr(message, name)) for name in names if name.islower() and name[0] != "_"}
-    if isinstance(message, (str, int, float)):
-        return message
-    return [plain(one) for one in message]
 
 
 if __name__ == "__main__":

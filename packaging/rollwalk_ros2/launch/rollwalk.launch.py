@@ -10,18 +10,28 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 # Of an end by Ctrl-C the robot returns to SAFE first; a second signal would cut that off, and the robot would have to be cleared.
 HOME_S = "30"
+# Arguments of the launch file: a default, if there is one, and what they are.
+ARGUMENTS = {
+    "bus": (None, "sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0"),
+    "namespace": ("", "namespace of the nodes"),
+    "robot": ("", "robot file; with one, transforms are published"),
+    "library": ("", "motion library with the names of motions; with one, the robot can be driven by velocities"),
+    "gait": ("", "periodic plan in whose gait a robot walks that is driven"),
+    "use_stamped_vel": ("false", "whether velocities come as TwistStamped"),
+}
 
 
 def nodes(context):
     """The robot's node; with a robot file also the publisher of transforms, which takes the URDF when it starts."""
-    given = {name: LaunchConfiguration(name).perform(context) for name in ("bus", "namespace", "robot", "library")}
-    files = [word for name in ("robot", "library") if given[name] for word in (f"--{name}", given[name])]
+    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    files = [word for name in ("robot", "library", "gait") if given[name] for word in (f"--{name}", given[name])]
     robot = Node(
         package="rollwalk_ros2",
         executable="rollwalk-ros2",
         name="rollwalk",
         namespace=given["namespace"] or None,
         arguments=["--bus", given["bus"], *files],
+        ros_arguments=["-p", "use_stamped_vel:=" + given["use_stamped_vel"]],
         output="screen",
         sigterm_timeout=HOME_S,
     )
@@ -43,10 +53,7 @@ def generate_launch_description():
     """The launch file's arguments and nodes."""
     return LaunchDescription(
         [
-            DeclareLaunchArgument("bus", description="sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0"),
-            DeclareLaunchArgument("namespace", default_value="", description="namespace of the nodes"),
-            DeclareLaunchArgument("robot", default_value="", description="robot file; with one, transforms are published"),
-            DeclareLaunchArgument("library", default_value="", description="motion library with the names of motions"),
+            *(DeclareLaunchArgument(name, default_value=default, description=text) for name, (default, text) in ARGUMENTS.items()),
             OpaqueFunction(function=nodes),
         ]
     )
