@@ -12,6 +12,7 @@ mod examples;
 pub mod exit;
 mod files;
 mod gamepad;
+pub mod generated;
 mod inputs;
 pub mod interrupt;
 mod keys;

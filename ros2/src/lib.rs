@@ -33,6 +33,7 @@ use environment::Environment;
 use graph::Graph;
 use miette::miette;
 use names::Names;
+use rollwalk::generated::{self, Shell};
 use rollwalk::link::names::NamesArgs;
 use rollwalk::link::steering::SteeringArgs;
 use rollwalk::link::{LinkArgs, cannot_open, ended};
@@ -40,6 +41,7 @@ use rollwalk::{Exit, end, exit, interrupt, output};
 use rollwalk_host::listener;
 use rollwalk_host::operator::Operator;
 use rollwalk_host::session::SessionError;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// A robot as a node of ROS 2: joint states, URDF and diagnostics out, commands of an operator in.
@@ -72,6 +74,12 @@ struct Cli {
     names: NamesArgs,
     #[command(flatten)]
     steering: SteeringArgs,
+    /// Write the manual page into this folder, and end.
+    #[arg(long, value_name = "FOLDER", exclusive = true)]
+    man: Option<PathBuf>,
+    /// Print a completion script for this shell, and end.
+    #[arg(long, value_name = "SHELL", exclusive = true)]
+    completions: Option<Shell>,
 }
 
 /// The command line; its long help ends with the exit codes.
@@ -85,6 +93,13 @@ pub fn command_line() -> clap::Command {
 pub fn main() -> ExitCode {
     end(Names::split(std::env::args_os()).and_then(|(names, arguments)| {
         let matches = command_line().get_matches_from(arguments);
+        // The options of a robot are missing then.
+        if let Some(folder) = matches.get_one::<PathBuf>("man") {
+            return generated::manual(command_line(), folder).map(|()| Exit::Ok);
+        }
+        if let Some(shell) = matches.get_one::<Shell>("completions") {
+            return generated::completions(&mut command_line(), *shell).map(|()| Exit::Ok);
+        }
         run(&Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()), &names)
     }))
 }
@@ -124,6 +139,15 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         super::command_line().debug_assert();
+    }
+
+    #[test]
+    fn a_page_and_completions_need_no_robot() {
+        for words in [["--man", "man1"], ["--completions", "fish"]] {
+            let words = ["rollwalk-ros2"].into_iter().chain(words);
+            assert!(super::command_line().try_get_matches_from(words).is_ok());
+        }
+        assert!(super::command_line().try_get_matches_from(["rollwalk-ros2"]).is_err());
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! `rollwalk completions SHELL`: prints a completion script.
 
-use crate::{Exit, output, sim};
+use crate::generated::{self, Shell};
+use crate::{Exit, sim};
 use clap::ValueEnum;
-use clap_complete::Shell;
 
 /// Print a completion script for your shell.
 #[derive(clap::Args)]
@@ -36,9 +36,6 @@ pub fn run(args: &Args, root: &mut clap::Command) -> miette::Result<Exit> {
         Program::Rollwalk => root,
         Program::RollwalkSim => &mut simulator,
     };
-    let name = command.get_name().to_owned();
-    let mut script = Vec::new();
-    clap_complete::generate(args.shell, command, name, &mut script);
-    output::print(&String::from_utf8_lossy(&script))?;
+    generated::completions(command, args.shell)?;
     Ok(Exit::Ok)
 }

@@ -1,6 +1,6 @@
 //! `rollwalk man`: writes the manual pages of all commands.
 
-use crate::{Exit, files, output, sim};
+use crate::{Exit, generated, output, sim};
 use std::path::{Path, PathBuf};
 
 /// Write the manual pages of all commands: one for each, and that of rollwalk-sim.
@@ -23,11 +23,8 @@ pub fn run(args: &Args, root: &clap::Command) -> miette::Result<Exit> {
 }
 
 fn write(out: &Path, root: &clap::Command) -> miette::Result<()> {
-    files::make_folder(out)?;
-    for program in [root.clone(), sim::command_line()] {
-        clap_mangen::generate_to(program, out).map_err(|error| files::cannot_write(out, error))?;
-    }
-    Ok(())
+    generated::manual(root.clone(), out)?;
+    generated::manual(sim::command_line(), out)
 }
 
 #[cfg(test)]

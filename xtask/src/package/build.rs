@@ -11,7 +11,9 @@ pub const TARGET: &str = "x86_64-unknown-linux-musl";
 /// Their profile, in the root `Cargo.toml`.
 pub const PROFILE: &str = "ship";
 /// The programs.
-pub const PROGRAMS: [&str; 2] = ["rollwalk", "rollwalk-sim"];
+pub const PROGRAMS: [&str; 3] = ["rollwalk", "rollwalk-sim", NODE];
+/// The ROS 2 node, a package of its own.
+pub const NODE: &str = "rollwalk-ros2";
 
 /// The folder that has the programs.
 pub struct Programs {
@@ -37,6 +39,7 @@ pub fn programs(target: &Path) -> Result<Programs, String> {
         format!("static programs need musl's compiler. On Debian:\n\n    {install}")
     })?;
     let mut build = shell::cargo(&["build", "--locked", "--package", "rollwalk", "--bins"]);
+    build.args(["--package", NODE]);
     build.args(["--profile", PROFILE, "--target", TARGET]);
     build.env("CARGO_TARGET_DIR", target).env("CARGO_ENCODED_RUSTFLAGS", remap(target)?);
     shell::run(build.env("CARGO_INCREMENTAL", "0"))?;

@@ -1,5 +1,6 @@
 //! The Debian package on a Debian with nothing else: installed there, with the tutorial of README followed.
 
+use super::build::PROGRAMS;
 use super::{failed, make_folder};
 use crate::markdown::Page;
 use crate::{debian, shell};
@@ -14,6 +15,14 @@ const TUTORIAL: &str = "your-own-robot-and-motion-in-ten-minutes";
 /// Folder in which the tutorial is followed, there.
 const FOLDER: &str = "home/tutorial";
 
+/// Files of the package, a few of each kind.
+const INSTALLED: [&str; 4] = [
+    "usr/share/man/man1/rollwalk-plan.1.gz",
+    "usr/share/man/man1/rollwalk-ros2.1.gz",
+    "usr/share/bash-completion/completions/rollwalk-ros2",
+    "usr/lib/udev/rules.d/70-rollwalk.rules",
+];
+
 /// Installs the package in a fresh Debian and follows the tutorial.
 ///
 /// # Errors
@@ -24,11 +33,13 @@ pub fn check(package: &Path) -> Result<(), String> {
     let place = root.join("rollwalk.deb");
     fs::copy(package, &place).map_err(|error| failed(package, &error))?;
     shell::output(&mut inside(&root, "/", "dpkg --install /rollwalk.deb"))?;
-    for file in ["usr/share/man/man1/rollwalk-plan.1.gz", "usr/lib/udev/rules.d/70-rollwalk.rules"]
-    {
+    for file in INSTALLED {
         if !root.join(file).exists() {
             return Err(format!("the package has not installed /{file}"));
         }
+    }
+    for program in PROGRAMS {
+        shell::output(&mut inside(&root, "/", &format!("{program} --version")))?;
     }
     let tutorial = Tutorial::read(&super::read(&shell::workspace_root().join("README.md"))?)?;
     let folder = root.join(FOLDER);

@@ -1,6 +1,6 @@
 //! The tree of files that archive and Debian package have, laid out as below `/usr`.
 
-use super::build::{PROGRAMS, Programs};
+use super::build::{NODE, PROGRAMS, Programs};
 use super::{failed, make_folder, write_file};
 use crate::shell;
 use std::fs;
@@ -32,14 +32,19 @@ pub fn write(programs: &Programs, stage: &Path) -> Result<(), String> {
     let rollwalk = programs.path("rollwalk").to_string_lossy().into_owned();
     let manual = stage.join("share/man/man1");
     make_folder(&manual)?;
+    let node = programs.path(NODE).to_string_lossy().into_owned();
     shell::output(shell::command(&rollwalk, &["man", "--out"]).arg(&manual))?;
+    shell::output(shell::command(&node, &["--man"]).arg(&manual))?;
     // As Debian's policy has it; without names and times of files.
     shell::run(shell::command("gzip", &["-9nr"]).arg(&manual))?;
     for program in PROGRAMS {
         copy(&programs.path(program), &stage.join("bin").join(program))?;
         for (name, folder, before, behind) in SHELLS {
-            let words = ["completions", name, "--of", program];
-            let script = shell::output(&mut shell::command(&rollwalk, &words))?;
+            let mut print = match program {
+                NODE => shell::command(&node, &["--completions", name]),
+                _ => shell::command(&rollwalk, &["completions", name, "--of", program]),
+            };
+            let script = shell::output(&mut print)?;
             make_folder(&stage.join(folder))?;
             write_file(&stage.join(folder).join(format!("{before}{program}{behind}")), &script)?;
         }
