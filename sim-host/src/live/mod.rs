@@ -88,7 +88,12 @@ struct Waiting(VecDeque<Frame>);
 
 impl Waiting {
     fn push(&mut self, frame: Frame) {
-        if self.0.len() == WAITING {
+        self.push_within(frame, WAITING);
+    }
+
+    /// Adds a frame, and drops the oldest where more than `most` would wait.
+    fn push_within(&mut self, frame: Frame, most: usize) {
+        if self.0.len() == most {
             self.0.pop_front();
         }
         self.0.push_back(frame);

@@ -14,6 +14,10 @@ const STEP: Duration = Duration::from_millis(1);
 /// meanwhile wait to be read, and a robot whose time had gone on would have lost its host before it heard them.
 const MOST_LAG_US: u64 = 20_000;
 
+/// Maximum number of frames of the host that wait for the link. A bus that is full makes a host wait, and none of its frames is lost: the
+/// setpoints that one sends at once are ten for each channel, of 24.
+const MOST_INWARD: usize = 512;
+
 /// The robot's time, which follows the computer's.
 struct Clock {
     now_us: u64,
@@ -70,7 +74,9 @@ pub fn run(
         let mut deadline = Instant::now() + STEP;
         while let Some((_, heard)) = hub.next_event(deadline) {
             match heard {
-                Ok(Event::Frame(frame)) if frame.standard_id().is_some() => inward.push(frame),
+                Ok(Event::Frame(frame)) if frame.standard_id().is_some() => {
+                    inward.push_within(frame, MOST_INWARD);
+                }
                 Ok(_) => {}
                 Err(error) => link.lose(&mut hub, keeper, &error),
             }
@@ -83,6 +89,21 @@ pub fn run(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rollwalk_protocol::config::MAX_CHANNELS;
+    use rollwalk_protocol::wire::{Node, Setpoint};
+
+    #[test]
+    fn setpoints_that_come_at_once_all_wait() {
+        let mut inward = Waiting::default();
+        let of = |frame, channel| Setpoint { frame, channel, value: 0.0, torque_nm: 0.0 };
+        for frame in 0..10 {
+            for channel in 0..MAX_CHANNELS as u8 {
+                let setpoint = of(frame, channel).encode(Node::new(1).unwrap());
+                inward.push_within(setpoint, MOST_INWARD);
+            }
+        }
+        assert_eq!(inward.0.len(), 10 * MAX_CHANNELS);
+    }
 
     #[test]
     fn a_computer_that_stands_still_halts_the_robot() {
