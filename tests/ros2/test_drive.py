@@ -1,6 +1,6 @@
 """`rollwalk-ros2` on a simulated AgileBot that is driven by velocities: how far it comes in its world, and when it stops.
 
-Run by `cargo xtask test --only ros2`, as test_node.py is. Where the robot is stands in the log of its world (docs/world-log.md), which the
+Run by `cargo xtask nightly --only ros2`, as test_node.py is. Where the robot is stands in the log of its world (docs/world-log.md), which the
 node does not see.
 """
 

@@ -79,8 +79,8 @@ pub const SCHEMA: &str = "\
 3n2 command_ack crc8 seq:4 kind:4 result:u8 state:u8 motion:u8 value:u16
 4n0 joint channel:u8 position:i16*2e-4rad velocity:i16*2e-3rad/s torque:i16*5e-3Nm status:u8
 4n1 setpoint crc8 frame:u8 channel:7 stiff:1 value:i24*1e-4rad|rad/s torque:i16*5e-3Nm
-4n2 gyro crc8 3*i16*2e-3rad/s
-4n3 accelerometer crc8 3*i16*5e-3m/s2
+4n2 gyro crc8 x:i16*2e-3rad/s y:i16*2e-3rad/s z:i16*2e-3rad/s
+4n3 accelerometer crc8 x:i16*5e-3m/s2 y:i16*5e-3m/s2 z:i16*5e-3m/s2
 4n4 sample crc8 number:u8 answered:u8 delay:u8*2e-4s contacts:24 has_contacts:1 has_answered:1 zero:6
 5n0 transport_to_controller isotp
 5n1 transport_to_host isotp

@@ -18,7 +18,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0x0453_d505);
+    assert_eq!(SCHEMA_HASH, 0x3c0c_8b48);
 }
 
 #[test]
