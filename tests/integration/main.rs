@@ -6,6 +6,7 @@ mod bench;
 mod command_line;
 mod console;
 mod controlled;
+mod controlling;
 mod demo;
 mod designs;
 mod diagnosis;

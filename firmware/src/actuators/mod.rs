@@ -77,9 +77,7 @@ impl Actuators {
         let drivers: [BusDriver; MAX_BUSES] = core::array::from_fn(|number| {
             BusDriver::new(buses.get(number).copied().unwrap_or_default(), config, number)
         });
-        let takers = drivers
-            .iter()
-            .filter(|driver| driver.can.torque || driver.bus.control == ControlLoop::OnController);
+        let takers = drivers.iter().filter(|driver| driver.bus.takes_torque());
         let torque_takers = takers.fold(0, |bits, driver| bits | driver.members());
         Self { list, drivers, turn: 0, torque_takers }
     }
@@ -272,8 +270,8 @@ impl Actuators {
         let driver = config.channels.get(channel).and_then(|c| self.driver(c.bus));
         driver.is_some_and(|driver| match parameter {
             Parameter::FeedForward => true,
-            _ if driver.bus.control == ControlLoop::OnController => true,
-            Parameter::Kp | Parameter::Kd => driver.can.gains != UpdatePolicy::Never,
+            Parameter::Kp | Parameter::Kd => driver.bus.takes_gains(),
+            Parameter::MaxTorque if driver.bus.control == ControlLoop::OnController => true,
             // With gains in every setpoint they are scaled to the limit.
             Parameter::MaxTorque => {
                 driver.can.limits != UpdatePolicy::Never

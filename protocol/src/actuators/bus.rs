@@ -48,6 +48,17 @@ impl Default for Bus {
 }
 
 impl Bus {
+    /// Whether its actuators can be commanded a torque.
+    pub fn takes_torque(&self) -> bool {
+        self.control == ControlLoop::OnController || self.protocol.capabilities().torque
+    }
+
+    /// Whether kp and kd of its actuators can be changed while they run.
+    pub fn takes_gains(&self) -> bool {
+        self.control == ControlLoop::OnController
+            || self.protocol.capabilities().gains != UpdatePolicy::Never
+    }
+
     /// Checks that the protocol can carry every command at the ends of a channel's limits.
     ///
     /// # Errors

@@ -6,7 +6,7 @@ use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
 use rollwalk_host::stream::Target;
 use rollwalk_host::tracking::{Measured, Tracking};
-use rollwalk_multibody::Tree;
+use rollwalk_multibody::{Tree, Wheel};
 use rollwalk_physics::motor::Law;
 use rollwalk_protocol::wire::State;
 use rollwalk_robot::{Channel, Robot};
@@ -92,14 +92,14 @@ pub struct Conductor<'p> {
 
 /// Channel of each wheel that spins.
 ///
-/// # Errors
-/// One has none: its name.
-pub fn wheels(robot: &Robot, tree: &Tree) -> Result<Vec<usize>, String> {
-    let of = |wheel: &rollwalk_multibody::Wheel| {
+/// # Panics
+/// One has no motor.
+pub fn wheels(robot: &Robot, tree: &Tree) -> Vec<usize> {
+    let of = |wheel: &Wheel| {
         let name = &robot.end_effectors[wheel.end_effector].name;
         let is =
             |channel: Channel<'_>| matches!(channel, Channel::Wheel(of, _) if of.name == *name);
-        robot.channels().position(is).ok_or_else(|| name.clone())
+        robot.channels().position(is).expect("a wheel with a motor")
     };
     tree.wheels().iter().map(of).collect()
 }
@@ -149,6 +149,7 @@ impl<'p> Conductor<'p> {
     }
 
     /// The sequence.
+    #[cfg(test)]
     pub fn sequence(&self) -> &Sequence<'p> {
         self.sequence.as_ref().expect("it is taken for an instant only")
     }
@@ -276,18 +277,11 @@ impl<'p> Conductor<'p> {
     fn tick(&mut self, measured: &Measured) -> (Vec<Law>, Option<Untracked>) {
         let vector = |of: [f32; 3]| Vector3::from(of.map(f64::from));
         // Of a channel that was never heard no state is known.
-        let angle = |of: &Option<_>| {
-            of.map_or(f64::NAN, |of: rollwalk_protocol::wire::JointTelemetry| {
-                f64::from(of.position_rad)
-            })
-        };
-        let speed = |channel: usize| {
-            let joint = measured.joints.get(channel).copied().flatten();
-            joint.map_or(f64::NAN, |joint| f64::from(joint.velocity_rad_s))
-        };
+        let joint = |channel: usize| measured.joints.get(channel).copied().flatten();
+        let angle = |channel| joint(channel).map_or(f64::NAN, |of| f64::from(of.position_rad));
+        let speed = |channel| joint(channel).map_or(f64::NAN, |of| f64::from(of.velocity_rad_s));
         self.joint_rad.clear();
-        self.joint_rad.extend(measured.joints.iter().take(self.joints).map(angle));
-        self.joint_rad.resize(self.joints, f64::NAN);
+        self.joint_rad.extend((0..self.joints).map(angle));
         self.speed_rad_s.clear();
         self.speed_rad_s.extend((0..self.joints).chain(self.wheels.iter().copied()).map(speed));
         if measured.contacts.is_none() && self.first == Some(measured.number) {

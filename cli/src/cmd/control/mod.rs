@@ -135,6 +135,7 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
         ));
     }
     let library = inputs::Source::Disk.library(&args.file)?;
+    check(&library.robot)?;
     let names: Vec<_> = library.file.motions.iter().map(|motion| &motion.name).collect();
     if let Some(Play { motion, .. }) = args.play.iter().find(|play| !names.contains(&&play.motion))
     {
@@ -151,8 +152,7 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let legs = route::legs(&library, &plans, &args.play)?;
     let sequence = Sequence::new(legs, timing(rate_hz)).into_diagnostic()?;
     let robot = &library.robot;
-    let wheels =
-        conductor::wheels(robot, sequence.tree()).map_err(|name| no_encoder(robot, &name))?;
+    let wheels = conductor::wheels(robot, sequence.tree());
     let id = identity(&built.bytes).expect("it was just built");
     let mut conductor = Conductor::new(sequence, robot, wheels, tracking(rate_hz), id);
     let catalog = Packed::new(robot.clone(), built.bytes)?.catalog();
@@ -176,6 +176,26 @@ fn timing(rate_hz: u32) -> Timing {
 fn tracking(rate_hz: u32) -> Tracking {
     let percent = |part: f64| (100.0 * part).round() as u8;
     Tracking { rate_hz: rate_hz as u16, kp_percent: percent(KP_PART), kd_percent: percent(KD_PART) }
+}
+
+/// Checks that a robot measures what a tick needs, and that its motors can do what it wants.
+fn check(robot: &Robot) -> miette::Result<()> {
+    if let Some(wheel) = robot.end_effectors.iter().find(|of| of.contact.freewheels()) {
+        return Err(no_encoder(robot, &wheel.name));
+    }
+    let unfit = robot.channels().find(|channel| {
+        let bus = robot.buses.get(&channel.actuator().bus).copied().unwrap_or_default();
+        !(bus.takes_torque() && bus.takes_gains())
+    });
+    match unfit {
+        None => Ok(()),
+        Some(channel) => Err(miette!(
+            help = "`rollwalk send` and `rollwalk console` play its motions without feedback",
+            "`{}` of {} is a servo that takes no torque, or whose gains cannot be changed: it cannot be controlled in closed loop",
+            channel.name(),
+            robot.name
+        )),
+    }
 }
 
 fn no_encoder(robot: &Robot, wheel: &str) -> miette::Report {

@@ -52,7 +52,7 @@ impl Planned {
         let legs = route::legs(&self.library, &self.plans, &play).expect("a way");
         let sequence = Sequence::new(legs, timing(rate_hz)).expect("they follow each other");
         let robot = &self.library.robot;
-        let wheels = wheels(robot, sequence.tree()).expect("encoders");
+        let wheels = wheels(robot, sequence.tree());
         Conductor::new(sequence, robot, wheels, tracking(rate_hz), library)
     }
 }

@@ -1,0 +1,43 @@
+//! A robot that is controlled in closed loop from the command line, over a simulated bus; and what `rollwalk control` refuses.
+
+use crate::desk_with_shipped_files;
+use crate::simulated::{Robot, on};
+
+#[test]
+fn what_cannot_be_controlled_is_refused_before_anything_is_sent() {
+    let desk = desk_with_shipped_files();
+    desk.run(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]).succeeds();
+    let library = "motions/agilebot_library.toml";
+    let run = |args: &[&str]| on(&desk, "sim:none.sock", &[&["control"], args].concat());
+    desk.run(&["control", library, "--play", "walk"]).fails(1, &["no bus is given", "--bus"]);
+    run(&[library]).fails(1, &["nothing to play", "--play walk:5"]);
+    run(&[library, "--play", "run"]).fails(1, &["no motion `run`", "drive_1m", "walk"]);
+    run(&[library, "--play", "walk:0"]).fails(2, &["walk:0", "MOTION:CYCLES"]);
+    run(&[library, "--play", "walk", "--rate", "961"]).fails(1, &["960 samples a second"]);
+    run(&[library, "--play", "walk", "--latency-ms", "3"]).fails(1, &["latency is measured"]);
+    run(&["drive.json", "--play", "walk"]).fails(1, &["drive.json is a plan"]);
+    run(&["none.toml", "--play", "walk"]).fails(1, &["none.toml"]);
+    run(&["motions/walk.toml", "--play", "walk"]).fails(1, &["walk.toml", "motion file"]);
+    run(&["motions/pup_library.toml", "--play", "walk"]).fails(1, &["takes no torque"]);
+    run(&["motions/swizzlebot_library.toml", "--play", "forward"]).fails(1, &["turns freely"]);
+    run(&[library, "--play", "walk"]).fails(1, &["no simulated robot"]);
+}
+
+/// On the ground, and home again; then with another library in its flash.
+#[test]
+fn in_real_time_a_robot_walks_in_closed_loop_and_is_disarmed() {
+    let desk = desk_with_shipped_files();
+    let socket = format!("sim:{}", desk.path("robot.sock").display());
+    let library = "motions/agilebot_library.toml";
+    desk.run(&["library", "build", library, "-o", "a.rwl"]).succeeds();
+    let robot = Robot::on_ground(&desk, "robots/agilebot.toml", &socket);
+    let control = ["control", library, "--play", "walk"];
+    on(&desk, &socket, &control).fails(5, &["another library"]);
+    on(&desk, &socket, &["flash", "a.rwl"]).succeeds();
+    let controlled = on(&desk, &socket, &control);
+    let said = &controlled.stderr;
+    assert!(said.contains("all was played") && said.contains("its state is known"), "{said}");
+    assert!(said.contains("left; the robot is disarmed"), "{said}");
+    controlled.succeeds();
+    drop(robot);
+}
