@@ -433,7 +433,7 @@ impl Motion {
             self.watch_host(setup, halted, events);
         }
         if let Stage::Tracking(track) = &mut self.stage {
-            if track.advance(&setup.config, setup.settings.period_s()) {
+            if track.advance(setup.settings.period_s()) {
                 self.sample = Some(track.sample());
             }
             let periods = setup.settings.ticks_per_frame().saturating_mul(WINDOW as u16);

@@ -56,7 +56,8 @@ pub struct Track {
     samples: u16,
     /// The answer in force: before the first the robot rests.
     acts: Answer,
-    /// The one that is on its way.
+    /// A whole one that acts from the next period on, if any channel of it is there; and the one that is on its way.
+    whole: Answer,
     comes: Answer,
     /// Speeds of joints between the last two answers, rad/s.
     slopes: [f32; MAX_CHANNELS],
@@ -83,6 +84,7 @@ impl Track {
             since_sample: u16::MAX,
             samples: 0,
             acts: rests,
+            whole: rests,
             comes: rests,
             slopes: [0.0; MAX_CHANNELS],
             answers: 0,
@@ -115,9 +117,10 @@ impl Track {
         let Some(kind) = config.channels.get(channel).map(|channel| channel.kind) else { return };
         let begins = self.answers == 0;
         let number = setpoint.frame;
-        let is_new = match begins {
+        let newest = if self.whole.heard != 0 { self.whole.number } else { self.acts.number };
+        let is_new = match begins && self.whole.heard == 0 {
             true => self.age(number).is_some(),
-            false => self.is_newer(number, self.acts.number),
+            false => self.is_newer(number, newest),
         };
         if !is_new || !setpoint.value.is_finite() {
             return;
@@ -142,16 +145,19 @@ impl Track {
             self.comes.heard |= bit(channel);
             self.comes.stiff |= if setpoint.stiff { bit(channel) } else { 0 };
         }
+        if self.comes.heard == all(config) {
+            self.whole = self.comes;
+            self.comes.heard = 0;
+        }
     }
 
     /// Advances by one control period, of `period_s`. Returns whether a sample is due: the caller sends it with the number
     /// [`sample`](Self::sample).
-    pub fn advance(&mut self, config: &RobotConfig, period_s: f32) -> bool {
-        let all = (0..config.channels.len()).fold(0, |bits, channel| bits | bit(channel));
+    pub fn advance(&mut self, period_s: f32) -> bool {
         self.starved = self.starved.saturating_add(1);
         self.since_sample = self.since_sample.saturating_add(1);
         self.halted = self.halted.map(|periods| periods.saturating_add(1));
-        if self.halted.is_none() && self.comes.heard & all == all {
+        if self.halted.is_none() && self.whole.heard != 0 {
             self.take(period_s);
         }
         let is_due = self.since_sample >= self.tracking.periods;
@@ -168,20 +174,20 @@ impl Track {
 
     /// Brings the answer that is whole into force.
     fn take(&mut self, period_s: f32) {
-        let between = self.comes.number.wrapping_sub(self.acts.number);
+        let between = self.whole.number.wrapping_sub(self.acts.number);
         let between_s = f32::from(between) * f32::from(self.tracking.periods) * period_s;
         for (slope, (new, old)) in
-            self.slopes.iter_mut().zip(self.comes.values.iter().zip(&self.acts.values))
+            self.slopes.iter_mut().zip(self.whole.values.iter().zip(&self.acts.values))
         {
             *slope = if self.answers > 0 && between > 0 { (new - old) / between_s } else { 0.0 };
         }
         // Drives answered one after the other in the period before the sample: a period on the mean.
-        let age = u16::from(self.age(self.comes.number).unwrap_or(0));
+        let age = u16::from(self.age(self.whole.number).unwrap_or(0));
         let since_sample =
             age.saturating_mul(self.tracking.periods).saturating_add(self.since_sample);
         self.delay = since_sample.saturating_add(1);
-        self.acts = self.comes;
-        self.comes.heard = 0;
+        self.acts = self.whole;
+        self.whole.heard = 0;
         self.answers = self.answers.wrapping_add(1).max(1);
         self.starved = 0;
     }
@@ -246,6 +252,11 @@ impl Track {
         let is_stiff = self.acts.stiff & bit(channel) != 0;
         Some((target, if is_stiff { [1.0; 2] } else { self.tracking.parts }))
     }
+}
+
+/// A bit for each channel.
+fn all(config: &RobotConfig) -> u32 {
+    (0..config.channels.len()).fold(0, |bits, channel| bits | bit(channel))
 }
 
 fn bit(channel: usize) -> u32 {

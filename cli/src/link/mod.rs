@@ -61,6 +61,28 @@ pub fn live(bus: &BusName) -> Result<Live, OpenError> {
 /// A session on a bus of this computer.
 pub type LiveSession = Session<Interruptible>;
 
+/// Which controller, for a command that may do without one; the environment does not name its bus.
+#[derive(clap::Args)]
+pub struct MaybeLinkArgs {
+    /// The link: sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
+    #[arg(long, value_name = "BUS")]
+    bus: Option<BusName>,
+    /// The controller's address, 0 to 14.
+    #[arg(long, value_name = "N", default_value = "1", value_parser = node)]
+    node: Node,
+    /// File with the robot's link key, for a controller that insists on one; `rollwalk keys new` makes it.
+    #[arg(long, value_name = "FILE", env = "ROLLWALK_LINK_KEY")]
+    link_key: Option<PathBuf>,
+}
+
+impl MaybeLinkArgs {
+    /// The controller, if there is one.
+    pub fn link(&self) -> Option<LinkArgs> {
+        let Self { bus, node, link_key } = self;
+        bus.clone().map(|bus| LinkArgs { bus, node: *node, link_key: link_key.clone() })
+    }
+}
+
 impl LinkArgs {
     /// Opens the bus and sends nothing.
     ///

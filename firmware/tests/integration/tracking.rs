@@ -212,6 +212,26 @@ fn a_part_of_an_answer_and_what_is_late_do_nothing() {
 }
 
 #[test]
+fn a_whole_answer_acts_although_the_next_one_has_begun() {
+    let mut rig = tracked();
+    follow(&mut rig, 4, |_| ());
+    for _ in 0..20 {
+        rig.run(1);
+        let number = sample(&rig).number;
+        // The answer to the sample before is whole at last, and that to this one begins.
+        answer(&mut rig, number.wrapping_sub(1), |_| ());
+        rig.send(&setpoint(number, 0, STAND[0]).encode(me()));
+        // One that is older comes too late.
+        answer(&mut rig, number.wrapping_sub(2), |setpoint| setpoint.value += 0.2);
+        rig.run(1);
+        assert_eq!(answered(&rig), Some(number.wrapping_sub(1)));
+        assert!(rig.stands());
+        rig.send(&setpoint(number, 1, STAND[1]).encode(me()));
+        rig.send(&setpoint(number, 2, 0.0).encode(me()));
+    }
+}
+
+#[test]
 fn it_begins_near_safe_only() {
     let mut rig = tracked();
     follow(&mut rig, 10, |setpoint| {

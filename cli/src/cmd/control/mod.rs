@@ -9,7 +9,7 @@ mod route;
 mod tests;
 
 use crate::kind::Kind;
-use crate::link::{LinkArgs, cannot_open, ended};
+use crate::link::{LinkArgs, MaybeLinkArgs, cannot_open, ended};
 use crate::packed::Packed;
 use crate::planning;
 use crate::{Exit, files, inputs};
@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(value_name = "LIBRARY.toml|PLAN.json")]
     file: PathBuf,
     #[command(flatten)]
-    link: Option<LinkArgs>,
+    link: MaybeLinkArgs,
     /// Play this motion of the library, so many cycles; once for each, in the order in which they are played.
     #[arg(long, value_name = "MOTION:CYCLES")]
     play: Vec<Play>,
@@ -91,7 +91,7 @@ fn latency_ms(text: &str) -> Result<f64, String> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     // A plan is JSON.
     let is_plan = files::read(&args.file, Kind::Plan)?.trim_ascii_start().starts_with(b"{");
-    match (&args.link, is_plan) {
+    match (args.link.link(), is_plan) {
         (_, true) if args.play.is_empty() => {
             let feedback = match args.feedback {
                 Some(Way::Tasks) => Feedback::Tasks,
@@ -101,7 +101,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             let timing = Timing { tick_s, latency_s: 1e-3 * args.latency_ms.unwrap_or(0.0) };
             beside::run(&args.file, feedback, timing)
         }
-        (Some(link), false) => on_robot(args, link),
+        (Some(link), false) => on_robot(args, &link),
         (None, false) => Err(miette!(
             help = "--bus says where the robot is; for another simulator give a plan (JSON)",
             "{} is no plan, and no bus is given",
