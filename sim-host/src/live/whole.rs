@@ -95,7 +95,8 @@ mod tests {
     #[test]
     fn setpoints_that_come_at_once_all_wait() {
         let mut inward = Waiting::default();
-        let of = |frame, channel| Setpoint { frame, channel, value: 0.0, torque_nm: 0.0 };
+        let of =
+            |frame, channel| Setpoint { frame, channel, stiff: false, value: 0.0, torque_nm: 0.0 };
         for frame in 0..10 {
             for channel in 0..MAX_CHANNELS as u8 {
                 let setpoint = of(frame, channel).encode(Node::new(1).unwrap());

@@ -43,7 +43,7 @@ impl FromStr for Play {
 /// A step along the motion graph of a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Edge {
-    /// A motion, so often.
+    /// A motion, and its cycles.
     Motion(usize, u32),
     /// A transition, by its index.
     Transition(usize),
