@@ -183,7 +183,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if let Some(number) = sample
             && self.link.begin_batch(number)
         {
-            self.imu.sample();
+            self.imu.sample(self.motion.answered(&self.setup.settings));
         }
         if self.ticks_to_frame == 0 {
             self.ticks_to_frame = self.setup.settings.ticks_per_frame();

@@ -1,6 +1,6 @@
 //! The latest measurements of an IMU and of contact switches, until a [sample](crate::track) takes them along.
 
-use rollwalk_protocol::wire::{Accelerometer, Gyro};
+use rollwalk_protocol::wire::{Accelerometer, Answered, Gyro};
 
 /// What was measured since the last sample.
 #[derive(Clone, Debug, Default)]
@@ -14,13 +14,15 @@ pub(crate) struct Imu {
     sampled: Sampled,
 }
 
-/// What a sample says of the body.
+/// What a sample says besides its joints.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Sampled {
     pub gyro: Option<Gyro>,
     pub accelerometer: Option<Accelerometer>,
     /// Contacts of end effectors, a bit each.
     pub contacts: Option<u32>,
+    /// The answer that was in force.
+    pub answered: Option<Answered>,
 }
 
 impl Imu {
@@ -28,10 +30,13 @@ impl Imu {
     pub fn observe(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
         if gyro_rad_s.iter().chain(&force_m_s2).all(|value| value.is_finite()) {
             self.gyro_rad_s = Some(gyro_rad_s);
+            if self.count == u16::MAX {
+                return;
+            }
             for (sum, force) in self.forces_m_s2.iter_mut().zip(force_m_s2) {
                 *sum += force;
             }
-            self.count = self.count.saturating_add(1);
+            self.count += 1;
         }
     }
 
@@ -40,14 +45,15 @@ impl Imu {
         self.contacts = Some(contacts);
     }
 
-    /// Takes what was measured for a sample; what is not measured again is missing in the next.
-    pub fn sample(&mut self) {
+    /// Takes what was measured for a sample, with the answer in force; what is not measured again is missing in the next.
+    pub fn sample(&mut self, answered: Option<Answered>) {
         let count = f32::from(self.count);
         let mean = (self.count > 0).then(|| self.forces_m_s2.map(|sum| sum / count));
         self.sampled = Sampled {
             gyro: self.gyro_rad_s.take().map(|rad_s| Gyro { rad_s }),
             accelerometer: mean.map(|m_s2| Accelerometer { m_s2 }),
             contacts: self.contacts.take(),
+            answered,
         };
         (self.forces_m_s2, self.count) = ([0.0; 3], 0);
     }

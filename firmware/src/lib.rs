@@ -22,6 +22,7 @@ mod actuators;
 mod align;
 mod authentication;
 mod bus_watch;
+mod channel_bits;
 mod controller;
 mod gate;
 pub mod graph_cursor;

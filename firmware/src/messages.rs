@@ -7,13 +7,14 @@ use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
 use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult, TransportError};
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, CommandResult, DecodeError, Discovered, EstopAck, FaultReport,
-    JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Parameter, Request, Response,
-    SCHEMA_HASH, Sample, State, Status, ToController, Torque,
+    JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request, Response, SCHEMA_HASH, Sample,
+    State, Status, ToController, Torque,
 };
 
 use crate::authentication::Admission;
 use crate::controller::Controller;
 use crate::gate::{Permit, Verdict};
+use crate::imu::{Imu, Sampled};
 use crate::link::Outgoing;
 use crate::motion::Setup;
 use crate::player::PLANNED_SPEED_64THS;
@@ -107,8 +108,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                     self.imu.sampled().accelerometer.map(|of| of.encode(node))
                 }
                 Outgoing::Sample { number } => {
-                    let answered = self.motion.answered(&self.setup.settings);
-                    let contacts = self.imu.sampled().contacts;
+                    let Sampled { answered, contacts, .. } = self.imu.sampled();
                     Some(Sample { number, answered, contacts }.encode(node))
                 }
                 Outgoing::Frame(frame) => Some(frame),
@@ -167,6 +167,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             Action::Play { code, speed_64ths } => self.play(now_us, code, speed_64ths),
             Action::Stream => {
                 self.may_stream()?;
+                self.motion.want_tracking(None);
                 self.raise(now_us, Event::StreamStarted);
                 Ok(NOTHING_TO_SAY)
             }
@@ -174,7 +175,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 self.may_stream()?;
                 let control_hz = self.setup.settings.control_hz;
                 let tracking = self.tracking(rate_hz, [kp_percent, kd_percent])?;
-                self.motion.want_tracking(tracking);
+                self.motion.want_tracking(Some(tracking));
+                // What was measured before is of no sample.
+                self.imu = Imu::default();
                 self.raise(now_us, Event::StreamStarted);
                 Ok((None, control_hz.checked_div(tracking.periods).unwrap_or(0)))
             }
@@ -288,12 +291,10 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// What a host asks for, as far as this robot can do it.
     fn tracking(&self, rate_hz: u16, percent: [u8; 2]) -> Result<Tracking, CommandResult> {
         let Setup { config, settings, .. } = &self.setup;
-        let actuators = &self.motion.actuators;
-        let mut channels = 0..config.channels.len();
-        let fit = channels.all(|channel| {
-            actuators.takes_torque(channel) && actuators.heeds(config, channel, Parameter::Kd)
-        });
-        if !fit {
+        let fits = |bus: u8| {
+            self.setup.buses.get(usize::from(bus)).copied().unwrap_or_default().can_be_tracked()
+        };
+        if !config.channels.iter().all(|channel| fits(channel.bus)) {
             return Err(CommandResult::UnfitActuators);
         }
         let control_hz = settings.control_hz;
@@ -301,9 +302,11 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if !is_rate || percent.iter().any(|&part| part > 100) {
             return Err(CommandResult::BadTracking);
         }
-        // The nearest whole number of periods.
-        let twice = control_hz.saturating_mul(2).saturating_add(rate_hz);
-        let periods = twice.checked_div(rate_hz.saturating_mul(2)).unwrap_or(1).max(1);
+        // The next rate that is a whole number.
+        let mut periods = control_hz.checked_div(rate_hz).unwrap_or(1).max(1);
+        while periods > 1 && !control_hz.is_multiple_of(periods) {
+            periods -= 1;
+        }
         Ok(Tracking { periods, parts: percent.map(|part| f32::from(part) / 100.0) })
     }
 

@@ -188,9 +188,9 @@ impl Motion {
         Ok(())
     }
 
-    /// Has the next stream follow setpoints that answer samples.
-    pub fn want_tracking(&mut self, tracking: Tracking) {
-        self.tracking = Some(tracking);
+    /// Says whether the next stream is of setpoints that answer samples.
+    pub fn want_tracking(&mut self, tracking: Option<Tracking>) {
+        self.tracking = tracking;
     }
 
     /// Whether setpoints that answer samples are followed.
@@ -219,8 +219,9 @@ impl Motion {
         setup: &Setup,
         library: Option<Library<'_>>,
     ) -> Result<(), Unreadable> {
+        let tracking = self.tracking.take();
         let (values, torques) = safe(&library.ok_or(Unreadable)?)?;
-        self.stage = match self.tracking.take() {
+        self.stage = match tracking {
             Some(tracking) => Stage::Tracking(Track::start(tracking, values, torques)),
             None => {
                 let ticks_per_frame = setup.settings.ticks_per_frame();

@@ -15,6 +15,7 @@
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::wire::Setpoint;
 
+use crate::channel_bits::{all, bit};
 use crate::hermite;
 use crate::limiter::Target;
 use crate::window::{WINDOW, Window};
@@ -123,7 +124,7 @@ impl Stream {
 
     /// The frame that is due, if it is there.
     fn take(&mut self, config: &RobotConfig) -> Option<Frame> {
-        let all = (0..config.channels.len()).fold(0, |bits, channel| bits | bit(channel));
+        let all = all(config);
         let heard = |ahead: usize| {
             let number = self.taken.wrapping_add(ahead as u16);
             self.ring.get(place(number)).map_or(0, |waiting| waiting.heard & all)
@@ -214,9 +215,4 @@ impl Stream {
 /// Place of a frame in the ring.
 fn place(number: u16) -> usize {
     usize::from(number) % DEPTH
-}
-
-fn bit(channel: usize) -> u32 {
-    const { assert!(MAX_CHANNELS <= 32, "a bit for each channel") };
-    1_u32.checked_shl(channel as u32).unwrap_or(0)
 }

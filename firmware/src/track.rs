@@ -8,13 +8,14 @@
 //! sample k ──> host ──> SETPOINT ... ──> answer k, whole ──> target
 //! ```
 //!
-//! Without a new answer for [`MISSED`] samples the robot holds still where it is, with the full gains of its configuration: joints stay at the
+//! When the answer in force is [`MISSED`] samples older than usual, the robot holds still where it is, with the full gains of its configuration: joints stay at the
 //! last setpoints and their torques, wheels brake. It goes on when answers come again; the controller ends it when they do not
 //! (`docs/playback-and-safety.md`).
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::wire::{Answered, Setpoint};
 
+use crate::channel_bits::{all, bit};
 use crate::limiter::Target;
 
 /// Samples without an answer that acts, beyond the two that an answer is usually late, after which the robot holds still.
@@ -65,7 +66,7 @@ pub struct Track {
     answers: u16,
     /// Control periods from the measurements of the answer in force until it came into force.
     delay: u16,
-    /// Control periods since the last one came into force.
+    /// Control periods since the sample that the answer in force is to.
     starved: u16,
     /// Control periods since the end was called for.
     halted: Option<u16>,
@@ -143,6 +144,7 @@ impl Track {
         {
             (*value, *torque_nm) = (setpoint.value, setpoint.torque_nm);
             self.comes.heard |= bit(channel);
+            self.comes.stiff &= !bit(channel);
             self.comes.stiff |= if setpoint.stiff { bit(channel) } else { 0 };
         }
         if self.comes.heard == all(config) {
@@ -189,7 +191,7 @@ impl Track {
         self.acts = self.whole;
         self.whole.heard = 0;
         self.answers = self.answers.wrapping_add(1).max(1);
-        self.starved = 0;
+        self.starved = since_sample;
     }
 
     /// Number of the newest sample, modulo 256.
@@ -223,7 +225,7 @@ impl Track {
         self.answers
     }
 
-    /// Control periods since the last answer came into force.
+    /// Control periods since the sample that the answer in force is to.
     pub fn starved(&self) -> u16 {
         self.starved
     }
@@ -252,14 +254,4 @@ impl Track {
         let is_stiff = self.acts.stiff & bit(channel) != 0;
         Some((target, if is_stiff { [1.0; 2] } else { self.tracking.parts }))
     }
-}
-
-/// A bit for each channel.
-fn all(config: &RobotConfig) -> u32 {
-    (0..config.channels.len()).fold(0, |bits, channel| bits | bit(channel))
-}
-
-fn bit(channel: usize) -> u32 {
-    const { assert!(MAX_CHANNELS <= 32, "a bit for each channel") };
-    1_u32.checked_shl(channel as u32).unwrap_or(0)
 }

@@ -50,7 +50,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
             "it has a key of its owner, and setpoints of a host prove nothing: play motions of its library"
         }
         CommandResult::UnfitActuators => {
-            "an actuator takes no torque, or its gains cannot be changed: its servos can play motions of the library only"
+            "an actuator takes no torque, or no gains with its setpoints: the robot plays motions of its library only"
         }
         CommandResult::BadTracking => {
             "a rate of 20 samples a second up to its control rate, and gains of 0 to 100 % are possible"

@@ -12,7 +12,7 @@ use rollwalk_protocol::wire::{
 /// What a host asks for when it closes the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tracking {
-    /// Samples a second; the controller takes the nearest rate that it can.
+    /// Samples a second; the controller takes this rate, or the next higher one that it can.
     pub rate_hz: u16,
     /// Parts of kp and kd of the robot file that drives close around setpoints which are not stiff, %.
     pub kp_percent: u8,

@@ -13,7 +13,7 @@ pub mod pilot;
 pub mod plans;
 pub mod steered;
 
-pub use pilot::{After, Phase, Pilot, Request, Tally, Wanted};
+pub use pilot::{AGAIN_US, ARM_AGAIN_US, ARMS, After, Phase, Pilot, Request, Tally, Wanted};
 pub use plans::{Courses, Planned, Planner, Route};
 pub use rollwalk_planner::receding::Steering;
 pub use steered::{END_US, Fastest, Steered};

@@ -16,10 +16,13 @@ const STANDS_STRETCHES: u32 = 6;
 /// Speed up to which a robot stands, m/s and rad/s.
 const STANDS_BELOW: f64 = 0.02;
 /// Time after which a command that had no effect is given again, µs.
-const AGAIN_US: u64 = 1_000_000;
-/// Tries to arm without an operator, and the time between them, µs.
-const ARMS: u8 = 5;
-const ARM_AGAIN_US: u64 = 300_000;
+pub const AGAIN_US: u64 = 1_000_000;
+/// Tries to arm without an operator: feedback of actuators is missing just after power-on.
+pub const ARMS: u8 = 5;
+/// Time between them, µs.
+pub const ARM_AGAIN_US: u64 = 300_000;
+/// Longest time in which a robot stops, µs: without plans that are accepted it goes to SAFE as it is.
+const STOPS_US: u64 = 10_000_000;
 
 /// What a horizon is to be planned for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -148,7 +151,10 @@ impl Pilot {
         self.wanted = Wanted::default();
         self.rests = true;
         match self.phase {
-            Phase::Steered => (self.phase, self.after, self.stood) = (Phase::Stopping, after, 0),
+            Phase::Steered => {
+                (self.phase, self.after, self.stood) = (Phase::Stopping, after, 0);
+                self.again_us = now_us + STOPS_US;
+            }
             Phase::Stopping | Phase::Homeward if after > self.after => self.after = after,
             Phase::Stopping | Phase::Homeward if after == After::Leave => {
                 // Asked for twice.
@@ -204,6 +210,7 @@ impl Pilot {
             }
             Phase::Beginning if streams => {
                 self.phase = if self.ends { Phase::Stopping } else { Phase::Steered };
+                self.again_us = now_us + STOPS_US;
                 (self.first, self.arms) = (None, 0);
             }
             Phase::Beginning if state != State::Ready => self.end(now_us, operator),
@@ -213,7 +220,7 @@ impl Pilot {
                 self.rests = true;
                 self.end(now_us, operator);
             }
-            Phase::Stopping if self.stood >= STANDS_STRETCHES => {
+            Phase::Stopping if self.stood >= STANDS_STRETCHES || now_us >= self.again_us => {
                 (self.phase, self.again_us) = (Phase::Homeward, now_us + AGAIN_US);
                 operator.want(now_us, Intent::Return);
             }

@@ -50,6 +50,11 @@ impl Follower {
         self.stop.as_mut().map(|stop| stop.tick(script, tick_s))
     }
 
+    /// Whether it has come to rest for good.
+    pub fn has_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.is_over())
+    }
+
     /// What the motors do until the next tick, with the reference of the moment at which setpoints act; those of the plan are of
     /// `acts_s`, the end of the tick. `tick_s` is the time since the last tick.
     pub fn tick(

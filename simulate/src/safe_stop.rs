@@ -46,6 +46,11 @@ impl SafeStop {
         Self { at_s: best.1, now_s }
     }
 
+    /// Whether the plan has ended, and the wheels have come to rest.
+    pub fn is_over(&self) -> bool {
+        self.now_s - self.at_s >= WHEELS_S
+    }
+
     /// What the motors do a tick later.
     pub fn tick(&mut self, script: &Script<'_>, tick_s: f64) -> Vec<Law> {
         self.now_s += tick_s;

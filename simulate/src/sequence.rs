@@ -278,6 +278,11 @@ impl<'p> Sequence<'p> {
         leg + 1 == self.legs.len() && time_s >= self.legs[leg].duration_s()
     }
 
+    /// Whether a robot that could not be tracked has been brought to a stop, and stands ([`Untracked::Stopped`]).
+    pub fn has_stopped(&self) -> bool {
+        self.follower.has_stopped()
+    }
+
     /// What was planned for the moment at which the setpoints of the last tick act.
     pub fn reference(&self) -> Option<&Reference> {
         self.reference.as_ref()

@@ -10,6 +10,8 @@ use rollwalk_protocol::actuators::{ActuatorCommand, Answers, Capabilities, Updat
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, RobotConfig};
 
+use crate::channel_bits::bit;
+
 use super::actuator::Actuator;
 use super::orders::{self, DriveRequest};
 use super::{Actuators, FRESH_TICKS};
@@ -169,11 +171,6 @@ impl BusDriver {
             }
         }
     }
-}
-
-/// The bit of a channel.
-pub fn bit(channel: usize) -> u32 {
-    1u32.checked_shl(channel as u32).unwrap_or(0)
 }
 
 /// The channels of bits, in order.

@@ -21,6 +21,7 @@ use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig}
 
 use rollwalk_protocol::wire::Parameter;
 
+use crate::channel_bits::bit;
 use crate::limiter::Target;
 
 mod actuator;
@@ -289,7 +290,7 @@ impl Actuators {
 
     /// Whether a channel's actuator can be commanded a torque. One that cannot is sent another position or speed.
     pub fn takes_torque(&self, channel: usize) -> bool {
-        self.torque_takers & driver::bit(channel) != 0
+        self.torque_takers & bit(channel) != 0
     }
 
     /// Puts a target, already limited, into the mailbox of an actuator. `limits` is its channel with

@@ -11,9 +11,10 @@ use rollwalk_protocol::actuators::{ActuatorCommand, Command, Decoded, Packet};
 use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
 
 use super::actuator::Actuator;
-use super::driver::{BusDriver, Content, Transmission, bit, channels, order};
+use super::driver::{BusDriver, Content, Transmission, channels, order};
 use super::orders::DriveRequest;
 use super::{Actuators, members};
+use crate::channel_bits::bit;
 
 impl BusDriver {
     /// The transmission to continue or to begin, with all actuators that it addresses.

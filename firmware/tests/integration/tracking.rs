@@ -61,7 +61,7 @@ fn follow(rig: &mut Rig, periods: u32, change: impl Fn(&mut Setpoint)) {
 
 #[test]
 fn measurements_come_at_the_rate_in_their_order() {
-    for (rate_hz, periods) in [(120, 1), (60, 2), (50, 2), (40, 3)] {
+    for (rate_hz, periods) in [(120, 1), (100, 1), (60, 2), (50, 2), (40, 3)] {
         let mut rig = Rig::ready();
         let ack = rig.command(Action::Track { rate_hz, kp_percent: 0, kd_percent: 100 });
         assert_eq!((ack.result, ack.value), (CommandResult::Ok, 120 / periods as u16));
@@ -123,6 +123,39 @@ fn what_is_not_measured_is_left_out() {
     // Not once more.
     rig.run(1);
     assert_eq!((imu(&rig), sample(&rig).contacts), (2, None));
+}
+
+#[test]
+fn measurements_from_before_are_of_no_sample() {
+    let mut rig = Rig::booted();
+    for _ in 0..70_000 {
+        rig.brain.on_imu([9.0; 3], [0.0, 0.0, 50.0]);
+    }
+    rig.brain.on_contacts(0b1);
+    rig.arm();
+    rig.run_until(State::Ready, 1000);
+    rig.command(TRACK);
+    rig.heard.clear();
+    rig.run(1);
+    let imu = |(_, message): &&(u64, FromController)| {
+        matches!(message, FromController::Gyro(_) | FromController::Accelerometer(_))
+    };
+    assert_eq!((rig.heard.iter().filter(imu).count(), sample(&rig).contacts), (0, None));
+}
+
+#[test]
+fn a_host_whose_answers_are_old_does_not_steer() {
+    let mut rig = tracked();
+    follow(&mut rig, 4, |_| ());
+    let kp = config().channels[0].kp_nm_rad;
+    for _ in 0..20 {
+        rig.run(1);
+        // Each sample is answered, much later.
+        let number = sample(&rig).number.wrapping_sub(8);
+        answer(&mut rig, number, |_| ());
+    }
+    assert_eq!(rig.brain.state(), State::Streaming);
+    assert!((rig.servos[0].setpoints.last().unwrap().1 - kp).abs() < 0.01 * kp, "it holds still");
 }
 
 #[test]

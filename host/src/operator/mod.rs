@@ -599,9 +599,9 @@ impl Operator {
             Order::Clear => self.latch = self.latch.cleared(),
             Order::Return | Order::Disarm => self.asked = None,
             Order::Track(_) => {
-                if let Setpoints::Answers(of) = &mut self.setpoints {
-                    of.rate_hz = Some(ack.value);
-                }
+                // Samples of before, if it was tracked, are of other numbers.
+                let rate_hz = Some(ack.value);
+                self.setpoints = Setpoints::Answers(Loop { rate_hz, ..Loop::default() });
             }
             Order::Pause | Order::Resume | Order::Stream => {}
         }

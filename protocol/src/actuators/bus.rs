@@ -59,6 +59,14 @@ impl Bus {
             || self.protocol.capabilities().gains != UpdatePolicy::Never
     }
 
+    /// Whether a host may close a loop over its actuators: torques and gains come with every setpoint. Gains that a drive stores come one actuator after
+    /// the other, and may be lost.
+    pub fn can_be_tracked(&self) -> bool {
+        let gains = self.protocol.capabilities().gains;
+        let at_once = gains == UpdatePolicy::EverySetpoint;
+        self.takes_torque() && (self.control == ControlLoop::OnController || at_once)
+    }
+
     /// Checks that the protocol can carry every command at the ends of a channel's limits.
     ///
     /// # Errors

@@ -63,7 +63,7 @@ pub enum Action {
     Stream,
     /// Send [`super::Sample`]s, and follow the [`super::Setpoint`]s that answer them, from SAFE on, until [`Action::Return`].
     Track {
-        /// Samples a second; the controller takes the nearest rate that divides its own, and acknowledges it.
+        /// Samples a second; the controller takes this rate or the next higher one that divides its own, and acknowledges it.
         rate_hz: u16,
         /// Part of the configured kp of each joint that its drive closes around a setpoint, %; of one that is stiff all of it.
         kp_percent: u8,
@@ -203,7 +203,7 @@ coded! {
         AuthenticationRequired = 14,
         /// A controller with a key of its owner follows no setpoints of a host: nothing proves whose they are.
         Unproven = 15,
-        /// Not with these actuators: one of them takes no torque, or its gains cannot be changed.
+        /// Not with these actuators: one of them takes no torque, or no gains with its setpoints.
         UnfitActuators = 16,
         /// A rate or a part of gains is out of range.
         BadTracking = 17,

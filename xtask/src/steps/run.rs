@@ -148,8 +148,8 @@ impl Beside {
         let log = folder.join(format!("{command}-{name}.log"));
         let output = File::create(&log).map_err(failed)?;
         let errors = output.try_clone().map_err(failed)?;
-        let program = std::env::current_exe().map_err(failed)?;
-        let mut process = shell::tied(&program.to_string_lossy());
+        // This very program, also when the build has put another in its place.
+        let mut process = shell::tied(&format!("/proc/{}/exe", std::process::id()));
         process.args([command, "--only", name]);
         let child = process.stdout(output).stderr(errors).spawn().map_err(failed)?;
         let stop = Arc::new(AtomicBool::new(false));

@@ -8,20 +8,23 @@ use rollwalk_host::stream::Target;
 use rollwalk_host::tracking::{Measured, Tracking};
 use rollwalk_multibody::{Tree, Wheel};
 use rollwalk_physics::motor::Law;
+use rollwalk_pilot::{AGAIN_US, ARM_AGAIN_US, ARMS};
 use rollwalk_protocol::wire::State;
 use rollwalk_robot::{Channel, Robot};
 use rollwalk_simulate::closed_loop::{self, Untracked};
 use rollwalk_simulate::sequence::Sequence;
 use rollwalk_tracking::Sensors;
 
-/// How often it arms by itself: feedback of actuators is missing just after power-on.
-const ARMS: u8 = 5;
-/// Interval between these attempts, and between other commands that had no effect, µs.
-const AGAIN_US: u64 = 1_000_000;
 /// How long the robot stands before the sequence begins: the estimator finds the bias of the gyro, and the loop its latency, s.
 const STANDS_S: f64 = 1.5;
 /// Longest time until the state of a standing robot is known, s.
 const KNOWN_S: f64 = 10.0;
+/// Longest time until it is armed and stands in SAFE, µs.
+const ARMED_US: u64 = 30_000_000;
+/// Latency from which on a robot is not controlled, s: it falls before it is answered, and samples tell no longer one.
+const LATENCY_MAX_S: f64 = 0.05;
+/// Samples that are answered before the loop of the program goes on: heartbeats are sent there.
+const AT_ONCE: usize = 8;
 /// Samples by which an answer may be late, as far as they are counted.
 const LATE_MAX: usize = 16;
 
@@ -73,6 +76,8 @@ pub struct Conductor<'p> {
     phase: Phase,
     arms: u8,
     again_us: u64,
+    /// When the controller was heard first, µs.
+    begun_us: Option<u64>,
     /// Number of the first sample, and of the last.
     first: Option<u64>,
     last: u64,
@@ -85,6 +90,8 @@ pub struct Conductor<'p> {
     delays_s: Vec<f64>,
     /// Leg and cycle that were said last.
     said: Option<(usize, u32)>,
+    /// End effectors that touched the ground at last, a bit each.
+    contacts: u32,
     touches: Vec<bool>,
     joint_rad: Vec<f64>,
     speed_rad_s: Vec<f64>,
@@ -125,6 +132,7 @@ impl<'p> Conductor<'p> {
             phase: Phase::Arming,
             arms: ARMS,
             again_us: 0,
+            begun_us: None,
             first: None,
             last: 0,
             stops: false,
@@ -132,6 +140,7 @@ impl<'p> Conductor<'p> {
             tally: Tally::default(),
             delays_s: Vec::new(),
             said: None,
+            contacts: 0,
             touches: Vec::new(),
             joint_rad: Vec::new(),
             speed_rad_s: Vec::new(),
@@ -154,7 +163,7 @@ impl<'p> Conductor<'p> {
         self.sequence.as_ref().expect("it is taken for an instant only")
     }
 
-    /// Ends early: the robot completes its cycle, and goes to SAFE along the plans that follow. The second time it goes there at once.
+    /// Ends early: the robot completes its cycle, and goes to SAFE along the plans that follow; one that does not play goes there at once.
     pub fn stop(&mut self, now_us: u64, operator: &mut Operator) {
         let plays = self.phase == Phase::Playing;
         if plays && !std::mem::replace(&mut self.stops, true) {
@@ -170,6 +179,11 @@ impl<'p> Conductor<'p> {
         let view = operator.view(now_us);
         let Some(status) = view.status.filter(|_| view.link.contact) else { return };
         let streams = status.state == State::Streaming;
+        let begun_us = *self.begun_us.get_or_insert(now_us);
+        if self.phase == Phase::Arming && now_us - begun_us > ARMED_US {
+            operator.say(now_us, Weight::Warning, "the robot is not armed after 30 s");
+            return self.end(now_us, operator);
+        }
         match (self.phase, status.state) {
             (Phase::Over, _) => {}
             (Phase::Arming, State::Disarmed) => self.arm(now_us, &view, operator),
@@ -217,7 +231,7 @@ impl<'p> Conductor<'p> {
             if self.arms == 0 {
                 return self.end(now_us, operator);
             }
-            (self.arms, self.again_us) = (self.arms - 1, now_us + AGAIN_US);
+            (self.arms, self.again_us) = (self.arms - 1, now_us + ARM_AGAIN_US);
             operator.want(now_us, Intent::Arm);
         }
     }
@@ -235,18 +249,25 @@ impl<'p> Conductor<'p> {
     /// Answers samples; call often. Of a program that was held up the state is estimated from all of them, and the newest answer supersedes the others. A
     /// robot that goes home is answered to the end.
     pub fn answer(&mut self, now_us: u64, operator: &mut Operator) {
-        while let Some(measured) = operator.take_sample() {
-            self.answer_one(now_us, measured, operator);
+        for _ in 0..AT_ONCE {
+            let Some(measured) = operator.take_sample() else { return };
+            self.answer_one(now_us, &measured, operator);
         }
     }
 
-    fn answer_one(&mut self, now_us: u64, measured: Measured, operator: &mut Operator) {
+    fn answer_one(&mut self, now_us: u64, measured: &Measured, operator: &mut Operator) {
         if let Some((rate_hz, lost)) = operator.sampled() {
-            self.tick_s = 1.0 / f64::from(rate_hz.max(1));
             self.tally.lost = lost;
+            if rate_hz != self.tracking.rate_hz && self.phase == Phase::Standing {
+                let text = format!(
+                    "the controller takes {rate_hz} samples a second: try with --rate {rate_hz}"
+                );
+                operator.say(now_us, Weight::Refused, text);
+                return self.end(now_us, operator);
+            }
         }
-        self.count(&measured);
-        let (laws, untracked) = self.tick(&measured);
+        self.count(measured);
+        let (laws, untracked) = self.tick(measured);
         self.tally.answered += 1;
         self.tally.untracked += u64::from(untracked.is_some());
         if untracked != self.why {
@@ -287,7 +308,9 @@ impl<'p> Conductor<'p> {
         if measured.contacts.is_none() && self.first == Some(measured.number) {
             self.sequence = self.sequence.take().map(Sequence::with_planned_contacts);
         }
-        let contacts = measured.contacts.unwrap_or(0);
+        // Switches may be read less often than samples are taken.
+        self.contacts = measured.contacts.unwrap_or(self.contacts);
+        let contacts = self.contacts;
         self.touches.clear();
         self.touches.extend((0..self.end_effectors).map(|of| contacts >> of & 1 != 0));
         let sensors = Sensors {
@@ -317,6 +340,11 @@ impl<'p> Conductor<'p> {
                 self.delays_s.sort_by(f64::total_cmp);
                 let latency_s = self.delays_s.get(self.delays_s.len() / 2).copied();
                 let latency_s = latency_s.unwrap_or(2.0 * self.tick_s);
+                if latency_s >= LATENCY_MAX_S {
+                    let text = "setpoints act 50 ms after what they answer, or later: the link or this computer is too slow";
+                    operator.say(now_us, Weight::Refused, text);
+                    return self.end(now_us, operator);
+                }
                 sequence.change_latency(latency_s);
                 sequence.go();
                 self.phase = Phase::Playing;
@@ -332,7 +360,12 @@ impl<'p> Conductor<'p> {
                 operator.say(now_us, Weight::Warning, text);
                 self.end(now_us, operator);
             }
-            Phase::Playing if self.why == Some(Untracked::Stopped) => self.end(now_us, operator),
+            // On all its feet, as far as it has come to that.
+            Phase::Playing if self.why == Some(Untracked::Stopped) => {
+                if sequence.has_stopped() {
+                    self.end(now_us, operator);
+                }
+            }
             Phase::Playing if sequence.is_over() => {
                 self.tally.complete = !self.stops;
                 self.end(now_us, operator);

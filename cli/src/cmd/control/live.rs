@@ -6,12 +6,11 @@ use crate::link::operated::{Operated, farewell, say_new};
 use crate::{Exit, interrupt, output};
 use rollwalk_bus::port::Live;
 use rollwalk_host::operator::{Intent, Leaving, Operator};
+use rollwalk_pilot::END_US;
 use std::time::Instant;
 
 /// Time without contact after which the program ends, µs.
 const SILENT_US: u64 = 5_000_000;
-/// Longest time from the end of the motion until the robot is disarmed, µs: then the program leaves it.
-const END_US: u64 = 20_000_000;
 
 /// Plays the sequence of a conductor on a bus, and says how it went.
 pub fn run(link: &LinkArgs, bus: Live, operator: Operator, conductor: &mut Conductor<'_>) -> Exit {

@@ -26,13 +26,14 @@ use rollwalk_simulate::closed_loop::Timing;
 use rollwalk_simulate::{Feedback, Sequence};
 use rollwalk_tracking::tracker::{KD_PART, KP_PART};
 use route::Play;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 /// Control in closed loop: play motions on a robot, or track a plan for another simulator.
 ///
 /// With a library file and --bus it is the robot's host: it plans the library's motions and transitions, arms the robot, and plays the motions of --play one after the
 /// other, from SAFE to SAFE. The controller sends what it measures up to 120 times a second, and the program answers with a setpoint and a torque for every motor. All limits
-/// and watchdogs of the controller stay in force: without answers the robot holds still, and after a quarter of a second it goes to SAFE and is let down. The robot needs an IMU, motors that take
+/// and watchdogs of the controller stay in force: without answers the robot holds still, and after a quarter of a second it is let down where it is. The robot needs an IMU, motors that take
 /// torques, and the same library in its flash. Ctrl-C completes the cycle that has begun, and takes the robot home; a second one ends the program at once.
 ///
 /// With a plan it serves another simulator over standard input and output: a line of measurements in, a line of setpoints out. Its first line says what the plan is, in which order
@@ -56,8 +57,8 @@ pub struct Args {
     /// Play this motion of the library, so many cycles; once for each, in the order in which they are played.
     #[arg(long, value_name = "MOTION:CYCLES")]
     play: Vec<Play>,
-    /// Ticks per second [default: on a robot 120, or what its controller can do; else 500].
-    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(20..=10_000))]
+    /// Ticks per second, on a robot 40 to 960 [default: on a robot 120, else 500].
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(30..=10_000))]
     rate: Option<u32>,
     /// Time from a measurement until the motors act on the answer, in milliseconds, beyond a tick; on a robot it is measured.
     #[arg(long, value_name = "MS", value_parser = latency_ms)]
@@ -80,8 +81,8 @@ const LATENCY_MAX_MS: f64 = 50.0;
 /// Ticks a second for a simulator of others, and samples a second of a robot.
 const RATE_HZ: u32 = 500;
 const SAMPLES_HZ: u32 = 120;
-/// Most samples a second that a command can ask for.
-const SAMPLES_MAX_HZ: u32 = 960;
+/// Slower, a robot falls before it is answered; more no controller takes.
+const SAMPLES_RANGE_HZ: RangeInclusive<u32> = 40..=960;
 
 fn latency_ms(text: &str) -> Result<f64, String> {
     inputs::number_within(text, 0.0..=LATENCY_MAX_MS)
@@ -129,24 +130,14 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
         ));
     }
     let rate_hz = args.rate.unwrap_or(SAMPLES_HZ);
-    if rate_hz > SAMPLES_MAX_HZ {
+    if !SAMPLES_RANGE_HZ.contains(&rate_hz) {
         return Err(miette!(
-            "--rate {rate_hz}: a controller takes {SAMPLES_MAX_HZ} samples a second at most"
+            "--rate {rate_hz}: a robot is controlled with 40 to 960 samples a second"
         ));
     }
     let library = inputs::Source::Disk.library(&args.file)?;
     check(&library.robot)?;
-    let names: Vec<_> = library.file.motions.iter().map(|motion| &motion.name).collect();
-    if let Some(Play { motion, .. }) = args.play.iter().find(|play| !names.contains(&&play.motion))
-    {
-        let names: Vec<_> = names.into_iter().map(String::as_str).collect();
-        let names = names.join(", ");
-        return Err(miette!(
-            help = format!("its motions: {names}"),
-            "{} has no motion `{motion}`",
-            args.file.display()
-        ));
-    }
+    route::check(&library, &args.play)?;
     let Some(plans) = planning::plan_all(&library, false)? else { return Ok(Exit::Interrupted) };
     let built = plans.pack(&library)?;
     let legs = route::legs(&library, &plans, &args.play)?;
@@ -185,13 +176,13 @@ fn check(robot: &Robot) -> miette::Result<()> {
     }
     let unfit = robot.channels().find(|channel| {
         let bus = robot.buses.get(&channel.actuator().bus).copied().unwrap_or_default();
-        !(bus.takes_torque() && bus.takes_gains())
+        !bus.can_be_tracked()
     });
     match unfit {
         None => Ok(()),
         Some(channel) => Err(miette!(
             help = "`rollwalk send` and `rollwalk console` play its motions without feedback",
-            "`{}` of {} is a servo that takes no torque, or whose gains cannot be changed: it cannot be controlled in closed loop",
+            "`{}` of {} is a drive that takes no torque, or no gains with its setpoints: it cannot be controlled in closed loop",
             channel.name(),
             robot.name
         )),

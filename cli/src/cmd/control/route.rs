@@ -49,6 +49,22 @@ enum Edge {
     Transition(usize),
 }
 
+/// Checks that a library has the motions of a route.
+///
+/// # Errors
+/// One that it has not.
+pub fn check(library: &Library, route: &[Play]) -> miette::Result<()> {
+    route.iter().try_for_each(|play| find(library, &play.motion).map(drop))
+}
+
+fn find(library: &Library, motion: &str) -> miette::Result<usize> {
+    let names: Vec<_> = library.file.motions.iter().map(|motion| motion.name.as_str()).collect();
+    names.iter().position(|name| *name == motion).ok_or_else(|| {
+        let help = format!("its motions: {}", names.join(", "));
+        miette!(help = help, "{} has no motion `{motion}`", library.file.name)
+    })
+}
+
 /// The plans of a route from SAFE to SAFE, in their order.
 ///
 /// # Errors
@@ -58,21 +74,11 @@ pub fn legs<'p>(
     plans: &'p Plans,
     route: &[Play],
 ) -> miette::Result<Vec<Leg<'p>>> {
-    let motions = &library.file.motions;
-    let named = |name: &str| motions.iter().position(|motion| motion.name == name);
     let safe = library.file.safe;
     let mut edges = vec![Edge::Motion(safe, 1)];
     let mut at = safe;
     for Play { motion, cycles } in route {
-        let to = named(motion).ok_or_else(|| {
-            let names: Vec<_> = motions.iter().map(|motion| motion.name.as_str()).collect();
-            let names = names.join(", ");
-            miette!(
-                help = format!("its motions: {names}"),
-                "{} has no motion `{motion}`",
-                library.file.name
-            )
-        })?;
+        let to = find(library, motion)?;
         let repeats = plans.motions[to].plan.motion.ends == Ends::Periodic;
         let (times, cycles) = if repeats { (1, *cycles) } else { (*cycles, 1) };
         for _ in 0..times {
