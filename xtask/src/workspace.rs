@@ -117,7 +117,12 @@ pub fn documented_examples() -> Result<(), String> {
 /// The programs that a build leaves.
 fn of(mut build: Command) -> Result<Vec<Program>, String> {
     build.args(["--message-format", "json-render-diagnostics"]);
-    let messages = shell::output(build.stderr(Stdio::inherit()))?;
+    // Of a build that failed, messages for programs say nothing that is not on the terminal.
+    let failed = |error: String| match error.split_once(" failed: ") {
+        Some((command, _)) => format!("{command} failed"),
+        None => error,
+    };
+    let messages = shell::output(build.stderr(Stdio::inherit())).map_err(failed)?;
     Ok(messages.lines().filter_map(of_message).collect())
 }
 

@@ -361,10 +361,8 @@ impl<'p> Conductor<'p> {
                 self.end(now_us, operator);
             }
             // On all its feet, as far as it has come to that.
-            Phase::Playing if self.why == Some(Untracked::Stopped) => {
-                if sequence.has_stopped() {
-                    self.end(now_us, operator);
-                }
+            Phase::Playing if self.why == Some(Untracked::Stopped) && sequence.has_stopped() => {
+                self.end(now_us, operator);
             }
             Phase::Playing if sequence.is_over() => {
                 self.tally.complete = !self.stops;
