@@ -221,13 +221,13 @@ impl Motion {
     ) -> Result<(), Unreadable> {
         let tracking = self.tracking.take();
         let (values, torques) = safe(&library.ok_or(Unreadable)?)?;
-        self.stage = match tracking {
-            Some(tracking) => Stage::Tracking(Track::start(tracking, values, torques)),
+        match tracking {
+            Some(tracking) => self.stage = Stage::Tracking(Track::start(tracking, values, torques)),
             None => {
                 let ticks_per_frame = setup.settings.ticks_per_frame();
-                Stage::Streaming(Stream::start(values, torques, ticks_per_frame))
+                self.stage = Stage::Streaming(Stream::start(values, torques, ticks_per_frame));
             }
-        };
+        }
         Ok(())
     }
 

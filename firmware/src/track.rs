@@ -74,6 +74,8 @@ pub struct Track {
 
 impl Track {
     /// Tracking of a robot that rests in a pose.
+    // Inlined, its arrays are copied number by number: 18 kB of code.
+    #[inline(never)]
     pub fn start(
         tracking: Tracking,
         values: [f32; MAX_CHANNELS],

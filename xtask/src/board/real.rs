@@ -32,9 +32,9 @@ pub const NUCLEO: Memory = Memory {
     ram: 0x2000_0000..0x2002_0000,
     stack_bytes: 32 << 10,
     flash_bytes: 256 << 10,
-    max_text: 96 << 10,
-    max_text_link: 104_500,
-    max_text_both: 123_000,
+    max_text: 100 << 10,
+    max_text_link: 108_500,
+    max_text_both: 127_000,
 };
 
 /// The same limit.
@@ -44,9 +44,9 @@ pub const PICO: Memory = Memory {
     ram: 0x2000_0000..0x2008_0000,
     stack_bytes: 32 << 10,
     flash_bytes: 2 << 20,
-    max_text: 96 << 10,
-    max_text_link: 106_000,
-    max_text_both: 122_200,
+    max_text: 100 << 10,
+    max_text_link: 110_000,
+    max_text_both: 126_200,
 };
 
 /// Builds the image of a board and prints its sizes.
