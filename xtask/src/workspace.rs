@@ -162,11 +162,13 @@ mod tests {
 
     #[test]
     fn programs_come_from_cargo_s_messages() {
-        let line = r#"{"reason":"compiler-artifact","manifest_path":"/w/tests/Cargo.toml","target":{"name":"vcan"},
+        let line = r#"{"reason":"compiler-artifact","manifest_path":"/w/tests/Cargo.toml","target":{"kind":["test"],"name":"vcan"},
             "profile":{"test":true},"executable":"/w/target/debug/deps/vcan-1"}"#;
         let (folder, path) = ("/w/tests".into(), "/w/target/debug/deps/vcan-1".into());
         let expected = Program { folder, name: "vcan".into(), is_test: true, path };
         assert_eq!(of_message(line), Some(expected));
+        // Nothing runs these.
+        assert_eq!(of_message(&line.replace(r#"["test"]"#, r#"["example"]"#)), None);
         assert_eq!(of_message(r#"{"reason":"build-finished","success":true}"#), None);
         assert_eq!(of_message(r#"{"executable":null}"#), None);
     }

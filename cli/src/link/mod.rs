@@ -61,11 +61,11 @@ pub fn live(bus: &BusName) -> Result<Live, OpenError> {
 /// A session on a bus of this computer.
 pub type LiveSession = Session<Interruptible>;
 
-/// Which controller, for a command that may do without one; the environment does not name its bus.
+/// Which controller, for a command that may do without one.
 #[derive(clap::Args)]
 pub struct MaybeLinkArgs {
     /// The link: sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
-    #[arg(long, value_name = "BUS")]
+    #[arg(long, value_name = "BUS", env = "ROLLWALK_BUS")]
     bus: Option<BusName>,
     /// The controller's address, 0 to 14.
     #[arg(long, value_name = "N", default_value = "1", value_parser = node)]
