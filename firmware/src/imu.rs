@@ -45,7 +45,7 @@ impl Imu {
         self.contacts = Some(contacts);
     }
 
-    /// Takes what was measured for a sample, with the answer in force; what is not measured again is missing in the next.
+    /// Moves the measurements and the answer in force into the present sample. The next sample has only what is measured after this.
     pub fn sample(&mut self, answered: Option<Answered>) {
         let count = f32::from(self.count);
         let mean = (self.count > 0).then(|| self.forces_m_s2.map(|sum| sum / count));

@@ -21,7 +21,7 @@ pub const AGAIN_US: u64 = 1_000_000;
 pub const ARMS: u8 = 5;
 /// Time between them, µs.
 pub const ARM_AGAIN_US: u64 = 300_000;
-/// Longest time in which a robot stops, µs: without plans that are accepted it goes to SAFE as it is.
+/// Timeout of a stop, µs: if the planner finds no plan to a stand by then, RETURN sends the robot to SAFE from its present pose.
 const STOPS_US: u64 = 10_000_000;
 
 /// What a horizon is to be planned for.

@@ -20,7 +20,7 @@ pub struct Fastest {
 }
 
 impl Fastest {
-    /// The steering, each part of it within what is fastest.
+    /// Clamps each velocity of the steering to its limit.
     pub fn limit(&self, steering: Steering) -> Steering {
         let Self { speed_m_s, turn_rad_s } = *self;
         Steering {

@@ -1,6 +1,6 @@
 //! Plans that follow each other in closed loop, as a robot on a bus plays them: it stands, goes over into a gait, repeats it, and comes to a stand again.
 //!
-//! One estimator and one tracker see all of it, so that what is known of the robot does not begin anew with a plan. Each plan lies where the
+//! One estimator and one tracker run through all plans, so that the state estimate survives a change of plan. Each plan lies where the
 //! one before ended. Times are those of the caller's measurements: samples may be missing.
 
 use crate::closed_loop::{Measured, Placed, Timing, Untracked};

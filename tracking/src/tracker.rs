@@ -218,7 +218,7 @@ impl Tracker {
         }
     }
 
-    /// Changes how long it takes until setpoints act, s, as it is known from now on.
+    /// Sets the latency from a measurement until setpoints act, s, from the next tick on.
     pub fn change_latency(&mut self, latency_s: f64) {
         self.latency_s = latency_s;
     }

@@ -12,7 +12,8 @@
 //! | [`package`], [`wheel`] | make the archive, the Debian package and the Python package |
 //! | [`mod@studio`], [`browsers`] | build the studio; test its page |
 //! | [`docs`] | builds the site of the documents |
-//! | [`exports`], [`mod@replay`] | have other tools read what is exported; replay plans in MuJoCo |
+//! | [`exports`] | checks exports with the programs that read them |
+//! | [`mod@replay`] | replays plans in MuJoCo |
 //! | [`vcan`] | runs a command on a machine with SocketCAN |
 
 mod bare_metal;
