@@ -6,6 +6,7 @@ use crate::{
     replay, shell, tidy, toolchain, workspace,
 };
 use clap::ValueEnum;
+use std::thread;
 
 /// A step of the test command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -80,10 +81,15 @@ impl Step for TestStep {
             Self::Robots => browsers::check_robots(),
             Self::Test => {
                 need_python()?;
-                workspace::documented_examples()?;
                 let built = workspace::programs()?;
                 let tests: Vec<_> = built.iter().filter(|program| program.is_test).collect();
-                programs::beside_each_other(&tests)?;
+                // The compiler of an example keeps one core busy, and the other idle.
+                let (examples, tests) = thread::scope(|scope| {
+                    let examples = scope.spawn(workspace::documented_examples);
+                    let tests = programs::beside_each_other(&tests);
+                    (examples.join().expect("it runs a command"), tests)
+                });
+                tests.and(examples)?;
                 programs::in_real_time(&built)
             }
         }
