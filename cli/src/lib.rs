@@ -62,7 +62,17 @@ pub fn command_line() -> clap::Command {
         let help = examples.unwrap_or_default() + exit::HELP;
         command.after_long_help(help).mut_subcommands(with_exit_codes)
     }
-    with_exit_codes(Cli::command())
+    with_exit_codes(with_negative_numbers(Cli::command()))
+}
+
+/// Lets all arguments take negative numbers. Those that are not allowed are then refused with the range that is, not as options
+/// that do not exist.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let arg = |arg: clap::Arg| {
+        let takes_values = arg.get_action().takes_values();
+        arg.allow_negative_numbers(takes_values)
+    };
+    command.mut_args(arg).mut_subcommands(with_negative_numbers)
 }
 
 /// Parses the command line and runs it.
@@ -94,5 +104,15 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         super::command_line().debug_assert();
+    }
+
+    #[test]
+    fn a_negative_number_is_refused_with_the_range_that_is_allowed() {
+        let words = ["rollwalk", "simulate", "it.plan.json", "--cycles", "-2"];
+        let error = super::command_line().try_get_matches_from(words).unwrap_err().to_string();
+        assert!(error.contains("-2 is not in 1..=10000"), "{error}");
+        let words = ["rollwalk-sim", "it.toml", "--bus", "sim", "--slope", "-90"];
+        let error = super::sim::command_line().try_get_matches_from(words).unwrap_err().to_string();
+        assert!(error.contains("invalid value '-90'"), "{error}");
     }
 }

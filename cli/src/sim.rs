@@ -11,7 +11,7 @@ use crate::link::cannot_open;
 use crate::live::{self, LiveArgs};
 use crate::terrain::{GroundArgs, Support};
 use crate::world_log::{SharedLog, WorldLog, WorldLogArgs};
-use crate::{Exit, end, exit, interrupt, keys, output, signing};
+use crate::{Exit, end, exit, interrupt, keys, output, signing, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use lag::LagWatch;
 use memory::Memory;
@@ -144,8 +144,9 @@ enum Part {
 
 /// The command line; its long help ends with the exit codes.
 pub fn command_line() -> clap::Command {
-    let long_help = Cli::command().get_after_long_help().map(ToString::to_string);
-    Cli::command().after_long_help(format!("{}\n\n{}", long_help.unwrap_or_default(), exit::HELP))
+    let command = with_negative_numbers(Cli::command());
+    let long_help = command.get_after_long_help().map(ToString::to_string);
+    command.after_long_help(format!("{}\n\n{}", long_help.unwrap_or_default(), exit::HELP))
 }
 
 /// Parses the command line and runs the robot.

@@ -32,7 +32,7 @@ pub enum Support {
 #[derive(clap::Args, Debug)]
 pub struct GroundArgs {
     /// Slope of the ground, degrees from -45 to 45, rising ahead of the robot [default: 0].
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, conflicts_with = "terrain", value_parser = slope)]
+    #[arg(long, value_name = "DEGREES", conflicts_with = "terrain", value_parser = slope)]
     slope: Option<f64>,
     /// Terrain file: a slope, step, ramp, profile, rough ground or height field (docs/terrain-files.md).
     #[arg(long, value_name = "TERRAIN.toml")]

@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(value_name = "PLAN.json")]
     plan: PathBuf,
     /// Rows or frames per second.
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, default_value_t = 60.0)]
+    #[arg(long, value_name = "HZ", default_value_t = 60.0)]
     rate: f64,
     /// Format [default: that of the ending of FILE, else csv].
     #[arg(long, value_enum)]

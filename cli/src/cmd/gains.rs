@@ -60,7 +60,7 @@ enum Action {
 #[derive(clap::Args)]
 struct FeedForward {
     /// From 0, no torques, to 1, those that were planned.
-    #[arg(value_name = "SHARE", allow_negative_numbers = true, value_parser = share)]
+    #[arg(value_name = "SHARE", value_parser = share)]
     share: f32,
     #[command(flatten)]
     link: LinkArgs,
@@ -89,13 +89,13 @@ struct Set {
 #[group(required = true, multiple = true)]
 struct Values {
     /// Stiffness, N·m/rad.
-    #[arg(long, value_name = "N·m/rad", allow_negative_numbers = true, value_parser = gain)]
+    #[arg(long, value_name = "N·m/rad", value_parser = gain)]
     kp: Option<f32>,
     /// Damping, N·m·s/rad.
-    #[arg(long, value_name = "N·m·s/rad", allow_negative_numbers = true, value_parser = gain)]
+    #[arg(long, value_name = "N·m·s/rad", value_parser = gain)]
     kd: Option<f32>,
     /// Torque limit, N·m.
-    #[arg(long, value_name = "N·m", allow_negative_numbers = true, value_parser = gain)]
+    #[arg(long, value_name = "N·m", value_parser = gain)]
     torque_limit: Option<f32>,
 }
 

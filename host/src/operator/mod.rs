@@ -20,6 +20,7 @@ mod link_status;
 mod log;
 mod orders;
 mod rules;
+mod setpoints;
 #[cfg(test)]
 mod tests;
 mod view;
@@ -34,7 +35,7 @@ use crate::client::{Client, Incoming, Outgoing};
 use crate::describe::{self, LEFT_ALONE};
 use crate::refusal::session_refusal;
 use crate::stream::{Stream, Target};
-use crate::tracking::{Answer, Measured, Samples};
+use crate::tracking::Measured;
 use flashing::Flashing;
 use link_status::LinkStatus;
 use log::Log;
@@ -46,7 +47,7 @@ use rollwalk_protocol::wire::{
     CommandAck, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State, Torque,
 };
 use rules::Latch;
-use std::collections::VecDeque;
+use setpoints::{Loop, Setpoints};
 
 /// Interval between HELLO requests until the controller answers, µs.
 const HELLO_US: u64 = 500_000;
@@ -60,30 +61,8 @@ const SPEED_US: u64 = 200_000;
 const TICK_US: u64 = 20_000;
 /// Delay before a frame that the bus refused is tried again, µs.
 const BUSY_US: u64 = 500;
-/// Samples that are kept for a program that was held up: what the controller waits for an answer at most, and more.
-const SAMPLES_KEPT: usize = 256;
 /// The planned speed in 64ths.
 const FULL_SPEED: i8 = 64;
-
-/// Setpoints of a host.
-#[derive(Clone, Debug)]
-enum Setpoints {
-    /// Sent ahead of time.
-    Streamed(Stream),
-    /// Answers to samples.
-    Answers(Loop),
-}
-
-/// A loop that is closed over the link.
-#[derive(Clone, Debug, Default)]
-struct Loop {
-    samples: Samples,
-    /// Samples that were not taken yet, the oldest first.
-    waiting: VecDeque<Measured>,
-    answer: Answer,
-    /// Samples a second, once the controller has acknowledged them.
-    rate_hz: Option<u16>,
-}
 
 /// The operator of one controller.
 #[derive(Clone, Debug)]
@@ -180,34 +159,27 @@ impl Operator {
     /// Adds a frame to the stream of setpoints, of all channels. A stream begins anew with [`Intent::Stream`]: then its first frames are
     /// added, before the controller follows them.
     pub fn stream(&mut self, frame: Vec<Target>) {
-        if let Setpoints::Streamed(stream) = &mut self.setpoints {
-            stream.push(frame);
-        }
+        self.setpoints.push(frame);
     }
 
     /// Frames of the stream that the controller has not taken yet.
     pub fn streamed_ahead(&self) -> usize {
-        if let Setpoints::Streamed(stream) = &self.setpoints { stream.ahead() } else { 0 }
+        self.setpoints.ahead()
     }
 
     /// Takes the oldest sample, of those of a controller that sends them ([`Intent::Track`]) that were not taken yet.
     pub fn take_sample(&mut self) -> Option<Measured> {
-        if let Setpoints::Answers(of) = &mut self.setpoints { of.waiting.pop_front() } else { None }
+        self.setpoints.take_sample()
     }
 
     /// Answers a sample with setpoints of all channels. An answer to an older one that is not through is dropped.
     pub fn answer(&mut self, number: u64, stiff: bool, targets: Vec<Target>) {
-        if let Setpoints::Answers(of) = &mut self.setpoints {
-            of.answer = Answer::new(number, stiff, targets);
-        }
+        self.setpoints.answer(number, stiff, targets);
     }
 
     /// Samples a second that the controller has acknowledged, and how many of them did not arrive.
     pub fn sampled(&self) -> Option<(u16, u64)> {
-        match &self.setpoints {
-            Setpoints::Answers(of) => of.rate_hz.map(|rate_hz| (rate_hz, of.samples.lost())),
-            Setpoints::Streamed(_) => None,
-        }
+        self.setpoints.sampled()
     }
 
     /// Sets the catalog of the controller's library: names for messages, and which motions loop.
@@ -288,10 +260,8 @@ impl Operator {
                     self.stopped();
                 }
                 self.ends_stream &= matches!(status.state, State::Streaming | State::Aligning);
-                if status.state == State::Streaming
-                    && let Setpoints::Streamed(stream) = &mut self.setpoints
-                {
-                    stream.on_status(status.frame);
+                if status.state == State::Streaming {
+                    self.setpoints.on_status(status.frame);
                 }
                 let library = self.hello.and_then(|hello| hello.library);
                 if library.map_or(0, |library| library as u8) != status.library {
@@ -307,22 +277,15 @@ impl Operator {
             Some(Incoming::Fault(report)) => self.link.on_fault(now_us, report, &mut self.log),
             Some(Incoming::Joint(joint)) => {
                 self.link.on_joint(now_us, joint);
-                self.on_batch(|samples| samples.on_joint(joint));
+                self.setpoints.on_measurement(|samples| samples.on_joint(joint));
             }
-            Some(Incoming::Gyro(gyro)) => self.on_batch(|samples| samples.on_gyro(gyro)),
+            Some(Incoming::Gyro(gyro)) => {
+                self.setpoints.on_measurement(|samples| samples.on_gyro(gyro))
+            }
             Some(Incoming::Accelerometer(accelerometer)) => {
-                self.on_batch(|samples| samples.on_accelerometer(accelerometer));
+                self.setpoints.on_measurement(|samples| samples.on_accelerometer(accelerometer));
             }
-            Some(Incoming::Sample(sample)) => {
-                if let Setpoints::Answers(of) = &mut self.setpoints
-                    && let Some(measured) = of.samples.on_sample(sample)
-                {
-                    if of.waiting.len() == SAMPLES_KEPT {
-                        of.waiting.pop_front();
-                    }
-                    of.waiting.push_back(measured);
-                }
-            }
+            Some(Incoming::Sample(sample)) => self.setpoints.on_sample(sample),
             Some(Incoming::EstopAck(ack)) => {
                 self.stopped();
                 self.link.on_stopped(ack.state);
@@ -348,13 +311,6 @@ impl Operator {
                 self.on_transfer_lost(now_us);
             }
             Some(Incoming::Alive | Incoming::Parameter(_)) | None => {}
-        }
-    }
-
-    /// Passes a measurement to the batch that it is a part of.
-    fn on_batch(&mut self, take: impl FnOnce(&mut Samples)) {
-        if let Setpoints::Answers(of) = &mut self.setpoints {
-            take(&mut of.samples);
         }
     }
 
@@ -403,11 +359,7 @@ impl Operator {
         let stopped = self.latch != Latch::Open || self.client.is_stopping();
         let may =
             follows && !stopped && !self.visiting && !self.unattended && self.bus_lost.is_none();
-        match &mut self.setpoints {
-            _ if !may => None,
-            Setpoints::Streamed(stream) => stream.poll(self.peer.node),
-            Setpoints::Answers(of) => of.answer.poll(self.peer.node),
-        }
+        if may { self.setpoints.poll(self.peer.node) } else { None }
     }
 
     /// Returns a frame that the bus refused; [`poll`](Self::poll) gives it once more unless a stopping command
@@ -600,8 +552,7 @@ impl Operator {
             Order::Return | Order::Disarm => self.asked = None,
             Order::Track(_) => {
                 // Samples of before, if it was tracked, are of other numbers.
-                let rate_hz = Some(ack.value);
-                self.setpoints = Setpoints::Answers(Loop { rate_hz, ..Loop::default() });
+                self.setpoints = Setpoints::Answers(Loop::acknowledged(ack.value));
             }
             Order::Pause | Order::Resume | Order::Stream => {}
         }

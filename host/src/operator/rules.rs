@@ -2,8 +2,9 @@
 
 use super::log::Weight;
 use super::orders::{Order, StopWaits};
+use super::setpoints::{Loop, Setpoints};
 use super::view::Leaving;
-use super::{Deadman, Intent, LetGo, Loop, Operator, Setpoints, has_torque};
+use super::{Deadman, Intent, LetGo, Operator, has_torque};
 use crate::stream::Stream;
 use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State};
 

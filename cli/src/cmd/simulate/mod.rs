@@ -45,13 +45,13 @@ pub struct Args {
     #[arg(long, conflicts_with = "no_feed_forward")]
     tracking: bool,
     /// Masses of the simulated robot over those of the plan's.
-    #[arg(long, value_name = "RATIO", default_value_t = 1.0, allow_negative_numbers = true, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = ratio)]
     mass: f64,
     /// Coefficient of friction of all feet, wheels and blades of the simulated robot [default: those of the plan's].
-    #[arg(long, value_name = "COEFFICIENT", allow_negative_numbers = true, value_parser = ratio)]
+    #[arg(long, value_name = "COEFFICIENT", value_parser = ratio)]
     friction: Option<f64>,
     /// Time from a measurement to the setpoints that answer it, ms, with --tracking.
-    #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "tracking", allow_negative_numbers = true, value_parser = delay_ms)]
+    #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "tracking", value_parser = delay_ms)]
     delay_ms: f64,
     /// With --tracking, let the controller estimate the state from an IMU, encoders and contacts with noise, instead of knowing it; on
     /// level ground.
