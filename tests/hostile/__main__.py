@@ -80,6 +80,12 @@ class Operator:
             self._confirmed(wire.CLEAR, wire.CLEAR_CONFIRM)
         elif client.state == "Paused":
             client.command(wire.RESUME)
+        elif client.state == "Ready" and self.rng.random() < 0.5:
+            # The attackers' setpoints are those that it follows, some of the time as answers to samples.
+            client.command(*self.rng.choice([(wire.STREAM,), (wire.TRACK, 10, 20, 120)]))
+        elif client.state == "Streaming":
+            if self.rng.random() < 0.1:
+                client.command(wire.RETURN)
         elif client.state in ("Ready", "Playing"):
             self.driven += 1
             client.command(wire.PLAY, code=self.rng.choice(self.codes), speed=64)
@@ -151,6 +157,7 @@ def phases(options, path):
         alive(client, "after the attacks on the driven robot")
         plays = operator.driven
         expect(plays > 10, f"the operator could hardly play: {plays} commands")
+        expect("Streaming" in client.states, "the robot has followed no setpoints")
 
         print(f"4. with emergency stops: {options.frames - 2 * share} attacks", flush=True)
         attack(client, rng, options.frames - 2 * share, stops=True, between=playing)

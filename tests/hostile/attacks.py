@@ -27,11 +27,15 @@ def forged_frame(client, rng):
 def command(client, rng):
     """A command in every respect, at the wrong time, with a nonce that it does not know."""
     until = (client.clock_ms() or 0) + rng.choice([-5, 0, 200, 500, 999, 1001, 32000])
-    kind = rng.choice([wire.PLAY, wire.PAUSE, wire.RESUME, wire.RETURN, wire.ARM, wire.ARM_CONFIRM, wire.CLEAR, wire.CLEAR_CONFIRM, 9, 15])
+    kind = rng.choice([wire.PLAY, wire.PAUSE, wire.RESUME, wire.RETURN, wire.ARM, wire.ARM_CONFIRM, wire.CLEAR, wire.CLEAR_CONFIRM, wire.STREAM, wire.TRACK, 15])
     seq = client.seq + rng.choice([0, 1, 1, 2, 8, 9])
     client.seq = seq
     if kind == wire.PLAY:
         return wire.of_frame(wire.command(client.node, seq, kind, until, rng.randrange(8), rng.choice([0, 1, 32, 64, 65, 127, -1, -128])))
+    if kind == wire.TRACK:
+        rate_hz = rng.choice([0, 19, 20, 60, 120, 0xFFFF])
+        parts = [rng.choice([0, 10, 100, -1, 127]) for _ in range(2)]
+        return wire.of_frame(wire.command(client.node, seq, kind, until, parts[0] & 255, parts[1], rate_hz))
     argument = rng.randrange(0x10000) if kind in (wire.ARM_CONFIRM, wire.CLEAR_CONFIRM) else 0
     if argument == client.nonce:
         argument ^= 1
@@ -43,6 +47,18 @@ def parameter(client, rng):
     channel = rng.choice([rng.randrange(24), 0, 255])
     value = struct.pack("<f", value)
     return wire.of_frame(wire.parameter(client.node, rng.randrange(16), rng.randrange(6), rng.randrange(5), channel, value))
+
+
+def setpoint(client, rng):
+    """Frames of setpoints for all channels, few of which are near where the robot is."""
+    first = rng.choice([0, client.sample, rng.randrange(256)])
+    jump = rng.choice([0, 1, 100, 10_000, 2**23 - 1])
+    frames = []
+    for channel in range(rng.choice([1, 1, 20, 24])):
+        value = rng.choice([0, jump, -jump, rng.randint(-jump, jump), -2**23])
+        torque = rng.choice([0, 0, 200, -200, 2**15 - 1, -2**15])
+        frames.append(wire.setpoint(client.node, first, channel, rng.randrange(2), value, torque))
+    return b"".join(wire.of_frame(frame) for frame in frames)
 
 
 def heartbeat(client, rng):
@@ -103,6 +119,7 @@ MIX = [
     (forged_frame, 20),
     (command, 20),
     (parameter, 10),
+    (setpoint, 5),
     (heartbeat, 5),
     (replayed, 10),
     (transport_frame, 5),
@@ -114,7 +131,7 @@ MIX = [
 
 # Classes and numbers of messages that a controller sends. A forged one deceives hosts and the rules, which read STATUS,
 # and never reaches the controller.
-FROM_CONTROLLER = {0x001, 0x101, 0x300, 0x301, 0x302, 0x400, 0x501, 0x601, 0x701}
+FROM_CONTROLLER = {0x001, 0x101, 0x300, 0x301, 0x302, 0x400, 0x402, 0x403, 0x404, 0x501, 0x601, 0x701}
 
 
 def message(line):

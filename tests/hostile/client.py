@@ -37,6 +37,8 @@ class Client:
         self.parameters = collections.Counter()
         self.answers = collections.Counter()
         self.states = set()
+        # Number of the last sample of a loop that is closed over the link.
+        self.sample = 0
         self.heard = 0
         self.seq = 0
         self.beat = 0
@@ -65,10 +67,10 @@ class Client:
         self.beat += 1
         self.frames(wire.heartbeat(self.node, self.beat, self.beat * 50))
 
-    def command(self, kind, **fields):
-        """Sends a new command, valid for half a second."""
+    def command(self, kind, *values, **fields):
+        """Sends a new command, valid for half a second; `values` are code, speed and arg."""
         self.seq += 1
-        self.frames(wire.command(self.node, self.seq, kind, (self.clock_ms() or 0) + 400, **fields))
+        self.frames(wire.command(self.node, self.seq, kind, (self.clock_ms() or 0) + 400, *values, **fields))
 
     def request(self, message, answered=0x90, timeout_s=6.0):
         """A request of the transport and its answer, None without one."""
@@ -125,6 +127,8 @@ class Client:
         if identifier == wire.STATUS and len(data) == 8:
             self.state, self.library = wire.STATES[data[1] & 15], data[7]
             self.states.add(self.state)
+        elif identifier == wire.SAMPLE and len(data) == 8:
+            self.sample = data[1]
         elif identifier == wire.HEARTBEAT_REPLY and len(data) == 6:
             self._clock = struct.unpack("<I", data[2:])[0], time.monotonic()
         elif identifier == wire.COMMAND_ACK and len(data) == 7:

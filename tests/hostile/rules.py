@@ -8,7 +8,7 @@ import wire
 
 LINE = re.compile(r"\((\d+\.\d+)\) (\S+) ([0-9A-F]{3})#([0-9A-F]*)")
 # States in which the motors may have torque (docs/playback-and-safety.md).
-TORQUE = {wire.STATES.index(state) for state in "Aligning Ready Playing Paused Returning Damped".split()}
+TORQUE = {wire.STATES.index(state) for state in "Aligning Ready Playing Paused Returning Damped Streaming".split()}
 CONTROL, JOINT, WHEEL, JOINT_TORQUE, WHEEL_TORQUE = 0x080, 0x100, 0x200, 0x280, 0x300
 # A change of state is told by STATUS, which waits for the bus.
 STATUS_LATE_S = 0.1
@@ -39,7 +39,7 @@ def _signed(bits, width):
 
 
 def setpoint(identifier, data):
-    """(address, value, kp, kd, torque limit, is a wheel's) of a setpoint, None for what is none."""
+    """(address, value, kp, kd, largest of torque and torque limit, is a wheel's) of a setpoint, None for what is none."""
     kind, address = identifier & 0x780, identifier & 0x7F
     if len(data) != 8:
         return None
@@ -50,12 +50,13 @@ def setpoint(identifier, data):
         speed, kd, limit = struct.unpack("<iHH", data)
         return address, speed * 1e-4, 0.0, kd * 1e-3, limit * 5e-3, True
     bits = int.from_bytes(data, "little")
+    torque = _short(bits >> 52) * 1e-3
     if kind == JOINT_TORQUE:
         kp, kd = _short(bits >> 30) * 1e-3, _short(bits >> 41) * 1e-4
-        return address, _signed(bits & 0xFFFF, 16) * 2e-4, kp, kd, 0.0, False
+        return address, _signed(bits & 0xFFFF, 16) * 2e-4, kp, kd, torque, False
     if kind == WHEEL_TORQUE:
         limit, kd = _short(bits >> 30) * 1e-3, _short(bits >> 41) * 1e-4
-        return address, _signed(bits & (1 << 30) - 1, 30) * 1e-4, 0.0, kd, limit, True
+        return address, _signed(bits & (1 << 30) - 1, 30) * 1e-4, 0.0, kd, max(limit, torque), True
     return None
 
 
@@ -123,7 +124,7 @@ class Rules:
 
     def _limits(self, at, bus, found):
         self.counts["setpoints"] += 1
-        address, value, kp, kd, limit, wheel = found
+        address, value, kp, kd, torque, wheel = found
         motor = self.motors.get((bus, address))
         if motor is None or motor.wheel != wheel:
             self._break(at, f"setpoint for bus {bus}, address {address}: the robot has no such motor")
@@ -131,8 +132,8 @@ class Rules:
         step = SPEED_STEP if wheel else POSITION_STEP
         within = motor.least - step <= value <= motor.most + step
         gains = kp <= motor.kp_most * SHORT and kd <= motor.kd_most * SHORT
-        if not within or not gains or limit > motor.torque_most * SHORT:
-            self._break(at, f"{motor.name}: {value} (of {motor.least} to {motor.most}), gains {kp} and {kd}, limit {limit}")
+        if not within or not gains or torque > motor.torque_most * SHORT:
+            self._break(at, f"{motor.name}: {value} (of {motor.least} to {motor.most}), gains {kp} and {kd}, torque {torque}")
 
     def _break(self, at, what):
         self.broken.append(f"{at:.6f} s: {what}")

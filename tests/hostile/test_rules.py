@@ -33,6 +33,15 @@ def broken(*frames):
         return Rules(KNEE, 1).check(log).broken
 
 
+def joint_with_torque(torque_nm):
+    """At 0 rad without gains; of 128 mN·m on."""
+    exponent = 1
+    while round(torque_nm * 1e3) >> exponent - 1 >= 256:
+        exponent += 1
+    mantissa = (round(torque_nm * 1e3) >> exponent - 1) - 128
+    return 0x281, ((mantissa | exponent << 7) << 52).to_bytes(8, "little")
+
+
 class TheRules(unittest.TestCase):
     def test_let_a_driven_robot_pass(self):
         self.assertEqual(broken((0, "link0", status("Playing")), (1, "act0", joint(0.5)), (1.1, "act0", joint(-1.0))), [])
@@ -52,8 +61,9 @@ class TheRules(unittest.TestCase):
 
     def test_find_what_is_beyond_a_limit(self):
         playing = (0, "link0", status("Playing"))
-        for bad in [joint(1.01), joint(-1.01), joint(0, kp=201), (0x102, joint(0)[1]), (0x201, bytes(8))]:
+        for bad in [joint(1.01), joint(-1.01), joint(0, kp=201), (0x102, joint(0)[1]), (0x201, bytes(8)), joint_with_torque(3.1)]:
             self.assertEqual(len(broken(playing, (1, "act0", bad))), 1, bad)
+        self.assertEqual(broken(playing, (1, "act0", joint_with_torque(2.9))), [])
 
     def test_find_setpoints_after_an_emergency_stop(self):
         frames = [(0, "link0", status("Playing")), (1, "link0", (0x010, b"")), (1.01, "act0", joint(0))]
@@ -89,7 +99,7 @@ class TheBytes(unittest.TestCase):
 
     def test_of_attacks_stop_when_they_may(self):
         class Node:
-            node, seq, nonce, recent = 1, 0, None, []
+            node, seq, nonce, sample, recent = 1, 0, None, 0, []
 
             def clock_ms(self):
                 return 0

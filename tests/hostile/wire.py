@@ -5,11 +5,11 @@ import hmac
 import struct
 import zlib
 
-ESTOP, HEARTBEAT, COMMAND, PARAMETER, DISCOVER = 0x000, 0x100, 0x200, 0x600, 0x700
-STATUS, COMMAND_ACK, HEARTBEAT_REPLY, PARAMETER_ACK, DISCOVERED = 0x300, 0x302, 0x101, 0x601, 0x701
+ESTOP, HEARTBEAT, COMMAND, SETPOINT, PARAMETER, DISCOVER = 0x000, 0x100, 0x200, 0x401, 0x600, 0x700
+STATUS, COMMAND_ACK, HEARTBEAT_REPLY, SAMPLE, PARAMETER_ACK, DISCOVERED = 0x300, 0x302, 0x101, 0x404, 0x601, 0x701
 TO_CONTROLLER, TO_HOST = 0x500, 0x501
-PLAY, PAUSE, RESUME, RETURN, DISARM, ARM, ARM_CONFIRM, CLEAR, CLEAR_CONFIRM = range(9)
-STATES = "Boot SelfTest Disarmed Aligning Ready Playing Paused Returning Damped TorqueOff EStopped".split()
+PLAY, PAUSE, RESUME, RETURN, DISARM, ARM, ARM_CONFIRM, CLEAR, CLEAR_CONFIRM, STREAM, TRACK = range(11)
+STATES = "Boot SelfTest Disarmed Aligning Ready Playing Paused Returning Damped TorqueOff EStopped Streaming".split()
 # Kind of PARAMETER.
 RESET = 2
 AUTHENTICATOR, SESSION_REQUEST, SESSION = 0x002, 0x03, 0x83
@@ -65,6 +65,12 @@ def command(node, seq, kind, valid_until_ms, code=0, speed=0, arg=0):
 def parameter(node, seq, kind, which, channel, value):
     body = bytes([seq & 15 | (kind & 15) << 4, which, channel]) + value
     return sealed(PARAMETER | node << 4, body)
+
+
+def setpoint(node, frame, channel, stiff, value, torque):
+    """Value in 0.1 mrad or 0.1 mrad/s, torque in 5 mN·m."""
+    body = bytes([frame & 255, channel & 127 | stiff << 7]) + value.to_bytes(3, "little", signed=True) + struct.pack("<h", torque)
+    return sealed(SETPOINT | node << 4, body)
 
 
 def heartbeat(node, seq, host_ms):
