@@ -1,7 +1,7 @@
 //! A robot that is controlled in closed loop from the command line, over a simulated bus; and what `rollwalk control` refuses.
 
 use crate::desk_with_shipped_files;
-use crate::simulated::{Robot, on};
+use crate::simulated::{Robot, in_time, on};
 
 #[test]
 fn what_cannot_be_controlled_is_refused_before_anything_is_sent() {
@@ -34,7 +34,7 @@ fn in_real_time_a_robot_walks_in_closed_loop_and_is_disarmed() {
     let control = ["control", library, "--play", "walk"];
     on(&desk, &socket, &control).fails(5, &["another library"]);
     on(&desk, &socket, &["flash", "a.rwl"]).succeeds();
-    let controlled = on(&desk, &socket, &control);
+    let controlled = in_time(&desk, &socket, &control);
     let said = &controlled.stderr;
     assert!(said.contains("all was played") && said.contains("its state is known"), "{said}");
     assert!(said.contains("left; the robot is disarmed"), "{said}");

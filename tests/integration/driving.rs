@@ -1,7 +1,7 @@
 //! A robot that is steered from the command line, over a simulated bus; and what `rollwalk drive` refuses.
 
 use crate::desk_with_shipped_files;
-use crate::simulated::{Robot, on};
+use crate::simulated::{Robot, in_time, on};
 
 #[test]
 fn what_cannot_be_driven_is_refused_before_anything_is_sent() {
@@ -36,7 +36,7 @@ fn in_real_time_a_robot_is_steered_by_a_list_and_disarmed() {
     on(&desk, &socket, &["flash", "a.rwl"]).succeeds();
     let steer =
         ["drive", "a.rwl", "--steer", "0.5:0.2,0,0", "--steer", "2.5:0,0,0", "--until", "3"];
-    let driven = on(&desk, &socket, &steer);
+    let driven = in_time(&desk, &socket, &steer);
     assert!(driven.stderr.contains("0 not accepted"), "{}", driven.stderr);
     assert!(driven.stderr.contains("left; the robot is disarmed"), "{}", driven.stderr);
     let told = driven.succeeds();

@@ -3,7 +3,7 @@
 
 use crate::desk_with_shipped_files;
 use crate::results::json;
-use crate::simulated::{Robot, on};
+use crate::simulated::{Robot, in_time, on};
 use rollwalk_tests::{Desk, Outcome};
 use std::fs;
 use std::process::Command;
@@ -34,20 +34,9 @@ fn the_demo_plays_a_robot_on_a_serial_line() {
     }
 }
 
-/// Arms a robot and plays motions. A computer that is busy with other tests may miss a host's time-out, which brings the
-/// robot to SAFE: once more then.
+/// Arms a robot and plays motions.
 fn played(desk: &Desk, bus: &str, motions: &[&str]) {
-    let plays = || on(desk, bus, &[&["send", "--arm"], motions].concat());
-    let mut outcome = plays();
-    for _ in 0..4 {
-        if outcome.code == 0 {
-            break;
-        }
-        sleep(Duration::from_secs(3));
-        on(desk, bus, &["clear"]);
-        outcome = plays();
-    }
-    outcome.succeeds();
+    in_time(desk, bus, &[&["send", "--arm"], motions].concat()).succeeds();
 }
 
 #[test]
