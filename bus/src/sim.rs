@@ -10,9 +10,11 @@ use crate::port::{Event, Inlet, Outlet, Port};
 use crate::{priority, serial};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::Packet;
+use rustix::io::Errno;
+use rustix::net::{SendFlags, send};
 use std::env;
 use std::fs;
-use std::io::{self, Write};
+use std::io;
 use std::net::Shutdown;
 use std::os::unix::fs::FileTypeExt;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -76,16 +78,15 @@ impl Member {
             };
         }
         while !self.waiting.is_empty() {
-            match self.stream.write(&self.waiting) {
+            // Without waiting: a program that does not read must not hold the others up. The reading end of the same socket waits.
+            match send(&self.stream, &self.waiting, SendFlags::DONTWAIT) {
                 Ok(count) => drop(self.waiting.drain(..count)),
-                Err(error) => match error.kind() {
-                    io::ErrorKind::Interrupted => {}
-                    io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock => {
-                        self.retry = Instant::now() + RETRY;
-                        return Ok(());
-                    }
-                    _ => return Err(error),
-                },
+                Err(Errno::INTR) => {}
+                Err(Errno::AGAIN) => {
+                    self.retry = Instant::now() + RETRY;
+                    return Ok(());
+                }
+                Err(error) => return Err(error.into()),
             }
         }
         Ok(())
@@ -134,9 +135,7 @@ fn accept(listener: &UnixListener, members: &Members, to: &Sender<Frame>) {
     for (number, stream) in (0..).zip(listener.incoming()) {
         let joined = stream.and_then(|stream| {
             let reader = stream.try_clone()?;
-            // A program that does not read must not block the others.
             stream.set_nonblocking(false)?;
-            stream.set_write_timeout(Some(Duration::from_millis(1)))?;
             let (waiting, retry) = (Vec::new(), Instant::now());
             let member = Member { number, stream, waiting, retry };
             members.lock().unwrap_or_else(PoisonError::into_inner).push(member);
@@ -224,6 +223,7 @@ mod tests {
     use crate::link::LinkBus;
     use crate::port::Live;
     use rollwalk_protocol::can::Frame;
+    use std::io::Write;
 
     const LONG_US: u64 = 60_000_000;
 

@@ -25,6 +25,10 @@ use crate::window::WINDOW;
 
 /// Rate at which each actuator is queried for its pose while torque is off, Hz.
 const QUERY_HZ: u16 = 20;
+/// Fastest rise of the part of a channel's gains that acts, 1/s: tenfold in 0.1 s.
+const GAIN_RISE_1_S: f32 = 23.0;
+/// Part from which gains rise that were 0.
+const LEAST_PART: f32 = 0.02;
 
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "no allocator to box with, and there is one stage")]
@@ -59,6 +63,10 @@ pub(crate) struct Motion {
     tracking: Option<Tracking>,
     /// Number of the sample that is due.
     sample: Option<u8>,
+    /// Parts of the gains that act, of each channel: kp, kd.
+    parts: [[f32; 2]; MAX_CHANNELS],
+    /// Torque of a joint's angle when its gains began to rise, over all of kp, rad: it stays while they rise.
+    leans_rad: [f32; MAX_CHANNELS],
 }
 
 impl Motion {
@@ -73,6 +81,8 @@ impl Motion {
             ticks_to_query: 0,
             tracking: None,
             sample: None,
+            parts: [[1.0; 2]; MAX_CHANNELS],
+            leans_rad: [0.0; MAX_CHANNELS],
         }
     }
 
@@ -166,6 +176,7 @@ impl Motion {
     pub fn cut(&mut self) {
         self.stage = Stage::Off;
         self.limiter.stop();
+        self.parts = [[1.0; 2]; MAX_CHANNELS];
         self.emitted = [None; MAX_CHANNELS];
         self.actuators.disable_all();
         self.ticks_to_query = 0;
@@ -258,7 +269,7 @@ impl Motion {
                 _ => return None,
             };
             let torque_nm = if torque_nm.abs() <= most_nm { torque_nm } else { 0.0 };
-            Some((self.limiter.meant(i)?, torque_nm))
+            Some((self.rest(setup, i)?, torque_nm))
         })?;
         self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
         Ok(())
@@ -437,6 +448,11 @@ impl Motion {
             if track.advance(setup.settings.period_s()) {
                 self.sample = Some(track.sample());
             }
+            if track.begins_to_hold() {
+                self.hold_joints(setup);
+            }
+        }
+        if let Stage::Tracking(track) = &self.stage {
             let periods = setup.settings.ticks_per_frame().saturating_mul(WINDOW as u16);
             let halted = (track.is_halted(), track.rests(periods));
             self.watch_host(setup, halted, events);
@@ -455,6 +471,53 @@ impl Motion {
             }
         }
         Ok(())
+    }
+
+    /// The value of a channel around which all of its gains make the torque that the present parts of them make around the last
+    /// setpoint; of a wheel that setpoint.
+    #[inline(never)]
+    fn rest(&mut self, setup: &Setup, channel: usize) -> Option<f32> {
+        let meant = self.limiter.meant(channel)?;
+        let [kp, _] = *self.parts.get(channel)?;
+        let lean_rad = self.leans_rad.get_mut(channel)?;
+        let is_joint = setup.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
+        let measured = self.actuators.measured(&setup.config, channel);
+        let measured = measured.filter(|_| is_joint && kp < 1.0).unwrap_or(meant);
+        *lean_rad = kp * (meant - measured);
+        Some(measured + *lean_rad)
+    }
+
+    /// Has the joints of a robot that is tracked rest where they are.
+    fn hold_joints(&mut self, setup: &Setup) {
+        for (i, channel) in setup.config.channels.iter().enumerate() {
+            let rest = self.rest(setup, i);
+            if let (Stage::Tracking(track), Some(rest), ChannelKind::JointPosition) =
+                (&mut self.stage, rest, channel.kind)
+            {
+                track.rest_at(i, rest);
+            }
+        }
+    }
+
+    /// The parts of a channel's gains that act now, of those that are wanted, and how far the angle of a joint is to be from its target, rad.
+    ///
+    /// They fall at once and rise by [`GAIN_RISE_1_S`], while the angle comes as near as they rise: a joint that is away from its setpoint
+    /// is not pulled there.
+    fn parts(&mut self, settings: &Settings, channel: usize, wanted: [f32; 2]) -> ([f32; 2], f32) {
+        let rise = 1.0 + GAIN_RISE_1_S * settings.period_s();
+        let (Some(parts), Some(lean_rad)) =
+            (self.parts.get_mut(channel), self.leans_rad.get_mut(channel))
+        else {
+            return (wanted, 0.0);
+        };
+        for (part, wanted) in parts.iter_mut().zip(wanted) {
+            *part = wanted.min(part.max(LEAST_PART) * rise);
+        }
+        let [kp, _] = *parts;
+        if wanted != [1.0; 2] || kp >= 1.0 {
+            *lean_rad = 0.0;
+        }
+        (*parts, if *lean_rad == 0.0 { 0.0 } else { *lean_rad * (1.0 / kp - 1.0) })
     }
 
     /// Raises events of setpoints that have ended, or that do not come any more.
@@ -481,21 +544,23 @@ impl Motion {
     fn emit_targets(&mut self, setup: &Setup) {
         let feed_forward = self.parameters.feed_forward();
         for i in 0..setup.config.channels.len() {
-            let mut parts = None;
+            let mut wanted = None;
             let target = match &self.stage {
                 Stage::Ramping { ramp, .. } => ramp.target(i),
                 Stage::Playing(player) => player.target(&setup.config, i),
                 Stage::Streaming(stream) => stream.target(&setup.config, i),
                 Stage::Tracking(track) => track.target(&setup.config, i).map(|(target, of)| {
-                    parts = Some(of);
+                    wanted = Some(of);
                     target
                 }),
                 Stage::Off | Stage::Enabling { .. } | Stage::Damped => None,
             };
             if let Some(mut target) = target {
-                if parts.is_none() {
+                if wanted.is_none() {
                     target.torque_nm *= feed_forward;
                 }
+                let (parts, off_rad) = self.parts(&setup.settings, i, wanted.unwrap_or([1.0; 2]));
+                target.value += off_rad;
                 self.emit(setup, i, target, Hold::Driven, parts);
             }
         }
@@ -510,19 +575,19 @@ impl Motion {
             };
             if let Some(value) = value {
                 let still = Target { value, slope: 0.0, torque_nm: 0.0 };
-                self.emit(setup, i, still, Hold::Damped, None);
+                self.emit(setup, i, still, Hold::Damped, [1.0; 2]);
             }
         }
     }
 
-    /// `parts` are those of kp and kd that act; all of them without.
+    /// `parts` are those of kp and kd that act.
     fn emit(
         &mut self,
         setup: &Setup,
         channel: usize,
         target: Target,
         hold: Hold,
-        parts: Option<[f32; 2]>,
+        [kp, kd]: [f32; 2],
     ) {
         let damped;
         let soft;
@@ -534,7 +599,7 @@ impl Motion {
             }
         };
         let Some(mut limits) = limits else { return };
-        if let Some([kp, kd]) = parts {
+        if [kp, kd] != [1.0; 2] {
             soft = Channel {
                 kp_nm_rad: kp * limits.kp_nm_rad,
                 kd_nm_s_rad: kd * limits.kd_nm_s_rad,

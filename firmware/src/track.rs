@@ -8,8 +8,8 @@
 //! sample k ──> host ──> SETPOINT ... ──> answer k, whole ──> target
 //! ```
 //!
-//! When the answer in force is [`MISSED`] samples older than usual, the robot holds still where it is, with the full gains of its configuration: joints stay at the
-//! last setpoints and their torques, wheels brake. It goes on when answers come again; the controller ends it when they do not
+//! When the answer in force is [`MISSED`] samples older than usual, the robot holds still where it is, with the full gains of its configuration: joints stay
+//! [where the controller says](Track::rest_at), with the last torques, wheels brake. It goes on when answers come again; the controller ends it when they do not
 //! (`docs/playback-and-safety.md`).
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
@@ -22,8 +22,8 @@ use crate::limiter::Target;
 pub const MISSED: u16 = 3;
 /// Samples by which an answer may be late, before it counts as missed.
 const USUALLY_LATE: u16 = 2;
-/// Oldest sample that may be answered, in samples; numbers wrap at 256.
-const OLDEST: u8 = 16;
+/// Age in samples from which one may not be answered any more: its answer would not be in force for a sample before the robot holds still.
+const OLDEST: u8 = (MISSED + USUALLY_LATE) as u8;
 
 /// What a host wants of tracking.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,6 +70,8 @@ pub struct Track {
     starved: u16,
     /// Control periods since the end was called for.
     halted: Option<u16>,
+    /// Control periods for which the robot holds still.
+    held: u16,
 }
 
 impl Track {
@@ -94,6 +96,7 @@ impl Track {
             delay: 0,
             starved: 0,
             halted: None,
+            held: 0,
         }
     }
 
@@ -164,6 +167,7 @@ impl Track {
         if self.halted.is_none() && self.whole.heard != 0 {
             self.take(period_s);
         }
+        self.held = if self.holds() { self.held.saturating_add(1) } else { 0 };
         let is_due = self.since_sample >= self.tracking.periods;
         if is_due {
             self.since_sample = 0;
@@ -183,7 +187,8 @@ impl Track {
         for (slope, (new, old)) in
             self.slopes.iter_mut().zip(self.whole.values.iter().zip(&self.acts.values))
         {
-            *slope = if self.answers > 0 && between > 0 { (new - old) / between_s } else { 0.0 };
+            let moves = self.answers > 0 && between > 0 && self.held == 0;
+            *slope = if moves { (new - old) / between_s } else { 0.0 };
         }
         // Drives answered one after the other in the period before the sample: a period on the mean.
         let age = u16::from(self.age(self.whole.number).unwrap_or(0));
@@ -236,6 +241,18 @@ impl Track {
     fn holds(&self) -> bool {
         let most = self.tracking.periods.saturating_mul(MISSED.saturating_add(USUALLY_LATE));
         self.is_halted() || self.starved > most
+    }
+
+    /// Whether the robot holds still from this control period on.
+    pub fn begins_to_hold(&self) -> bool {
+        self.held == 1
+    }
+
+    /// Has a joint rest at an angle, rad, with its last torque.
+    pub fn rest_at(&mut self, channel: usize, angle_rad: f32) {
+        if let Some(value) = self.acts.values.get_mut(channel) {
+            *value = angle_rad;
+        }
     }
 
     /// The present target of a channel, and the parts of its configured gains that act around it: kp, kd.

@@ -156,6 +156,65 @@ fn a_host_whose_answers_are_old_does_not_steer() {
     }
     assert_eq!(rig.brain.state(), State::Streaming);
     assert!((rig.servos[0].setpoints.last().unwrap().1 - kp).abs() < 0.01 * kp, "it holds still");
+    assert!(rig.stands());
+    for _ in 0..12 {
+        rig.run(1);
+        let number = sample(&rig).number.wrapping_sub(8);
+        answer(&mut rig, number, |setpoint| setpoint.value += 0.1);
+    }
+    assert!(rig.brain.faults().contains(Fault::SetpointTimeout), "they are no answers");
+    assert!(rig.stands());
+}
+
+/// Of answers that are late by so much that the robot would hold still again and again, some act and none makes it stiff.
+#[test]
+fn gains_do_not_flicker_with_the_age_of_answers() {
+    for age in 0..10 {
+        let mut rig = tracked();
+        follow(&mut rig, 8, |_| ());
+        let kp = config().channels[0].kp_nm_rad;
+        rig.servos[0].setpoints.clear();
+        for _ in 0..40 {
+            rig.run(1);
+            let number = sample(&rig).number.wrapping_sub(age);
+            answer(&mut rig, number, |_| ());
+        }
+        let gains: Vec<f32> = rig.servos[0].setpoints.iter().map(|(_, kp)| *kp).collect();
+        let rises = gains.windows(2).filter(|two| two[1] > two[0] + 0.01 * kp).count();
+        let falls = gains.windows(2).filter(|two| two[1] < two[0] - 0.01 * kp).count();
+        assert_eq!(falls, 0, "{age}: {gains:?}");
+        assert_eq!(rises > 0, age > 4, "{age}: {gains:?}");
+    }
+}
+
+/// Under a load its setpoints are away from where it is. All of its gains at once would pull it there.
+#[test]
+fn a_joint_that_is_held_stays_where_it_is() {
+    let ends: [fn(&mut Rig); 3] = [
+        |rig| rig.run(20),
+        |rig| assert_eq!(rig.command(Action::Return).result, CommandResult::Ok),
+        |rig| assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok),
+    ];
+    for end in ends {
+        let mut rig = tracked();
+        let kp = config().channels[0].kp_nm_rad;
+        // Of all gains 0.01 rad.
+        rig.servos[0].load_nm = 0.01 * kp;
+        follow(&mut rig, 40, |_| ());
+        let before = rig.servos[0].value;
+        assert!((before - STAND[0]).abs() > 0.09, "{before}");
+        end(&mut rig);
+        let mut last = before;
+        for tick in 0..15 {
+            let moved = (rig.servos[0].value - last).abs();
+            // RETURN leads it to SAFE with 0.7 rad/s at most.
+            assert!(moved < 0.006, "{tick}: {last} to {}", rig.servos[0].value);
+            last = rig.servos[0].value;
+            if rig.brain.state() == State::Streaming || rig.brain.state() == State::Aligning {
+                rig.run(1);
+            }
+        }
+    }
 }
 
 #[test]
@@ -164,15 +223,19 @@ fn an_answer_acts_from_the_next_period_on_with_its_gains() {
     follow(&mut rig, 3, |_| ());
     let config = config();
     let kp = config.channels[0].kp_nm_rad;
-    for (stiff, part) in [(false, 0.1), (true, 1.0), (false, 0.1)] {
+    // Gains fall at once, and rise for a while.
+    for (stiff, part, periods) in [(false, 0.1, 1), (true, 1.0, 14), (false, 0.1, 1)] {
         rig.run(1);
-        let number = sample(&rig).number;
-        answer(&mut rig, number, |setpoint| {
-            setpoint.stiff = stiff;
-            setpoint.value += if setpoint.channel == 0 { 0.01 } else { 0.0 };
-            setpoint.torque_nm = 0.2;
-        });
-        rig.run(1);
+        let mut number = 0;
+        for _ in 0..periods {
+            number = sample(&rig).number;
+            answer(&mut rig, number, |setpoint| {
+                setpoint.stiff = stiff;
+                setpoint.value += if setpoint.channel == 0 { 0.01 } else { 0.0 };
+                setpoint.torque_nm = 0.2;
+            });
+            rig.run(1);
+        }
         let servo = &rig.servos[0];
         let (value, gain) = *servo.setpoints.last().unwrap();
         assert!(
@@ -290,7 +353,7 @@ fn without_answers_it_holds_still_with_all_gains_and_then_goes_home() {
     rig.run(PATIENCE);
     let last = |rig: &Rig, channel: usize| *rig.servos[channel].setpoints.last().unwrap();
     assert!((last(&rig, 0).1 - 0.1 * kp).abs() < 0.01 * kp && (last(&rig, 2).0 - 3.0).abs() < 1e-3);
-    rig.run(10);
+    rig.run(14);
     let (value, gain) = last(&rig, 0);
     assert!((value - STAND[0] - 0.1).abs() < 1e-3 && (gain - kp).abs() < 0.01 * kp);
     assert!((rig.servos[0].torques.last().unwrap() - 0.3).abs() < 2e-3, "it bears the robot");
@@ -352,7 +415,7 @@ fn a_link_that_cannot_carry_all_samples_carries_whole_ones() {
 #[test]
 fn what_it_cannot_do_is_refused() {
     for (rate_hz, kp_percent, kd_percent) in
-        [(0, 10, 20), (19, 10, 20), (121, 10, 20), (65_535, 10, 20), (120, 101, 20), (120, 10, 127)]
+        [(0, 10, 20), (19, 10, 20), (121, 10, 20), (65_535, 10, 20), (120, 101, 20), (120, 10, 255)]
     {
         let mut rig = Rig::ready();
         let ack = rig.command(Action::Track { rate_hz, kp_percent, kd_percent });

@@ -105,7 +105,7 @@ impl Command {
             Action::Play { code, speed_64ths } => (code, speed_64ths, 0),
             Action::ArmConfirm { nonce } | Action::ClearConfirm { nonce } => (0, 0, nonce),
             Action::Track { rate_hz, kp_percent, kd_percent } => {
-                (kp_percent, (kd_percent & 0x7F) as i8, rate_hz)
+                (kp_percent, kd_percent as i8, rate_hz)
             }
             _ => (0, 0, 0),
         };
@@ -151,10 +151,7 @@ impl Command {
                     _ => Action::Stream,
                 }
             }
-            10 if speed < 0x80 => {
-                Action::Track { rate_hz: arg, kp_percent: code, kd_percent: speed }
-            }
-            10 => return Err(DecodeError::BadValue),
+            10 => Action::Track { rate_hz: arg, kp_percent: code, kd_percent: speed },
             _ => Action::Unknown { kind },
         };
         Ok((node, Self { seq, action, valid_until_ms: u16::from_le_bytes([v0, v1]) }))
