@@ -157,7 +157,7 @@ fn limited(limits: &Channel, last: f32, target: Target, period_s: f32) -> Target
 ///
 /// Not `clamp`, which panics on limits in the wrong order; not `max` and `min`, which compile to function calls on a
 /// Cortex-M4, and this runs for every channel in every control period.
-fn within(value: f32, low: f32, high: f32) -> f32 {
+pub(crate) fn within(value: f32, low: f32, high: f32) -> f32 {
     let value = if value < low { low } else { value };
     if value > high { high } else { value }
 }

@@ -14,7 +14,7 @@ use crate::actuators::{Actuators, FRESH_TICKS, Hold};
 use crate::align::{Ramp, RampEnds};
 use crate::bus::Buses;
 use crate::graph_cursor::GoalError;
-use crate::limiter::{Limiter, Target};
+use crate::limiter::{Limiter, Target, within};
 use crate::parameters::Parameters;
 use crate::player::{Player, Playing};
 use crate::safety::EventSet;
@@ -25,7 +25,7 @@ use crate::window::WINDOW;
 
 /// Rate at which each actuator is queried for its pose while torque is off, Hz.
 const QUERY_HZ: u16 = 20;
-/// Fastest rise of the part of a channel's gains that acts, 1/s: tenfold in 0.1 s.
+/// Fastest rise of the part of a channel's gains that acts, 1/s: eightfold in 0.1 s at 120 Hz.
 const GAIN_RISE_1_S: f32 = 23.0;
 /// Part from which gains rise that were 0.
 const LEAST_PART: f32 = 0.02;
@@ -65,6 +65,8 @@ pub(crate) struct Motion {
     sample: Option<u8>,
     /// Parts of the gains that act, of each channel: kp, kd.
     parts: [[f32; 2]; MAX_CHANNELS],
+    /// Whether any of them is not all.
+    is_soft: bool,
     /// Torque of a joint's angle when its gains began to rise, over all of kp, rad: it stays while they rise.
     leans_rad: [f32; MAX_CHANNELS],
 }
@@ -82,6 +84,7 @@ impl Motion {
             tracking: None,
             sample: None,
             parts: [[1.0; 2]; MAX_CHANNELS],
+            is_soft: false,
             leans_rad: [0.0; MAX_CHANNELS],
         }
     }
@@ -177,6 +180,7 @@ impl Motion {
         self.stage = Stage::Off;
         self.limiter.stop();
         self.parts = [[1.0; 2]; MAX_CHANNELS];
+        self.is_soft = false;
         self.emitted = [None; MAX_CHANNELS];
         self.actuators.disable_all();
         self.ticks_to_query = 0;
@@ -252,7 +256,7 @@ impl Motion {
         }
     }
 
-    /// Ramps to SAFE from the present setpoints of the host.
+    /// Ramps to SAFE from the present setpoints of the host; where these answer samples, from where joints are.
     pub fn align_from_stream(
         &mut self,
         setup: &Setup,
@@ -260,15 +264,17 @@ impl Motion {
     ) -> Result<(), Unreadable> {
         let library = library.ok_or(Unreadable)?;
         let config = &setup.config;
+        let feed_forward = self.parameters.feed_forward();
         // From what the actuators were commanded: what was streamed may be out of their limits.
-        let ramp = ramp_to_safe(setup, &library, |i| {
+        let ramp = ramp_to_safe(setup, &library, feed_forward, |i| {
             let most_nm = config.channels.get(i)?.max_torque_nm;
             let torque_nm = match &self.stage {
-                Stage::Streaming(stream) => stream.target(config, i)?.torque_nm,
+                Stage::Streaming(stream) => stream.target(config, i)?.torque_nm * feed_forward,
                 Stage::Tracking(track) => track.target(config, i)?.0.torque_nm,
                 _ => return None,
             };
-            let torque_nm = if torque_nm.abs() <= most_nm { torque_nm } else { 0.0 };
+            let is_number = torque_nm.is_finite();
+            let torque_nm = if is_number { within(torque_nm, -most_nm, most_nm) } else { 0.0 };
             Some((self.rest(setup, i)?, torque_nm))
         })?;
         self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
@@ -453,6 +459,10 @@ impl Motion {
             }
         }
         if let Stage::Tracking(track) = &self.stage {
+            if !track.holds() {
+                // An answer says where all gains are to be.
+                self.leans_rad = [0.0; MAX_CHANNELS];
+            }
             let periods = setup.settings.ticks_per_frame().saturating_mul(WINDOW as u16);
             let halted = (track.is_halted(), track.rests(periods));
             self.watch_host(setup, halted, events);
@@ -502,22 +512,30 @@ impl Motion {
     /// The parts of a channel's gains that act now, of those that are wanted, and how far the angle of a joint is to be from its target, rad.
     ///
     /// They fall at once and rise by [`GAIN_RISE_1_S`], while the angle comes as near as they rise: a joint that is away from its setpoint
-    /// is not pulled there.
+    /// is not pulled there. They rise no faster than the setpoint may move.
     fn parts(&mut self, settings: &Settings, channel: usize, wanted: [f32; 2]) -> ([f32; 2], f32) {
         let rise = 1.0 + GAIN_RISE_1_S * settings.period_s();
+        let most_rad = self.parameters.driven(channel).map_or(0.0, |limits| limits.max_rate)
+            * settings.period_s();
         let (Some(parts), Some(lean_rad)) =
             (self.parts.get_mut(channel), self.leans_rad.get_mut(channel))
         else {
             return (wanted, 0.0);
         };
+        let [before, _] = *parts;
         for (part, wanted) in parts.iter_mut().zip(wanted) {
             *part = wanted.min(part.max(LEAST_PART) * rise);
         }
-        let [kp, _] = *parts;
-        if wanted != [1.0; 2] || kp >= 1.0 {
+        let [kp, _] = parts;
+        if *lean_rad != 0.0 {
+            let nearest = 1.0 / before - most_rad / lean_rad.abs();
+            *kp = if *kp * nearest > 1.0 { 1.0 / nearest } else { *kp };
+        }
+        if *kp >= 1.0 {
             *lean_rad = 0.0;
         }
-        (*parts, if *lean_rad == 0.0 { 0.0 } else { *lean_rad * (1.0 / kp - 1.0) })
+        let off_rad = if *lean_rad == 0.0 { 0.0 } else { *lean_rad * (1.0 / *kp - 1.0) };
+        (*parts, off_rad)
     }
 
     /// Raises events of setpoints that have ended, or that do not come any more.
@@ -532,7 +550,8 @@ impl Motion {
 
     fn start_ramp(&mut self, setup: &Setup, library: &Library<'_>) -> Result<(), Unreadable> {
         let (actuators, limiter) = (&self.actuators, &mut self.limiter);
-        let ramp = ramp_to_safe(setup, library, |i| {
+        let feed_forward = self.parameters.feed_forward();
+        let ramp = ramp_to_safe(setup, library, feed_forward, |i| {
             let from = actuators.measured(&setup.config, i)?;
             limiter.start(i, from);
             Some((from, 0.0))
@@ -542,25 +561,34 @@ impl Motion {
     }
 
     fn emit_targets(&mut self, setup: &Setup) {
-        let feed_forward = self.parameters.feed_forward();
+        // The share of libraries' torques, which those of a ramp are already.
+        let feed_forward = match self.stage {
+            Stage::Playing(_) | Stage::Streaming(_) => self.parameters.feed_forward(),
+            _ => 1.0,
+        };
+        // Else nothing is to be looked up.
+        let may_be_soft = core::mem::take(&mut self.is_soft) || self.is_tracking();
         for i in 0..setup.config.channels.len() {
-            let mut wanted = None;
+            let mut wanted = [1.0; 2];
             let target = match &self.stage {
                 Stage::Ramping { ramp, .. } => ramp.target(i),
                 Stage::Playing(player) => player.target(&setup.config, i),
                 Stage::Streaming(stream) => stream.target(&setup.config, i),
                 Stage::Tracking(track) => track.target(&setup.config, i).map(|(target, of)| {
-                    wanted = Some(of);
+                    wanted = of;
                     target
                 }),
                 Stage::Off | Stage::Enabling { .. } | Stage::Damped => None,
             };
             if let Some(mut target) = target {
-                if wanted.is_none() {
-                    target.torque_nm *= feed_forward;
+                target.torque_nm *= feed_forward;
+                let mut parts = None;
+                if may_be_soft {
+                    let (acting, off_rad) = self.parts(&setup.settings, i, wanted);
+                    target.value += off_rad;
+                    self.is_soft |= acting != [1.0; 2];
+                    parts = Some(acting);
                 }
-                let (parts, off_rad) = self.parts(&setup.settings, i, wanted.unwrap_or([1.0; 2]));
-                target.value += off_rad;
                 self.emit(setup, i, target, Hold::Driven, parts);
             }
         }
@@ -575,19 +603,19 @@ impl Motion {
             };
             if let Some(value) = value {
                 let still = Target { value, slope: 0.0, torque_nm: 0.0 };
-                self.emit(setup, i, still, Hold::Damped, [1.0; 2]);
+                self.emit(setup, i, still, Hold::Damped, None);
             }
         }
     }
 
-    /// `parts` are those of kp and kd that act.
+    /// `parts` are those of kp and kd that act; all of them without.
     fn emit(
         &mut self,
         setup: &Setup,
         channel: usize,
         target: Target,
         hold: Hold,
-        [kp, kd]: [f32; 2],
+        parts: Option<[f32; 2]>,
     ) {
         let damped;
         let soft;
@@ -599,7 +627,7 @@ impl Motion {
             }
         };
         let Some(mut limits) = limits else { return };
-        if [kp, kd] != [1.0; 2] {
+        if let Some([kp, kd]) = parts {
             soft = Channel {
                 kp_nm_rad: kp * limits.kp_nm_rad,
                 kd_nm_s_rad: kd * limits.kd_nm_s_rad,
@@ -608,7 +636,14 @@ impl Motion {
             limits = &soft;
         }
         let takes_torque = self.actuators.takes_torque(channel);
-        let limited = self.limiter.apply(limits, channel, target, takes_torque);
+        let mut limited = self.limiter.apply(limits, channel, target, takes_torque);
+        if let (Some(limited), Some(_), ChannelKind::JointPosition) =
+            (&mut limited, parts, limits.kind)
+            && target.slope.is_finite()
+        {
+            // Its setpoint may be far from where it is, and come nearer or go away at once: that is no speed of the joint.
+            limited.slope = within(target.slope, -limits.max_rate, limits.max_rate);
+        }
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {
             let meant = self.limiter.meant(channel).unwrap_or(target.value);
             self.actuators.command(limits, channel, (target, meant), hold);
@@ -644,10 +679,11 @@ fn safe(library: &Library<'_>) -> Result<([f32; MAX_CHANNELS], [f32; MAX_CHANNEL
     Ok((pose, torques))
 }
 
-/// A ramp to SAFE from the value and the torque that `from` has for a channel.
+/// A ramp to SAFE, whose torques act with a share, from the value and the torque that `from` has for a channel.
 fn ramp_to_safe(
     setup: &Setup,
     library: &Library<'_>,
+    feed_forward: f32,
     mut from: impl FnMut(usize) -> Option<(f32, f32)>,
 ) -> Result<Ramp, Unreadable> {
     let (pose, torques) = safe(library)?;
@@ -655,7 +691,8 @@ fn ramp_to_safe(
     let mut ends: Vec<RampEnds, MAX_CHANNELS> = Vec::new();
     for (i, (to, to_nm)) in pose.into_iter().zip(torques).enumerate().take(config.channels.len()) {
         let (from, from_nm) = from(i).ok_or(Unreadable)?;
-        ends.push(RampEnds { from, to, torques_nm: [from_nm, to_nm] }).map_err(|_| Unreadable)?;
+        let torques_nm = [from_nm, to_nm * feed_forward];
+        ends.push(RampEnds { from, to, torques_nm }).map_err(|_| Unreadable)?;
     }
     Ok(Ramp::new(config, ends, settings.align_speed_rad_s, settings.period_s()))
 }

@@ -238,7 +238,7 @@ impl Track {
     }
 
     /// Whether answers are missing, or the end was called for: the robot holds still.
-    fn holds(&self) -> bool {
+    pub fn holds(&self) -> bool {
         let most = self.tracking.periods.saturating_mul(MISSED.saturating_add(USUALLY_LATE));
         self.is_halted() || self.starved > most
     }

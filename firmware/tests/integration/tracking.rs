@@ -7,7 +7,8 @@ use rollwalk_firmware::Settings;
 use rollwalk_firmware::track::MISSED;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::{
-    Action, CommandResult, FromController, Node, Sample, Setpoint, State,
+    Action, CommandResult, FromController, Node, Parameter, ParameterAction, ParameterResult,
+    Sample, Setpoint, State,
 };
 
 const TRACK: Action = Action::Track { rate_hz: 120, kp_percent: 10, kd_percent: 20 };
@@ -190,8 +191,14 @@ fn gains_do_not_flicker_with_the_age_of_answers() {
 /// Under a load its setpoints are away from where it is. All of its gains at once would pull it there.
 #[test]
 fn a_joint_that_is_held_stays_where_it_is() {
-    let ends: [fn(&mut Rig); 3] = [
+    let ends: [fn(&mut Rig); 4] = [
         |rig| rig.run(20),
+        // The loop goes on, and ends again.
+        |rig| {
+            rig.run(20);
+            follow(rig, 20, |_| ());
+            rig.run(20);
+        },
         |rig| assert_eq!(rig.command(Action::Return).result, CommandResult::Ok),
         |rig| assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok),
     ];
@@ -339,6 +346,35 @@ fn it_begins_near_safe_only() {
     assert_eq!(answered(&rig), None);
     follow(&mut rig, 2, |setpoint| setpoint.value += 0.01);
     assert!(answered(&rig).is_some());
+}
+
+/// The share of feed-forward is for libraries: what bears the robot goes over to what SAFE has of it along the ramp.
+#[test]
+fn the_torques_of_the_host_do_not_end_at_once_with_return() {
+    let mut rig = Rig::ready();
+    let (parameter, value) = (Parameter::FeedForward.code(), 0.0);
+    let ack = rig.parameter(ParameterAction::Set { parameter, channel: 0, value });
+    assert_eq!(ack.result, ParameterResult::Ok);
+    rig.command(TRACK);
+    follow(&mut rig, 20, |setpoint| setpoint.torque_nm = 1.0);
+    rig.command(Action::Return);
+    let nm = |rig: &Rig| *rig.servos[0].torques.last().unwrap();
+    rig.run(5);
+    assert!(nm(&rig) > 0.9, "{}", nm(&rig));
+    rig.run_until(State::Ready, 1000);
+    assert_eq!(nm(&rig), 0.0);
+}
+
+/// An answer says where all gains are to be, also while they rise.
+#[test]
+fn a_stiff_answer_after_a_hold_is_where_it_says() {
+    let mut rig = tracked();
+    rig.servos[0].load_nm = 0.01 * config().channels[0].kp_nm_rad;
+    follow(&mut rig, 40, |_| ());
+    rig.run(PATIENCE + 3);
+    follow(&mut rig, 3, |setpoint| setpoint.stiff = true);
+    let value = rig.servos[0].setpoints.last().unwrap().0;
+    assert!((value - STAND[0]).abs() < 1e-3, "{value}");
 }
 
 #[test]
