@@ -166,3 +166,18 @@ fn the_sequences_reach_every_state() {
     let expected = [Disarmed, Aligning, Ready, Playing, Returning, Damped, TorqueOff, EStopped];
     assert!(expected.iter().all(|state| seen.contains(state)), "only {seen:?}");
 }
+
+/// What a joint lags behind leaves less of its torque, and all of it comes back at once when it has caught up: the sum is within the limit
+/// in both.
+#[test]
+fn a_torque_that_was_scaled_comes_back() {
+    let mut rig = Rig::new(Some(&library()));
+    let at = |value, torque_nm| Setpoint { frame: 0, channel: 1, stiff: false, value, torque_nm };
+    rig.run(1);
+    for deed in [Deed::Arm, Deed::Run(160), Deed::Command(Action::Stream)] {
+        act(&mut rig, &deed);
+    }
+    assert_eq!(rig.brain.state(), State::Streaming);
+    act(&mut rig, &Deed::Answers(1, at(-0.165_974_59, -18.017_752)));
+    assert_way_home(&mut rig);
+}

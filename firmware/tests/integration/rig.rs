@@ -43,6 +43,8 @@ pub struct Servo {
     pub setpoints: Vec<(f32, f32)>,
     /// The torques of these setpoints, N·m.
     pub torques: Vec<f32>,
+    /// The last torque before it was scaled with the gains for the sum to be within the limit, N·m.
+    meant_nm: f32,
     /// What pushes it from outside, N·m: it gives way until its law holds that.
     pub load_nm: f32,
 }
@@ -61,6 +63,7 @@ impl Servo {
             set_at: 0,
             setpoints: vec![],
             torques: vec![],
+            meant_nm: 0.0,
             load_nm: 0.0,
         }
     }
@@ -92,6 +95,7 @@ impl Servo {
                 self.enabled = !self.refuses;
                 self.setpoints.clear();
                 self.torques.clear();
+                self.meant_nm = 0.0;
             }
             Control::Query => {}
         }
@@ -101,6 +105,7 @@ impl Servo {
     fn set(
         &mut self,
         (value, kp, gain, torque_nm): (f32, f32, f32, f32),
+        meant_nm: f32,
         tick: u32,
         period_s: f32,
         state: State,
@@ -138,16 +143,18 @@ impl Servo {
             self.set_at = tick;
             self.setpoints.push((value, kp));
             // A torque begins at 0, and takes the time to its limit that the limiter has for it.
-            let last_nm = self.torques.last().copied().unwrap_or(0.0);
+            let last_nm = self.meant_nm;
             let most = c.max_torque_nm;
             let rounding = 2e-3 + 0.01 * most;
             let step_nm = most * period_s * ticks as f32 / FULL_TORQUE_S;
             let torque_off = state == State::Damped;
             assert!(torque_nm.abs() <= most * 1.004, "{torque_nm} N·m");
+            assert!(torque_nm.abs() <= meant_nm.abs() + rounding, "{torque_nm} for {meant_nm} N·m");
             assert!(
-                torque_off && torque_nm == 0.0 || (torque_nm - last_nm).abs() <= step_nm + rounding,
-                "{last_nm} to {torque_nm} N·m in {state:?}"
+                torque_off && torque_nm == 0.0 || (meant_nm - last_nm).abs() <= step_nm + rounding,
+                "{last_nm} to {meant_nm} N·m in {state:?}"
             );
+            self.meant_nm = meant_nm;
             self.torques.push(torque_nm);
             let pushed = if gain > 0.0 && self.load_nm != 0.0 {
                 (torque_nm + self.load_nm) / gain
@@ -524,6 +531,11 @@ impl Rig {
     fn deliver(&mut self, bus: u8, frame: &Frame) {
         let (tick, period) = (self.ticks, self.settings.period_s());
         let (state, trust) = (self.brain.state(), self.trust_pose);
+        let meant_nm = |brain: &Brain, to: u8| {
+            let is_it = |channel: &Channel| (channel.bus, channel.id) == (bus, to);
+            let channel = brain.config().channels.iter().position(is_it);
+            channel.and_then(|channel| brain.setpoint(channel)).map_or(0.0, |of| of.torque_nm)
+        };
         let (id, servo);
         if let Some((to, control)) = Control::decode(frame) {
             (id, servo) = (to, self.servo(bus, to));
@@ -532,6 +544,7 @@ impl Rig {
                 servo.switch(control, trust);
             }
         } else if let Some((to, s)) = JointSetpoint::decode(frame) {
+            let meant_nm = meant_nm(&self.brain, to);
             (id, servo) = (to, self.servo(bus, to));
             assert_eq!(servo.channel.kind, ChannelKind::JointPosition);
             // Half a step of a setpoint with torque.
@@ -551,15 +564,16 @@ impl Rig {
             );
             if servo.powered {
                 let setpoint = (s.position_rad, s.kp_nm_rad, s.kp_nm_rad, s.torque_nm);
-                servo.set(setpoint, tick, period, state, trust);
+                servo.set(setpoint, meant_nm, tick, period, state, trust);
             }
         } else if let Some((to, s)) = WheelSetpoint::decode(frame) {
+            let meant_nm = meant_nm(&self.brain, to);
             (id, servo) = (to, self.servo(bus, to));
             assert_eq!(servo.channel.kind, ChannelKind::WheelSpeed);
             assert!(s.torque_limit_nm <= servo.channel.max_torque_nm + 1e-3);
             if servo.powered {
                 let setpoint = (s.speed_rad_s, 0.0, s.kd_nm_s_rad, s.torque_nm);
-                servo.set(setpoint, tick, period, state, trust);
+                servo.set(setpoint, meant_nm, tick, period, state, trust);
             }
         } else {
             panic!("{frame:?} is none of the servo profile");
