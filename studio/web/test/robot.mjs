@@ -15,7 +15,11 @@ export async function flashRobot(studio, place = "simulated") {
   if ((await studio.page.$eval(".run .flash", (button) => button.textContent)) === "Build library") await studio.click(".run .flash");
   await until(() => document.querySelector(".run .flash").textContent === "Flash library" && !document.querySelector(".run .flash").disabled);
   await studio.click(".run .flash");
-  await until(() => globalThis.studio.link.view.library && globalThis.studio.link.view.motions.length > 1);
+  // A robot that had the library before has its motions at once, but cannot be armed during the transfer.
+  await until(() => {
+    const { library, messages, motions } = globalThis.studio.link.view;
+    return library && motions.length > 1 && messages.some((one) => /has it in use/.test(one.text));
+  });
 }
 
 /** Connects to a robot, and arms it. */
@@ -30,10 +34,13 @@ async function arm(studio) {
   // A click is not enough to arm.
   await studio.click(".run .hold");
   assert.equal(await studio.state("link.view.torque"), false);
-  await studio.page.focus(".run .hold");
-  await studio.page.keyboard.down(" ");
-  await until(() => globalThis.studio.link.view.torque || globalThis.studio.link.view.state.startsWith("stopped"));
-  await studio.page.keyboard.up(" ");
+  const hold = async () => {
+    await until(() => !document.querySelector(".run .hold").disabled);
+    await studio.page.focus(".run .hold");
+    await studio.page.keyboard.down(" ");
+  };
+  const armed = () => globalThis.studio.link.view.torque || globalThis.studio.link.view.state.startsWith("stopped");
+  await repeatUntil(studio, hold, armed, { then: () => studio.page.keyboard.up(" ") });
   await until(() => {
     const { state } = globalThis.studio.link.view;
     return state.startsWith("stopped") || (state === "ready" && !document.querySelector(".motions button").disabled);
@@ -46,11 +53,11 @@ export async function play(studio) {
   const until = waits(studio);
   const { name, code } = await studio.page.evaluate(() => globalThis.studio.link.view.motions.find((one) => one.code && !/stand/.test(one.name)));
   await studio.page.evaluate(() => document.activeElement.blur());
-  await studio.press(String(code));
-  await until((name) => {
+  const plays = (name) => {
     const { playing, state } = globalThis.studio.link.view;
     return playing?.name.includes(name) || state.startsWith("stopped");
-  }, name);
+  };
+  await repeatUntil(studio, () => studio.press(String(code)), plays, { argument: name });
   return await studio.state("link.view.torque");
 }
 
@@ -134,12 +141,22 @@ export async function outlivesBusyPage(studio) {
   assert.match(await messages(), /heartbeat lost/);
 }
 
-/** Clears what stopped the robot; on a busy computer the robot may not hear of it the first time. */
+/** Clears what stopped the robot. */
 export async function clearFaults(studio) {
+  await repeatUntil(studio, () => studio.button("Clear faults"), () => globalThis.studio.link.view.state === "disarmed");
+}
+
+/** Gives an order until it is obeyed: on a busy computer the robot, or its answer, may be late for one, and the page says "try again". */
+async function repeatUntil(studio, order, obeyed, { argument, then } = {}) {
   for (let attempt = 1; ; attempt++) {
-    await studio.button("Clear faults");
-    const isClear = () => globalThis.studio.link.view.state === "disarmed";
-    const cleared = studio.page.waitForFunction(isClear, { timeout: attempt < ATTEMPTS ? 10_000 : WAIT_MS });
-    if (await cleared.then(() => true, (late) => attempt >= ATTEMPTS && Promise.reject(late))) return;
+    await order();
+    const last = attempt === ATTEMPTS;
+    const done = await studio.page.waitForFunction(obeyed, { timeout: last ? WAIT_MS : 10_000 }, argument).then(
+      () => true,
+      () => false,
+    );
+    await then?.();
+    if (done) return;
+    assert.ok(!last, JSON.stringify(await studio.state("link.view"), null, 1));
   }
 }
