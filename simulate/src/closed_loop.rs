@@ -41,9 +41,11 @@ pub enum Untracked {
     /// The tracker found no setpoints.
     #[error("no setpoints meet the constraints, or the state is not finite")]
     Setpoints(Unsolved),
-    /// It was pushed to its side: the steps of its plan go on under it.
-    #[error("it was pushed to its side, and catches itself by the steps of its plan")]
-    PushedAside,
+    /// It was pushed beyond the edge of its support: the steps of its plan go on under it.
+    #[error(
+        "it was pushed beyond the edge of its support, and the steps of its plan are to catch it"
+    )]
+    CaughtBySteps,
     /// It was not tracked for 0.1 s: it comes to rest, and stays so.
     #[error(
         "it was not tracked for {LOST_S} s, and is brought to a stop for good: begin the motion anew"

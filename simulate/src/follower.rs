@@ -79,9 +79,9 @@ impl Follower {
             self.tracker.tick(reference, state, touches).map(drop).map_err(Untracked::Setpoints)
         });
         match solved {
-            Ok(()) if script.steps() && self.tracker.is_pushed_aside() => {
+            Ok(()) if script.steps() && self.tracker.is_caught_by_steps() => {
                 self.lost_s = 0.0;
-                (script.laws(acts_s), Some(Untracked::PushedAside))
+                (script.laws(acts_s), Some(Untracked::CaughtBySteps))
             }
             Ok(()) => {
                 self.lost_s = 0.0;

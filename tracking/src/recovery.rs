@@ -1,9 +1,9 @@
 //! Whether the robot is on its plan or recovers from a push, and where its plan lies.
 //!
 //! A robot whose capture point, c + v √(h/g), is far from the planned one recovers: end effectors on the ground stay
-//! there, those in the air land, and centre of mass and body are led back each by itself; of one pushed far to its side servos play the plan. Recovery ends when the capture point is back, or when the robot
-//! stands while its plan walks on: it then resumes the plan from where it is. A push is not paid back by a sprint: the plan moves along
-//! with a robot that is far off.
+//! there, those in the air land, and centre of mass and body are led back each by itself. Of one that was pushed too far for that servos
+//! play the plan, whose steps may catch it. Recovery ends when the capture point is back, or when the robot stands while its plan walks
+//! on: it then resumes the plan from where it is. A push is not paid back by a sprint: the plan moves along with a robot that is far off.
 
 use nalgebra::{Rotation2, Vector2};
 use rollwalk_robot::GRAVITY_M_S2;
@@ -11,8 +11,12 @@ use rollwalk_robot::GRAVITY_M_S2;
 /// Error of the capture point from which on a robot recovers, and until which it does, as parts of the height of its centre of mass.
 const RECOVERS: f64 = 0.2;
 const RECOVERED: f64 = 0.1;
-/// Error to the side, more than ahead or behind, from which on it does not stand still, as a part of the same height.
-const ASIDE: f64 = 0.4;
+/// Error from which on it does not stand still where steps catch it more often, as a part of the same height.
+const STEPS: f64 = 0.4;
+/// Least cosine of the angle between that error and the way of the plan for its steps to lead there.
+const ONWARD: f64 = 0.7;
+/// Time over which the velocity of the plan is averaged, as a multiple of √(h/g): within a step it may even turn back.
+const AVERAGED: f64 = 5.0;
 /// Part of that height by which the velocity of a robot that stands moves its capture point at most; √(h/g) long it has to stand.
 const STANDS: f64 = 0.1;
 /// Error of place from which on the plan moves along with the robot, as a part of the same height.
@@ -37,8 +41,8 @@ enum Stage {
     #[default]
     OnPlan,
     Recovers {
-        /// Whether it was pushed too far to its side to stand still.
-        aside: bool,
+        /// Whether the steps of its plan, which go on under it, are to catch it.
+        by_steps: bool,
     },
     /// It stood, and has not reached the planned speed again.
     Resumes,
@@ -48,6 +52,10 @@ enum Stage {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Recovery {
     stage: Stage,
+    /// Whether it has driven wheels: those on the ground run under a robot that is pushed ahead or back.
+    drives: bool,
+    /// Mean of the planned velocity, m/s.
+    mean_planned_m_s: Vector2<f64>,
     /// How long a robot that recovers has stood, s.
     stood_s: f64,
     /// By how much the plan has moved along with the robot, m.
@@ -55,15 +63,20 @@ pub(crate) struct Recovery {
 }
 
 impl Recovery {
+    /// Of a robot on its plan, which has driven wheels or not.
+    pub fn new(drives: bool) -> Self {
+        Self { drives, ..Self::default() }
+    }
+
     /// Whether the robot recovers.
     pub fn is_active(&self) -> bool {
         matches!(self.stage, Stage::Recovers { .. })
     }
 
-    /// Whether it recovers from a push to its side, where its support is narrow: standing, it would tip over the edge, and the steps of its
-    /// plan, which go on under it, catch it more often.
-    pub fn is_aside(&self) -> bool {
-        self.stage == Stage::Recovers { aside: true }
+    /// Whether it recovers from a push beyond the edge of its support, over which it would tip if it stood still, and is caught more
+    /// often by the steps of its plan: to its side, where support is narrow; without driven wheels also where the plan leads.
+    pub fn is_by_steps(&self) -> bool {
+        self.stage == Stage::Recovers { by_steps: true }
     }
 
     /// From where the centre of mass is and how it moves, a tick later. An upright pendulum comes to rest over its capture point.
@@ -75,19 +88,25 @@ impl Recovery {
         let off_m = way_m.norm();
         let of_body_m = Rotation2::new(-errors.heading_rad) * way_m;
         let [ahead_m, side_m] = [of_body_m.x.abs(), of_body_m.y.abs()];
-        let aside = side_m > ahead_m.max(ASIDE * height_m);
+        let beside = side_m > ahead_m.max(STEPS * height_m);
+        let averaged_s = (AVERAGED * pendulum_s + tick_s).max(f64::MIN_POSITIVE);
+        self.mean_planned_m_s +=
+            (errors.planned_m_s - self.mean_planned_m_s) * (tick_s / averaged_s);
+        let onward = off_m > STEPS * height_m
+            && way_m.dot(&self.mean_planned_m_s) > ONWARD * off_m * self.mean_planned_m_s.norm();
+        let by_steps = beside || onward && !self.drives;
         let stands = errors.velocity_m_s.norm() * pendulum_s < STANDS * height_m;
         self.stood_s = if self.is_active() && stands { self.stood_s + tick_s } else { 0.0 };
         let most_m = RECOVERS * height_m;
         // A robot that stood is slow at first.
         let slow_m = errors.planned_m_s.norm() * pendulum_s;
         self.stage = match self.stage {
-            Stage::OnPlan if off_m > most_m => Stage::Recovers { aside },
+            Stage::OnPlan if off_m > most_m => Stage::Recovers { by_steps },
             Stage::Recovers { .. } if off_m < RECOVERED * height_m => Stage::OnPlan,
             Stage::Recovers { .. } if self.stood_s > pendulum_s => Stage::Resumes,
-            Stage::Resumes if off_m > most_m + slow_m => Stage::Recovers { aside },
+            Stage::Resumes if off_m > most_m + slow_m => Stage::Recovers { by_steps },
             Stage::Resumes if off_m < most_m => Stage::OnPlan,
-            Stage::Recovers { aside: false } if aside => Stage::Recovers { aside: true },
+            Stage::Recovers { by_steps: false } if by_steps => Stage::Recovers { by_steps: true },
             same => same,
         };
     }
@@ -96,8 +115,10 @@ impl Recovery {
     pub fn follow(&mut self, errors: &Errors) -> Vector2<f64> {
         let most_m = match self.stage {
             // One that resumes begins where it is; while servos play the plan, nothing leads the robot back to its place.
-            Stage::Resumes | Stage::Recovers { aside: true } => 0.0,
-            Stage::OnPlan | Stage::Recovers { aside: false } => ANCHOR * errors.height_m.max(0.0),
+            Stage::Resumes | Stage::Recovers { by_steps: true } => 0.0,
+            Stage::OnPlan | Stage::Recovers { by_steps: false } => {
+                ANCHOR * errors.height_m.max(0.0)
+            }
         };
         let off_m = errors.from_plan_m;
         let shift_m = off_m * (1.0 - most_m / off_m.norm().max(most_m).max(f64::MIN_POSITIVE));
@@ -177,7 +198,7 @@ mod tests {
             let mut recovery = Recovery::default();
             let step = |[ahead, left]: &[f64; 2]| {
                 recovery.update(&off(*ahead, *left), 0.0);
-                (recovery.is_active(), recovery.is_aside())
+                (recovery.is_active(), recovery.is_by_steps())
             };
             way.iter().map(step).collect::<Vec<_>>()
         };
@@ -186,6 +207,36 @@ mod tests {
             seen(&[[0.0, 0.3], [0.3, -0.5], [0.3, 0.0], [0.05, 0.0]]),
             [(true, false), (true, true), (true, true), (false, false)]
         );
+    }
+
+    /// Where the plan leads, averaged over its steps, and only without driven wheels.
+    #[test]
+    fn a_push_along_the_way_lets_a_plan_on_feet_step_on() {
+        let walks = Errors { velocity_m_s: speed_m_s(0.2), planned_m_s: speed_m_s(0.2), ..STILL };
+        let steps_on = |drives: bool, along_m: f64, across_m: f64| {
+            let mut recovery = Recovery::new(drives);
+            for _ in 0..1000 {
+                recovery.update(&walks, 0.002);
+            }
+            // The body turns back within a step.
+            let back =
+                Errors { velocity_m_s: speed_m_s(-0.1), planned_m_s: speed_m_s(-0.1), ..walks };
+            let from_plan_m = Vector2::new(across_m, along_m);
+            let heading_rad = std::f64::consts::FRAC_PI_2;
+            recovery.update(&Errors { from_plan_m, heading_rad, ..back }, 0.002);
+            assert!(recovery.is_active());
+            recovery.is_by_steps()
+        };
+        for (along_m, across_m, expected) in [
+            (0.25, 0.0, true),
+            (0.15, 0.0, false),
+            (-0.25, 0.0, false),
+            (0.25, 0.24, true),
+            (-0.15, 0.19, false),
+        ] {
+            assert_eq!(steps_on(false, along_m, across_m), expected, "{along_m} {across_m}");
+            assert!(!steps_on(true, along_m, across_m), "{along_m} {across_m}");
+        }
     }
 
     /// However fast the plan walks on under it.
@@ -197,7 +248,7 @@ mod tests {
         for _ in 0..2 {
             recovery.update(&Errors { velocity_m_s: 2.0 * fast, ..on_plan }, 0.002);
         }
-        assert!(recovery.is_aside());
+        assert!(recovery.is_by_steps());
         let mut off = Errors { from_plan_m: Vector2::new(0.0, 0.1), ..on_plan };
         off.from_plan_m -= recovery.follow(&off);
         recovery.update(&off, 0.002);

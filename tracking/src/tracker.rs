@@ -162,6 +162,7 @@ impl Tracker {
                 }
             })
             .collect();
+        let drives = robot.end_effectors.iter().any(|of| of.contact.actuator().is_some());
         let nominal = State::nominal(&tree);
         let still = Kinematics::new(&tree, &nominal.configuration());
         let unknowns = dofs + 3 * feet.len();
@@ -189,7 +190,7 @@ impl Tracker {
             solver: Solver::new(unknowns, constraints),
             tree,
             correction: None,
-            recovery: Recovery::default(),
+            recovery: Recovery::new(drives),
             latency_s: 0.0,
             ahead: nominal,
             expected: DVector::zeros(dofs),
@@ -238,10 +239,10 @@ impl Tracker {
         &self.setpoints
     }
 
-    /// Whether at the last tick the robot recovered from a push to its side. Its setpoints have it stand still; servos that play its plan,
-    /// with the planned torques, step on and catch it more often (docs/tracking.md, pushes).
-    pub fn is_pushed_aside(&self) -> bool {
-        self.recovery.is_aside()
+    /// Whether at the last tick the robot recovered from a push beyond the edge of its support. Its setpoints have it stand still; servos
+    /// that play its plan, with the planned torques, step on and catch it more often (docs/tracking.md, pushes).
+    pub fn is_caught_by_steps(&self) -> bool {
+        self.recovery.is_by_steps()
     }
 
     /// Steps of the solver in the last tick.
@@ -283,7 +284,7 @@ impl Tracker {
             }
             Ok(()) => self.keep(),
         }
-        if self.is_pushed_aside() {
+        if self.is_caught_by_steps() {
             // Motors that play the plan do something else.
             self.expected.fill(0.0);
         }
