@@ -1,6 +1,6 @@
 //! Whether the robot is on its plan or recovers from a push, and where its plan lies.
 //!
-//! A robot whose capture point, c + v √(h/g), is far from the planned one recovers: end effectors on the ground stay
+//! A robot whose capture point, c + v √(h/g), is far from the planned one, and from that of a slower robot, recovers: end effectors on the ground stay
 //! there, those in the air land, and centre of mass and body are led back each by itself. Of one that was pushed too far for that servos
 //! play the plan, whose steps may catch it. Recovery ends when the capture point is back, or when the robot stands while its plan walks
 //! on: it then resumes the plan from where it is. A push is not paid back by a sprint: the plan moves along with a robot that is far off.
@@ -34,6 +34,17 @@ pub(crate) struct Errors {
     pub height_m: f64,
     /// Planned heading of the body, rad.
     pub heading_rad: f64,
+}
+
+impl Errors {
+    /// From the capture points of a robot on its plan to the measured one, m. On its plan is one at any speed from rest to the planned
+    /// one: a robot that is slow does not fall, and would only come along later if it stood still.
+    fn off_m(&self, pendulum_s: f64) -> Vector2<f64> {
+        let from_rest_m = self.from_plan_m + self.velocity_m_s * pendulum_s;
+        let planned_m = self.planned_m_s * pendulum_s;
+        let speed = from_rest_m.dot(&planned_m) / planned_m.norm_squared().max(f64::MIN_POSITIVE);
+        from_rest_m - planned_m * speed.clamp(0.0, 1.0)
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -83,8 +94,7 @@ impl Recovery {
     pub fn update(&mut self, errors: &Errors, tick_s: f64) {
         let height_m = errors.height_m.max(0.0);
         let pendulum_s = (height_m / GRAVITY_M_S2).sqrt();
-        let velocity = errors.velocity_m_s - errors.planned_m_s;
-        let way_m = errors.from_plan_m + velocity * pendulum_s;
+        let way_m = errors.off_m(pendulum_s);
         let off_m = way_m.norm();
         let of_body_m = Rotation2::new(-errors.heading_rad) * way_m;
         let [ahead_m, side_m] = [of_body_m.x.abs(), of_body_m.y.abs()];
@@ -182,8 +192,8 @@ mod tests {
         let pushed = [(0.8, 0.002), (0.0, 0.1), (0.2, 0.1), (0.0, LONG_S)];
         let seen = pushed.map(&mut at);
         assert_eq!(seen, [(true, 0.0), (true, 0.0), (true, 0.0), (false, 0.05)]);
-        let later = [(0.0, 0.1), (0.2, 0.1), (0.4, 0.1), (0.5, 0.1), (0.2, 0.1)].map(&mut at);
-        assert_eq!(later, [(false, 0.05), (false, 0.05), (false, 0.0), (false, 0.0), (true, 0.0)]);
+        let later = [(0.0, 0.1), (0.2, 0.1), (0.4, 0.1), (0.5, 0.1), (-0.3, 0.1)].map(&mut at);
+        assert_eq!(later.map(|(recovers, _)| recovers), [false, false, false, false, true]);
     }
 
     /// In axes of the body, and until it has recovered.
@@ -209,6 +219,21 @@ mod tests {
         );
     }
 
+    /// It is not falling; on its plan it comes along sooner.
+    #[test]
+    fn a_robot_that_is_slower_than_its_plan_does_not_recover() {
+        let fast = Errors { planned_m_s: speed_m_s(0.5), ..STILL };
+        let recovers = |part: f64| {
+            let mut recovery = Recovery::default();
+            recovery.update(&Errors { velocity_m_s: speed_m_s(part), ..fast }, 0.002);
+            recovery.is_active()
+        };
+        assert_eq!(
+            [0.8, 0.5, 0.2, 0.0, -0.15, -0.25].map(recovers),
+            [true, false, false, false, false, true]
+        );
+    }
+
     /// Where the plan leads, averaged over its steps, and only without driven wheels.
     #[test]
     fn a_push_along_the_way_lets_a_plan_on_feet_step_on() {
@@ -228,10 +253,10 @@ mod tests {
             recovery.is_by_steps()
         };
         for (along_m, across_m, expected) in [
-            (0.25, 0.0, true),
-            (0.15, 0.0, false),
+            (0.3, 0.0, true),
+            (0.2, 0.0, false),
             (-0.25, 0.0, false),
-            (0.25, 0.24, true),
+            (0.3, 0.24, true),
             (-0.15, 0.19, false),
         ] {
             assert_eq!(steps_on(false, along_m, across_m), expected, "{along_m} {across_m}");
