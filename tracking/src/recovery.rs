@@ -1,6 +1,6 @@
 //! Whether the robot is on its plan or recovers from a push, and where its plan lies.
 //!
-//! A robot whose capture point, c + v √(h/g), is far from the planned one, and from that of a slower robot, recovers: end effectors on the ground stay
+//! A robot whose capture point, c + v √(h/g), is far from the planned one, and not only because it is slow, recovers: end effectors on the ground stay
 //! there, those in the air land, and centre of mass and body are led back each by itself. Of one that was pushed too far for that servos
 //! play the plan, whose steps may catch it. Recovery ends when the capture point is back, or when the robot stands while its plan walks
 //! on: it then resumes the plan from where it is. A push is not paid back by a sprint: the plan moves along with a robot that is far off.
@@ -37,13 +37,13 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// From the capture points of a robot on its plan to the measured one, m. On its plan is one at any speed from rest to the planned
-    /// one: a robot that is slow does not fall, and would only come along later if it stood still.
+    /// From the planned capture point to the measured one, m. A speed between rest and the planned one is no error: a robot that is slow
+    /// does not fall, and would only come along later if it stood still.
     fn off_m(&self, pendulum_s: f64) -> Vector2<f64> {
-        let from_rest_m = self.from_plan_m + self.velocity_m_s * pendulum_s;
-        let planned_m = self.planned_m_s * pendulum_s;
-        let speed = from_rest_m.dot(&planned_m) / planned_m.norm_squared().max(f64::MIN_POSITIVE);
-        from_rest_m - planned_m * speed.clamp(0.0, 1.0)
+        let planned_m_s = self.planned_m_s;
+        let along = self.velocity_m_s.dot(&planned_m_s);
+        let part = along / planned_m_s.norm_squared().max(f64::MIN_POSITIVE);
+        self.from_plan_m + (self.velocity_m_s - planned_m_s * part.clamp(0.0, 1.0)) * pendulum_s
     }
 }
 
