@@ -1,9 +1,10 @@
 //! Whether the robot is on its plan or recovers from a push, and where its plan lies.
 //!
-//! A robot whose capture point, c + v √(h/g), is far from the planned one, and not only because it is slow, recovers: end effectors on the ground stay
-//! there, those in the air land, and centre of mass and body are led back each by itself. Of one that was pushed too far for that servos
-//! play the plan, whose steps may catch it. Recovery ends when the capture point is back, or when the robot stands while its plan walks
-//! on: it then resumes the plan from where it is. A push is not paid back by a sprint: the plan moves along with a robot that is far off.
+//! A robot whose capture point, c + v √(h/g), is far from the planned one, and not only because it is slow, recovers: end effectors on
+//! the ground stay there, those in the air land, and centre of mass and body are led back each by itself. Of one that was pushed too far
+//! for that servos play the plan, whose steps may catch it. Recovery ends when the capture point is back, or when the robot stands while
+//! its plan walks on: it then resumes the plan from where it is. A push is not paid back by a sprint: the plan moves along with a robot
+//! that is far off.
 
 use nalgebra::{Rotation2, Vector2};
 use rollwalk_robot::GRAVITY_M_S2;
@@ -55,7 +56,7 @@ enum Stage {
         /// Whether the steps of its plan, which go on under it, are to catch it.
         by_steps: bool,
     },
-    /// It stood, and has not reached the planned speed again.
+    /// It stood: in this tick its plan moves to where it is.
     Resumes,
 }
 
@@ -108,14 +109,11 @@ impl Recovery {
         let stands = errors.velocity_m_s.norm() * pendulum_s < STANDS * height_m;
         self.stood_s = if self.is_active() && stands { self.stood_s + tick_s } else { 0.0 };
         let most_m = RECOVERS * height_m;
-        // A robot that stood is slow at first.
-        let slow_m = errors.planned_m_s.norm() * pendulum_s;
         self.stage = match self.stage {
-            Stage::OnPlan if off_m > most_m => Stage::Recovers { by_steps },
+            Stage::OnPlan | Stage::Resumes if off_m > most_m => Stage::Recovers { by_steps },
             Stage::Recovers { .. } if off_m < RECOVERED * height_m => Stage::OnPlan,
             Stage::Recovers { .. } if self.stood_s > pendulum_s => Stage::Resumes,
-            Stage::Resumes if off_m > most_m + slow_m => Stage::Recovers { by_steps },
-            Stage::Resumes if off_m < most_m => Stage::OnPlan,
+            Stage::Resumes => Stage::OnPlan,
             Stage::Recovers { by_steps: false } if by_steps => Stage::Recovers { by_steps: true },
             same => same,
         };
@@ -124,7 +122,7 @@ impl Recovery {
     /// Moves the plan along with the robot, and returns by how much, m.
     pub fn follow(&mut self, errors: &Errors) -> Vector2<f64> {
         let most_m = match self.stage {
-            // One that resumes begins where it is; while servos play the plan, nothing leads the robot back to its place.
+            // While servos play the plan, nothing leads the robot back to its place.
             Stage::Resumes | Stage::Recovers { by_steps: true } => 0.0,
             Stage::OnPlan | Stage::Recovers { by_steps: false } => {
                 ANCHOR * errors.height_m.max(0.0)
@@ -193,7 +191,7 @@ mod tests {
         let seen = pushed.map(&mut at);
         assert_eq!(seen, [(true, 0.0), (true, 0.0), (true, 0.0), (false, 0.05)]);
         let later = [(0.0, 0.1), (0.2, 0.1), (0.4, 0.1), (0.5, 0.1), (-0.3, 0.1)].map(&mut at);
-        assert_eq!(later.map(|(recovers, _)| recovers), [false, false, false, false, true]);
+        assert_eq!(later, [(false, 0.0), (false, 0.0), (false, 0.0), (false, 0.0), (true, 0.0)]);
     }
 
     /// In axes of the body, and until it has recovered.
