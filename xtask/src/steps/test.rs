@@ -95,9 +95,9 @@ impl Step for TestStep {
         }
     }
 
-    /// Browsers wait for the page, not for time.
+    /// Browsers wait for the page, not for time; the emulated board keeps one core busy, and the steps after it the other.
     fn is_beside(&self) -> bool {
-        *self == Self::Studio
+        matches!(self, Self::Studio | Self::Board)
     }
 
     /// Simulated robots at pages and serial lines play in real time.
