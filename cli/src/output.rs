@@ -157,7 +157,7 @@ impl Diagnostic for Plain<'_> {
 /// Prints a result as JSON.
 ///
 /// # Errors
-/// As [`print`].
+/// As [`print()`].
 pub fn print_json(value: &impl Serialize) -> miette::Result<()> {
     let text = serde_json::to_string_pretty(value)
         .map_err(|error| miette::miette!("cannot write JSON: {error}"))?;

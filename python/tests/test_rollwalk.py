@@ -305,6 +305,9 @@ class LongWork(unittest.TestCase):
                 work()
 
     def test_ctrl_c_ends_the_work(self) -> None:
+        # Shells start what runs in the background with SIGINT ignored, and Python leaves it so.
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        self.addCleanup(signal.signal, signal.SIGINT, before)
         begun = threading.Event()
 
         def interrupt() -> None:
