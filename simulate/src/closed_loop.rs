@@ -46,6 +46,9 @@ pub enum Untracked {
         "it was pushed beyond the edge of its support, and the steps of its plan are to catch it"
     )]
     CaughtBySteps,
+    /// It had to recover twice as soon as it had resumed its plan, which goes on in open loop until it ends.
+    #[error("it stumbled from one recovery into the next, and its plan goes on in open loop")]
+    Stumbled,
     /// It was not tracked for 0.1 s: it comes to rest, and stays so.
     #[error(
         "it was not tracked for {LOST_S} s, and is brought to a stop for good: begin the motion anew"
@@ -89,7 +92,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         let mut plan = Placed { body: WholeBody::new(script.plan()), world_from_plan, from_s: 0.0 };
         let mut follower = Follower::new(script, plan.body.tree(), timing);
         if feedback == Feedback::Gains {
-            follower.tracker.change_gains(plan.gains(script));
+            follower.change_plan(plan.gains(script));
         }
         Self { script, plan, follower, timing }
     }

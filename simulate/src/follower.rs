@@ -9,7 +9,7 @@ use rollwalk_multibody::Tree;
 use rollwalk_physics::motor::Law;
 use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_tracking::tasks::Weights;
-use rollwalk_tracking::{Estimator, Reference, Sensors, Tracker};
+use rollwalk_tracking::{Estimator, Gains, Reference, Sensors, Tracker};
 
 /// Time without setpoints of the tracker after which the motion is ended, s.
 pub(crate) const LOST_S: f64 = 0.1;
@@ -20,6 +20,8 @@ pub(crate) struct Follower {
     servos: Vec<Law>,
     pub tracker: Tracker,
     pub estimator: Estimator,
+    /// Whether the robot has stumbled: its plan is played in open loop to the end.
+    stumbled: bool,
     /// Time without setpoints of the tracker, s, and the stop that ends it.
     lost_s: f64,
     stop: Option<SafeStop>,
@@ -42,7 +44,13 @@ impl Follower {
             .with_latency(timing.latency_s);
         let servos = script.robot().channels().map(|channel| servo(&channel)).collect();
         let estimator = Estimator::new(tree.clone());
-        Self { servos, tracker, estimator, lost_s: 0.0, stop: None }
+        Self { servos, tracker, estimator, stumbled: false, lost_s: 0.0, stop: None }
+    }
+
+    /// Goes over to a plan with these gains.
+    pub fn change_plan(&mut self, gains: Gains) {
+        self.tracker.change_gains(gains);
+        self.stumbled = false;
     }
 
     /// What the motors do, a tick after the last one, of a robot that comes to rest for good.
@@ -78,7 +86,12 @@ impl Follower {
             let touches = if contacts.is_some() { &reference.stands[..] } else { touches };
             self.tracker.tick(reference, state, touches).map(drop).map_err(Untracked::Setpoints)
         });
+        self.stumbled |= solved.is_ok() && script.steps() && self.tracker.stumbles();
         match solved {
+            Ok(()) if self.stumbled => {
+                self.lost_s = 0.0;
+                (script.laws(acts_s), Some(Untracked::Stumbled))
+            }
             Ok(()) if script.steps() && self.tracker.is_caught_by_steps() => {
                 self.lost_s = 0.0;
                 (script.laws(acts_s), Some(Untracked::CaughtBySteps))

@@ -191,7 +191,7 @@ impl<'p> Sequence<'p> {
             joined(&pair[0], &pair[1])?;
         }
         let mut follower = Follower::new(&first.script, first.plan.body.tree(), timing);
-        follower.tracker.change_gains(first.gains.clone());
+        follower.change_plan(first.gains.clone());
         // Where an estimator that aligns itself at rest puts the robot.
         let start = legs[0].place(0.0).inverse();
         legs[0].plan.world_from_plan = start;
@@ -376,7 +376,7 @@ impl<'p> Sequence<'p> {
             self.legs[next].plan.world_from_plan = end * begins.inverse();
         }
         if leg != self.leg {
-            self.follower.tracker.change_gains(self.legs[leg].gains.clone());
+            self.follower.change_plan(self.legs[leg].gains.clone());
         }
         (self.leg, self.began_s) = (leg, began_s);
         leg_s

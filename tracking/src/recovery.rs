@@ -3,8 +3,8 @@
 //! A robot whose capture point, c + v √(h/g), is far from the planned one, and not only because it is slow, recovers: end effectors on
 //! the ground stay there, those in the air land, and centre of mass and body are led back each by itself. Of one that was pushed too far
 //! for that servos play the plan, whose steps may catch it. Recovery ends when the capture point is back, or when the robot stands while
-//! its plan walks on: it then resumes the plan from where it is. A push is not paid back by a sprint: the plan moves along with a robot
-//! that is far off.
+//! its plan walks on: it then resumes the plan from where it is. One that time and again has to recover as soon as it resumes its plan stumbles.
+//! A push is not paid back by a sprint: the plan moves along with a robot that is far off.
 
 use nalgebra::{Rotation2, Vector2};
 use rollwalk_robot::GRAVITY_M_S2;
@@ -20,6 +20,10 @@ const ONWARD: f64 = 0.7;
 const AVERAGED: f64 = 5.0;
 /// Part of that height by which the velocity of a robot that stands moves its capture point at most; √(h/g) long it has to stand.
 const STANDS: f64 = 0.1;
+/// Time that a robot which resumes its plan takes to come along with it, as a multiple of √(h/g).
+const COMES_ALONG: f64 = 5.0;
+/// How many times one after the other it has to recover within that time to stumble: one may be another push.
+const STUMBLES: u32 = 2;
 /// Error of place from which on the plan moves along with the robot, as a part of the same height.
 const ANCHOR: f64 = 0.2;
 
@@ -70,6 +74,10 @@ pub(crate) struct Recovery {
     mean_planned_m_s: Vector2<f64>,
     /// How long a robot that recovers has stood, s.
     stood_s: f64,
+    /// Time until it will have come along with the plan that it last resumed, s.
+    comes_along_s: f64,
+    /// How many times one after the other it had to recover before it had come along.
+    stumbles: u32,
     /// By how much the plan has moved along with the robot, m.
     pub anchor_m: Vector2<f64>,
 }
@@ -91,6 +99,11 @@ impl Recovery {
         self.stage == Stage::Recovers { by_steps: true }
     }
 
+    /// Whether the robot recovers time and again from what resuming its plan has done to it.
+    pub fn stumbles(&self) -> bool {
+        self.stumbles >= STUMBLES && self.is_active()
+    }
+
     /// From where the centre of mass is and how it moves, a tick later. An upright pendulum comes to rest over its capture point.
     pub fn update(&mut self, errors: &Errors, tick_s: f64) {
         let height_m = errors.height_m.max(0.0);
@@ -109,6 +122,7 @@ impl Recovery {
         let stands = errors.velocity_m_s.norm() * pendulum_s < STANDS * height_m;
         self.stood_s = if self.is_active() && stands { self.stood_s + tick_s } else { 0.0 };
         let most_m = RECOVERS * height_m;
+        let recovered = self.is_active();
         self.stage = match self.stage {
             Stage::OnPlan | Stage::Resumes if off_m > most_m => Stage::Recovers { by_steps },
             Stage::Recovers { .. } if off_m < RECOVERED * height_m => Stage::OnPlan,
@@ -117,6 +131,12 @@ impl Recovery {
             Stage::Recovers { by_steps: false } if by_steps => Stage::Recovers { by_steps: true },
             same => same,
         };
+        self.comes_along_s -= tick_s;
+        if self.stage == Stage::Resumes {
+            self.comes_along_s = COMES_ALONG * pendulum_s;
+        } else if self.is_active() && !recovered {
+            self.stumbles = if self.comes_along_s > 0.0 { self.stumbles + 1 } else { 0 };
+        }
     }
 
     /// Moves the plan along with the robot, and returns by how much, m.
@@ -260,6 +280,35 @@ mod tests {
             assert_eq!(steps_on(false, along_m, across_m), expected, "{along_m} {across_m}");
             assert!(!steps_on(true, along_m, across_m), "{along_m} {across_m}");
         }
+    }
+
+    /// Twice as soon as it resumed its plan; not late, and not when it came back to its plan in between.
+    #[test]
+    fn a_robot_that_recovers_as_soon_as_it_resumes_stumbles() {
+        let stumbles = |resumes: bool, later_s: f64| {
+            let mut recovery = Recovery::default();
+            let mut at = |part: f64, tick_s: f64| {
+                let beside_m = if resumes && part == 0.0 { 0.1 } else { 0.0 };
+                let from_plan_m = Vector2::new(beside_m, 0.0);
+                let errors = Errors { from_plan_m, velocity_m_s: speed_m_s(part), ..STILL };
+                recovery.update(&errors, tick_s);
+                (recovery.is_active(), recovery.stumbles())
+            };
+            // Pushed; standing, beside its plan or on it; coming along; pushed, and so on.
+            let mut again = || {
+                assert_eq!([at(0.3, 0.002).0, at(0.0, LONG_S).0], [true, false]);
+                at(0.15, 0.002);
+                at(0.15, later_s);
+                at(0.3, 0.002).1
+            };
+            let seen = [again(), again(), again()];
+            // Until it has recovered.
+            assert_eq!(at(0.09, 0.002), (false, false));
+            seen
+        };
+        assert_eq!(stumbles(true, 1.0), [false, true, true]);
+        assert_eq!(stumbles(true, 1.2), [false; 3]);
+        assert_eq!(stumbles(false, 0.1), [false; 3]);
     }
 
     /// However fast the plan walks on under it.

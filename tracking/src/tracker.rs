@@ -245,6 +245,12 @@ impl Tracker {
         self.recovery.is_by_steps()
     }
 
+    /// Whether at the last tick the robot recovered, for the second time as soon as it had resumed its plan: not a push, the plan itself is more than
+    /// the controller can track, and servos that play it do better (docs/tracking.md).
+    pub fn stumbles(&self) -> bool {
+        self.recovery.stumbles()
+    }
+
     /// Steps of the solver in the last tick.
     pub fn steps(&self) -> u32 {
         self.solver.steps()
