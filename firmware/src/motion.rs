@@ -4,11 +4,14 @@
 //! limiter, and the limiter passes nothing for a channel whose measured pose it has not received since torque was
 //! last off.
 
+mod health;
+mod host;
+
+use health::QUERY_HZ;
 use heapless::Vec;
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
-use rollwalk_protocol::faults::{Event, Fault};
-use rollwalk_protocol::library::{Library, NodeId, RATE_HZ, Unreadable};
-use rollwalk_protocol::wire::{Answered, Setpoint};
+use rollwalk_protocol::faults::Event;
+use rollwalk_protocol::library::{Library, NodeId, Unreadable};
 
 use crate::actuators::{Actuators, FRESH_TICKS, Hold};
 use crate::align::{Ramp, RampEnds};
@@ -23,8 +26,6 @@ use crate::stream::Stream;
 use crate::track::{Track, Tracking};
 use crate::window::WINDOW;
 
-/// Rate at which each actuator is queried for its pose while torque is off, Hz.
-const QUERY_HZ: u16 = 20;
 /// Fastest rise of the part of a channel's gains that acts, 1/s: eightfold in 0.1 s at 120 Hz.
 const GAIN_RISE_1_S: f32 = 23.0;
 /// Part from which gains rise that were 0.
@@ -107,74 +108,6 @@ impl Motion {
         }
     }
 
-    /// Age in ticks beyond which feedback counts as missing.
-    fn patience_ticks(&self, setup: &Setup) -> u16 {
-        match self.stage {
-            // While torque is off the actuators are queried at a low rate, and when enabling starts the
-            // last answer may be one query interval old.
-            Stage::Off | Stage::Enabling { .. } => {
-                let query_ticks = setup.settings.control_hz / QUERY_HZ;
-                query_ticks.saturating_mul(2).saturating_add(FRESH_TICKS)
-            }
-            _ => setup.settings.silent_ticks,
-        }
-    }
-
-    /// Whether the pose of every actuator is fresh.
-    pub fn actuators_are_fresh(&self, setup: &Setup) -> bool {
-        self.actuators.health().fresh_within(self.patience_ticks(setup))
-    }
-
-    /// A joint whose measured position is missing or far outside its range.
-    pub fn implausible(&self, setup: &Setup) -> Option<usize> {
-        let slack = setup.settings.out_of_range_rad;
-        setup.config.channels.iter().enumerate().position(|(i, channel)| {
-            let measured = self.actuators.measured(&setup.config, i);
-            let plausible =
-                measured.is_some_and(|q| q >= channel.min - slack && q <= channel.max + slack);
-            channel.kind == ChannelKind::JointPosition && !plausible
-        })
-    }
-
-    /// Channel and value of a fault, for its report.
-    pub fn details(&self, setup: &Setup, fault: Fault) -> Option<(u8, f32)> {
-        let mut channels = 0..setup.config.channels.len();
-        let (channel, value) = match fault {
-            Fault::ActuatorSilent => {
-                let (channel, ticks) = self.actuators.most_silent()?;
-                (channel, f32::from(ticks) * setup.settings.period_s())
-            }
-            Fault::ActuatorFault => {
-                let status = |i| self.actuators.feedback(i).map(|f| f.status);
-                let faulty = |&i: &usize| status(i).is_some_and(|s| s.faulty());
-                // After torque-off, a disabled actuator is no sign of a fault.
-                let off = |&i: &usize| {
-                    !matches!(self.stage, Stage::Off) && status(i).is_some_and(|s| !s.enabled())
-                };
-                let channel = channels.clone().find(faulty).or_else(|| channels.find(off))?;
-                (channel, f32::from(status(channel)?.0))
-            }
-            Fault::OutOfLimits => {
-                let channel = self.implausible(setup)?;
-                (channel, self.actuators.measured(&setup.config, channel)?)
-            }
-            Fault::TrackingError => {
-                let size = |i: usize| self.lag_rad(setup, i).unwrap_or(0.0);
-                let worst = channels.max_by(|&a, &b| size(a).total_cmp(&size(b)))?;
-                (worst, self.lag_rad(setup, worst)?)
-            }
-            _ => return None,
-        };
-        Some((u8::try_from(channel).ok()?, value))
-    }
-
-    /// Distance between a joint's measured position and where its last setpoint was meant to take it, rad.
-    fn lag_rad(&self, setup: &Setup, channel: usize) -> Option<f32> {
-        let joint = setup.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
-        let setpoint = self.limiter.meant(channel).filter(|_| joint)?;
-        Some((setpoint - self.actuators.measured(&setup.config, channel)?).abs())
-    }
-
     /// Switches torque off at once.
     pub fn cut(&mut self) {
         self.stage = Stage::Off;
@@ -201,111 +134,6 @@ impl Motion {
         let player = Player::start(&library, setup.settings.ticks_per_frame())?;
         self.stage = Stage::Playing(player);
         Ok(())
-    }
-
-    /// Says whether the next stream is of setpoints that answer samples.
-    pub fn want_tracking(&mut self, tracking: Option<Tracking>) {
-        self.tracking = tracking;
-    }
-
-    /// Whether setpoints that answer samples are followed.
-    pub fn is_tracking(&self) -> bool {
-        matches!(self.stage, Stage::Tracking(_))
-    }
-
-    /// Number of the sample that is due, once.
-    pub fn take_sample(&mut self) -> Option<u8> {
-        self.sample.take()
-    }
-
-    /// The answer in force of a robot that is tracked.
-    pub fn answered(&self, settings: &Settings) -> Option<Answered> {
-        match &self.stage {
-            Stage::Tracking(track) => track.answered(settings.period_s()),
-            _ => None,
-        }
-    }
-
-    /// Starts to follow setpoints of the host, at rest in SAFE.
-    // Of its own, because a stream is large on the stack.
-    #[inline(never)]
-    pub fn start_stream(
-        &mut self,
-        setup: &Setup,
-        library: Option<Library<'_>>,
-    ) -> Result<(), Unreadable> {
-        let tracking = self.tracking.take();
-        let (values, torques) = safe(&library.ok_or(Unreadable)?)?;
-        match tracking {
-            Some(tracking) => self.stage = Stage::Tracking(Track::start(tracking, values, torques)),
-            None => {
-                let ticks_per_frame = setup.settings.ticks_per_frame();
-                self.stage = Stage::Streaming(Stream::start(values, torques, ticks_per_frame));
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes a setpoint of the host. Ignored unless they are followed.
-    pub fn stream(&mut self, setup: &Setup, setpoint: &Setpoint) {
-        let nearest_rad = setup.settings.align_tolerance_rad;
-        match &mut self.stage {
-            Stage::Streaming(stream) => stream.receive(&setup.config, setpoint, nearest_rad),
-            Stage::Tracking(track) => track.receive(&setup.config, setpoint, nearest_rad),
-            _ => {}
-        }
-    }
-
-    /// Ramps to SAFE from the present setpoints of the host; where these answer samples, from where joints are.
-    pub fn align_from_stream(
-        &mut self,
-        setup: &Setup,
-        library: Option<Library<'_>>,
-    ) -> Result<(), Unreadable> {
-        let library = library.ok_or(Unreadable)?;
-        let config = &setup.config;
-        let feed_forward = self.parameters.feed_forward();
-        // From what the actuators were commanded: what was streamed may be out of their limits.
-        let ramp = ramp_to_safe(setup, &library, feed_forward, |i| {
-            let most_nm = config.channels.get(i)?.max_torque_nm;
-            let torque_nm = match &self.stage {
-                Stage::Streaming(stream) => stream.target(config, i)?.torque_nm * feed_forward,
-                Stage::Tracking(track) => track.target(config, i)?.0.torque_nm,
-                _ => return None,
-            };
-            let is_number = torque_nm.is_finite();
-            let torque_nm = if is_number { within(torque_nm, -most_nm, most_nm) } else { 0.0 };
-            Some((self.rest(setup, i)?, torque_nm))
-        })?;
-        self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
-        Ok(())
-    }
-
-    /// Brings the stream to rest where it is.
-    pub fn halt_stream(&mut self) {
-        match &mut self.stage {
-            Stage::Streaming(stream) => stream.halt(),
-            Stage::Tracking(track) => track.halt(),
-            _ => {}
-        }
-    }
-
-    /// Frames of the stream that were taken, or answers, modulo 65,536; 0 without.
-    pub fn streamed_frames(&self) -> u16 {
-        match &self.stage {
-            Stage::Streaming(stream) => stream.taken(),
-            Stage::Tracking(track) => track.answers(),
-            _ => 0,
-        }
-    }
-
-    /// Time since the last setpoints of the host were taken, s.
-    pub fn starved_s(&self, settings: &Settings) -> f32 {
-        match &self.stage {
-            Stage::Streaming(stream) => f32::from(stream.starved()) / f32::from(RATE_HZ),
-            Stage::Tracking(track) => f32::from(track.starved()) * settings.period_s(),
-            _ => 0.0,
-        }
     }
 
     /// Sends the player to SAFE.
@@ -365,43 +193,6 @@ impl Motion {
         // A pending enable would be sent after the decision to damp.
         self.actuators.drop_orders();
         self.stage = Stage::Damped;
-    }
-
-    /// Checks feedback once per control period.
-    pub fn watch(&mut self, setup: &Setup, events: &mut EventSet) {
-        self.actuators.age();
-        self.parameters.advance(&setup.config);
-        let torque_must_be_on = match self.stage {
-            Stage::Off => return,
-            // Of actuators damped during enabling, some were never enabled.
-            Stage::Enabling { .. } | Stage::Damped => false,
-            Stage::Ramping { .. }
-            | Stage::Playing(_)
-            | Stage::Streaming(_)
-            | Stage::Tracking(_) => true,
-        };
-        let health = self.actuators.health();
-        if !health.fresh_within(self.patience_ticks(setup)) {
-            events.insert(Event::FeedbackLost);
-        }
-        let dropped = torque_must_be_on && !health.enabled;
-        if dropped || health.faulty {
-            events.insert(Event::ActuatorFault);
-        }
-        self.watch_following(setup, events);
-    }
-
-    /// Raises `NotFollowing` after a joint was far from its setpoint for too long.
-    fn watch_following(&mut self, setup: &Setup, events: &mut EventSet) {
-        let Setup { config, settings, .. } = setup;
-        let far = |i| self.lag_rad(setup, i).is_some_and(|lag| lag > settings.follow_tolerance_rad);
-        let plays =
-            matches!(self.stage, Stage::Playing(_) | Stage::Streaming(_) | Stage::Tracking(_));
-        let behind = plays && (0..config.channels.len()).any(far);
-        self.behind_ticks = if behind { self.behind_ticks.saturating_add(1) } else { 0 };
-        if behind && self.behind_ticks > settings.ticks(settings.follow_patience_us) {
-            events.insert(Event::NotFollowing);
-        }
     }
 
     /// Writes the setpoints of the next control period into the mailboxes.
@@ -536,16 +327,6 @@ impl Motion {
         }
         let off_rad = if *lean_rad == 0.0 { 0.0 } else { *lean_rad * (1.0 / *kp - 1.0) };
         (*parts, off_rad)
-    }
-
-    /// Raises events of setpoints that have ended, or that do not come any more.
-    fn watch_host(&self, setup: &Setup, (is_halted, rests): (bool, bool), events: &mut EventSet) {
-        let patience_s = setup.settings.heartbeat_timeout_us as f32 * 1e-6;
-        if rests {
-            events.insert(Event::StreamHalted);
-        } else if !is_halted && self.starved_s(&setup.settings) > patience_s {
-            events.insert(Event::StreamLost);
-        }
     }
 
     fn start_ramp(&mut self, setup: &Setup, library: &Library<'_>) -> Result<(), Unreadable> {

@@ -1,0 +1,134 @@
+//! Setpoints of the host, which the motion stage follows instead of a player: streamed frames, or answers to samples.
+
+use rollwalk_protocol::faults::Event;
+use rollwalk_protocol::library::{Library, RATE_HZ, Unreadable};
+use rollwalk_protocol::wire::{Answered, Setpoint};
+
+use super::{Motion, Setup, Stage, ramp_to_safe, safe};
+use crate::limiter::within;
+use crate::safety::EventSet;
+use crate::settings::Settings;
+use crate::stream::Stream;
+use crate::track::{Track, Tracking};
+
+impl Motion {
+    /// Says whether the next stream is of setpoints that answer samples.
+    pub fn want_tracking(&mut self, tracking: Option<Tracking>) {
+        self.tracking = tracking;
+    }
+
+    /// Whether setpoints that answer samples are followed.
+    pub fn is_tracking(&self) -> bool {
+        matches!(self.stage, Stage::Tracking(_))
+    }
+
+    /// Number of the sample that is due, once.
+    pub fn take_sample(&mut self) -> Option<u8> {
+        self.sample.take()
+    }
+
+    /// The answer in force of a robot that is tracked.
+    pub fn answered(&self, settings: &Settings) -> Option<Answered> {
+        match &self.stage {
+            Stage::Tracking(track) => track.answered(settings.period_s()),
+            _ => None,
+        }
+    }
+
+    /// Starts to follow setpoints of the host, at rest in SAFE.
+    // Of its own, because a stream is large on the stack.
+    #[inline(never)]
+    pub fn start_stream(
+        &mut self,
+        setup: &Setup,
+        library: Option<Library<'_>>,
+    ) -> Result<(), Unreadable> {
+        let tracking = self.tracking.take();
+        let (values, torques) = safe(&library.ok_or(Unreadable)?)?;
+        match tracking {
+            Some(tracking) => self.stage = Stage::Tracking(Track::start(tracking, values, torques)),
+            None => {
+                let ticks_per_frame = setup.settings.ticks_per_frame();
+                self.stage = Stage::Streaming(Stream::start(values, torques, ticks_per_frame));
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes a setpoint of the host. Ignored unless they are followed.
+    pub fn stream(&mut self, setup: &Setup, setpoint: &Setpoint) {
+        let nearest_rad = setup.settings.align_tolerance_rad;
+        match &mut self.stage {
+            Stage::Streaming(stream) => stream.receive(&setup.config, setpoint, nearest_rad),
+            Stage::Tracking(track) => track.receive(&setup.config, setpoint, nearest_rad),
+            _ => {}
+        }
+    }
+
+    /// Ramps to SAFE from the present setpoints of the host; where these answer samples, from where joints are.
+    pub fn align_from_stream(
+        &mut self,
+        setup: &Setup,
+        library: Option<Library<'_>>,
+    ) -> Result<(), Unreadable> {
+        let library = library.ok_or(Unreadable)?;
+        let config = &setup.config;
+        let feed_forward = self.parameters.feed_forward();
+        // From what the actuators were commanded: what was streamed may be out of their limits.
+        let ramp = ramp_to_safe(setup, &library, feed_forward, |i| {
+            let most_nm = config.channels.get(i)?.max_torque_nm;
+            let torque_nm = match &self.stage {
+                Stage::Streaming(stream) => stream.target(config, i)?.torque_nm * feed_forward,
+                Stage::Tracking(track) => track.target(config, i)?.0.torque_nm,
+                _ => return None,
+            };
+            let is_number = torque_nm.is_finite();
+            let torque_nm = if is_number { within(torque_nm, -most_nm, most_nm) } else { 0.0 };
+            Some((self.rest(setup, i)?, torque_nm))
+        })?;
+        self.stage = Stage::Ramping { ramp, settling_ticks: 0 };
+        Ok(())
+    }
+
+    /// Brings the stream to rest where it is.
+    pub fn halt_stream(&mut self) {
+        match &mut self.stage {
+            Stage::Streaming(stream) => stream.halt(),
+            Stage::Tracking(track) => track.halt(),
+            _ => {}
+        }
+    }
+
+    /// Frames of the stream that were taken, or answers, modulo 65,536; 0 without.
+    pub fn streamed_frames(&self) -> u16 {
+        match &self.stage {
+            Stage::Streaming(stream) => stream.taken(),
+            Stage::Tracking(track) => track.answers(),
+            _ => 0,
+        }
+    }
+
+    /// Time since the last setpoints of the host were taken, s.
+    pub fn starved_s(&self, settings: &Settings) -> f32 {
+        match &self.stage {
+            Stage::Streaming(stream) => f32::from(stream.starved()) / f32::from(RATE_HZ),
+            Stage::Tracking(track) => f32::from(track.starved()) * settings.period_s(),
+            _ => 0.0,
+        }
+    }
+
+    /// Raises events of setpoints that have ended, or that do not come any more.
+    pub(super) fn watch_host(
+        &self,
+        setup: &Setup,
+        (is_halted, rests): (bool, bool),
+        events: &mut EventSet,
+    ) {
+        let patience_s = setup.settings.heartbeat_timeout_us as f32 * 1e-6;
+        if rests {
+            events.insert(Event::StreamHalted);
+        } else if !is_halted && self.starved_s(&setup.settings) > patience_s {
+            events.insert(Event::StreamLost);
+        }
+    }
+}
