@@ -150,6 +150,18 @@ fn a_robot_that_is_pushed_to_its_side_steps_on() {
     assert!(ahead == 0 && (1..400).contains(&aside), "{ahead} {aside}");
 }
 
+/// The tracker knows nothing of blades. Tracked to the end the skates come to half of their way, or less.
+#[test]
+fn the_plan_of_a_robot_that_stumbles_is_played_in_open_loop() {
+    let skate = plan("skaterbot", "skate");
+    let options = Options { cycles: 4, ..Options::new(TRACKING, 500) };
+    let outcome = play(&skate, &options, |_| true).unwrap();
+    assert!(outcome.fell_at_s.is_none() && outcome.untracked > 400, "{outcome:?}");
+    let [.., last] = &outcome.cycles[..] else { panic!("{outcome:?}") };
+    let ratio = outcome.planned.ratio(last, 0).unwrap();
+    assert!((ratio - 1.0).abs() < 0.05, "{ratio}: {outcome:?}");
+}
+
 /// Without a state the robot comes to rest on its feet, at whatever moment of its turn that is.
 #[test]
 fn a_robot_that_loses_its_sensors_comes_to_rest() {
