@@ -23,7 +23,7 @@ Examples:
   rollwalk discover --bus can:can0
   rollwalk discover --bus sim --json | jq '.[].node'")]
 pub struct Args {
-    /// The link: sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
+    /// The link: sim, sim:PATH, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
     #[arg(long, value_name = "BUS", env = "ROLLWALK_BUS")]
     bus: BusName,
     /// Print as JSON.

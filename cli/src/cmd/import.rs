@@ -29,7 +29,7 @@ pub struct Args {
     /// The URDF (XML, xacro expanded), or the MJCF model (XML, without <include>).
     #[arg(value_name = "ROBOT.urdf|ROBOT.xml")]
     urdf: PathBuf,
-    /// The side file.
+    /// The side file; `--template` writes one to begin with.
     #[arg(long, value_name = "SIDE.toml", requires = "output", conflicts_with = "template")]
     with: Option<PathBuf>,
     /// Where to write the robot file.

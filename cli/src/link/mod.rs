@@ -26,7 +26,7 @@ pub const DEPTH: usize = 3;
 /// Which controller.
 #[derive(clap::Args)]
 pub struct LinkArgs {
-    /// The link: sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
+    /// The link: sim, sim:PATH, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
     #[arg(long, value_name = "BUS", env = "ROLLWALK_BUS")]
     pub bus: BusName,
     /// The controller's address, 0 to 14.
@@ -64,7 +64,7 @@ pub type LiveSession = Session<Interruptible>;
 /// Which controller, for a command that may do without one.
 #[derive(clap::Args)]
 pub struct MaybeLinkArgs {
-    /// The link: sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
+    /// The link: sim, sim:PATH, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
     #[arg(long, value_name = "BUS", env = "ROLLWALK_BUS")]
     bus: Option<BusName>,
     /// The controller's address, 0 to 14.

@@ -142,6 +142,23 @@ pub(crate) fn name(table: &Table<'_>) -> Option<String> {
     Some(name)
 }
 
+/// Number of samples of a motion whose file gives none.
+fn default_samples(duration_s: f64) -> u32 {
+    (duration_s * SAMPLES_PER_S).clamp(SAMPLES_DEFAULT_MIN, f64::from(SAMPLES_MAX)).round() as u32
+}
+
+impl Motion {
+    /// The motion, one of a longer duration than `other` and else the same, with as many samples as their file gives it.
+    pub(crate) fn sampled_as(mut self, other: &Self) -> Self {
+        let count = |motion: &Self| default_samples(motion.duration_s) as usize;
+        let (before, after) = (other.stance.len(), count(&self));
+        if before == count(other) && before < after {
+            self.stance = (0..after).map(|i| self.stance[i * before / after].clone()).collect();
+        }
+        self
+    }
+}
+
 /// Source of a motion's footfalls.
 pub(crate) enum Footfalls<'d> {
     /// A table `[footfalls]`.
@@ -161,8 +178,7 @@ pub(crate) fn steps(
     let samples = if table.has("samples") {
         table.integer("samples", 4..=SAMPLES_MAX)
     } else {
-        duration_s
-            .map(|duration| (duration * SAMPLES_PER_S).max(SAMPLES_DEFAULT_MIN).round() as u32)
+        duration_s.map(default_samples)
     };
     let swing_height_m = if table.has("swing_height_m") {
         table.number_in("swing_height_m", 0.0..=1.0, "m")

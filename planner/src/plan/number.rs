@@ -175,6 +175,21 @@ heading_rad = 0.03
         assert_eq!(culprit(Family::Slip, "forward_m", 0.4).with_number(&robot, &motion, 1.0), None);
     }
 
+    /// Where the file leaves the number of samples to the duration; one that gives it keeps it.
+    #[test]
+    fn a_longer_motion_has_the_samples_of_its_file() {
+        let own = DUCK.replace("samples = 36\n", "");
+        for (text, number, samples) in [(&own[..], 3.0, 45), (&own, 40.0, 480), (DUCK, 3.0, 36)] {
+            let (robot, motion) = read(ROBOT, text);
+            let found = culprit(Family::ContactPoint, "duration_s", 2.4);
+            let (_, longer) = found.with_number(&robot, &motion, number).unwrap();
+            let typed = longer.sampled_as(&motion);
+            let edit = text.replace("duration_s = 2.4", &format!("duration_s = {number:?}"));
+            assert_eq!(typed, read(ROBOT, &edit).1);
+            assert_eq!(typed.stance.len(), samples);
+        }
+    }
+
     #[test]
     fn friction_is_that_of_every_foot_with_the_same() {
         let (robot, motion) = read(ROBOT, DUCK);

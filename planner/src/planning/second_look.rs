@@ -159,8 +159,13 @@ impl Look<'_, '_> {
             let estimate = times * culprit.given.unwrap_or_default();
             if let Some(works) = self.seek(&culprit, estimate, TRIALS_WHOLE)? {
                 let looked = self.follow(&mut culprit, works, verdict)?;
-                culprits.insert(0, culprit);
-                return Ok(looked);
+                let told = culprit.would_do.is_some();
+                if told {
+                    culprits.insert(0, culprit);
+                }
+                if told || matches!(looked, Looked::Found(_)) {
+                    return Ok(looked);
+                }
             }
         }
         Ok(Looked::Open)
@@ -243,20 +248,26 @@ impl Look<'_, '_> {
                 near = asked.is_near(number);
             }
         }
-        // The first was found from scratch.
+        let looked = if near { Looked::FromBothSides } else { Looked::Open };
         let mut last = worked.len() - 1;
-        while last > 0 {
-            let Some((robot, motion)) = culprit.with_number(robot, motion, worked[last]) else {
+        while let Some((robot, other)) = culprit.with_number(robot, motion, worked[last]) {
+            let samples = other.stance.len();
+            let typed = other.sampled_as(motion);
+            // The first was found from scratch. A wheel that slips too little for few samples does not for many.
+            if last == 0 && typed.stance.len() == samples {
                 break;
-            };
-            let solved = self.trials.solve(&robot, &motion, None, OF_TRIAL)?;
+            }
+            let solved = self.trials.solve(&robot, &typed, None, OF_TRIAL)?;
             if solved.is_some_and(|solved| solved.plan.solve.status == Status::Converged) {
                 break;
+            }
+            if last == 0 {
+                return Ok(looked);
             }
             last /= 2;
         }
         tell(culprit, worked[last]);
-        Ok(if near { Looked::FromBothSides } else { Looked::Open })
+        Ok(looked)
     }
 }
 

@@ -185,7 +185,10 @@ impl<'r, 'd> Reader<'r, 'd> {
             Some(limb) if parent == MOUNT => {
                 (self.link_index(&limb.table, "parent", &limb.parent), limb.origin_m)
             }
-            _ => (self.link_index(&table, "parent", &group.name(&parent)), Vector3::zeros()),
+            limb => {
+                let (name, mount) = (group.name(&parent), limb.map(|_| MOUNT));
+                (self.link_index_or(mount, &table, "parent", &name), Vector3::zeros())
+            }
         };
         let child = self.link_index(&table, "child", &group.name(&child));
         let motor = self.motor(group, &table, ids);
@@ -303,9 +306,20 @@ impl<'r, 'd> Reader<'r, 'd> {
 
     /// Index of the link that a key of a table names.
     fn link_index(&self, table: &Table<'_>, key: &str, name: &str) -> usize {
+        self.link_index_or(None, table, key, name)
+    }
+
+    /// The same where `other` could stand there, too.
+    fn link_index_or(
+        &self,
+        other: Option<&str>,
+        table: &Table<'_>,
+        key: &str,
+        name: &str,
+    ) -> usize {
         let names = self.robot.links.iter().map(|link| link.name.as_str());
         names.clone().position(|known| known == name).unwrap_or_else(|| {
-            self.unknown("link", table, key, name, names);
+            self.unknown("link", table, key, name, other.into_iter().chain(names));
             0
         })
     }
@@ -322,6 +336,10 @@ impl<'r, 'd> Reader<'r, 'd> {
         let message = format!("{}: there is no {kind} `{name}`", table.what());
         let help = alternatives(name, known);
         let fault = (table.span_of(key), message, format!("unknown {kind}"), help);
-        self.unresolved.borrow_mut().push(fault);
+        let mut unresolved = self.unresolved.borrow_mut();
+        // A template is read for each of its limbs.
+        if !unresolved.contains(&fault) {
+            unresolved.push(fault);
+        }
     }
 }

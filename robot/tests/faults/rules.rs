@@ -155,6 +155,13 @@ fn names_that_are_unknown_or_taken() {
         "did you mean `arm`? known are: `body`, `arm`, `left_shank`, `right_shank`",
     );
     assert_fault(
+        "parent = \"mount\"",
+        "parent = \"mounts\"",
+        "parent = \"mounts\"",
+        "joint `*_hip`: there is no link `mounts`",
+        "did you mean `mount`? known are: `mount`, `body`",
+    );
+    assert_fault(
         "actuator = \"servo\"\nbus = 0\nid = 1",
         "actuator = \"motor\"\nbus = 0\nid = 1",
         "actuator = \"motor\"",
