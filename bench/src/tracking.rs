@@ -282,7 +282,7 @@ fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
     }
     let text = format!(
         "Way or turn over plan, the mean of the periods. {RATE_HZ} ticks a second; exact state but where there is noise; contacts by the force of the ground.\n\
-         *: in some ticks the servos got the plan as in open loop, because the state was not known well enough or the robot was pushed beyond the edge of its support. Delay and noise act on closed loops only.\n\
+         *: in some ticks the servos got the plan as in open loop, because the state was not known well enough or the robot was pushed beyond the edge of its support or stumbled. Delay and noise act on closed loops only.\n\
          Pushes: for {PUSH_S} s at every phase of the second period, to the front, back, left and right; the largest after which the robot \
          stands to the end, in weights, up to {:.1}.",
         PUSH_MOST - PUSH_STEP
