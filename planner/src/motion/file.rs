@@ -148,7 +148,8 @@ fn default_samples(duration_s: f64) -> u32 {
 }
 
 impl Motion {
-    /// The motion, one of a longer duration than `other` and else the same, with as many samples as their file gives it.
+    /// The motion, one of a longer duration than `other` and else the same, with as many samples as their file gives it; a file
+    /// that gives the number which it would have without passes for one without.
     pub(crate) fn sampled_as(mut self, other: &Self) -> Self {
         let count = |motion: &Self| default_samples(motion.duration_s) as usize;
         let (before, after) = (other.stance.len(), count(&self));
