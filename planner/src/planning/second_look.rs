@@ -253,7 +253,7 @@ impl Look<'_, '_> {
         while let Some((robot, other)) = culprit.with_number(robot, motion, worked[last]) {
             let samples = other.stance.len();
             let typed = other.sampled_as(motion);
-            // The first was found from scratch. A wheel that slips too little for few samples does not for many.
+            // The first was found from scratch, but with the samples of the shorter motion, between which a wheel may slip.
             if last == 0 && typed.stance.len() == samples {
                 break;
             }
