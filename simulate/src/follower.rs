@@ -88,16 +88,17 @@ impl Follower {
         });
         self.stumbled |= solved.is_ok() && script.steps() && self.tracker.stumbles();
         match solved {
-            Ok(()) if self.stumbled => {
-                self.lost_s = 0.0;
-                (script.laws(acts_s), Some(Untracked::Stumbled))
-            }
-            Ok(()) if script.steps() && self.tracker.is_caught_by_steps() => {
-                self.lost_s = 0.0;
-                (script.laws(acts_s), Some(Untracked::CaughtBySteps))
-            }
             Ok(()) => {
                 self.lost_s = 0.0;
+                let is_caught = script.steps() && self.tracker.is_caught_by_steps();
+                let why = if self.stumbled {
+                    Some(Untracked::Stumbled)
+                } else {
+                    is_caught.then_some(Untracked::CaughtBySteps)
+                };
+                if why.is_some() {
+                    return (script.laws(acts_s), why);
+                }
                 let laws = self.servos.iter().zip(self.tracker.setpoints());
                 (laws.map(|(servo, setpoint)| law(servo, setpoint)).collect(), None)
             }
