@@ -13,20 +13,40 @@ mod reader;
 use command::{misunderstood, unknown};
 use document::{Document, documents};
 use reader::Reader;
+use std::panic::resume_unwind;
+use std::sync::Mutex;
+use std::thread;
+
+/// Readers at a time: they mostly wait for robots, each for one of its own.
+const READERS: usize = 2;
 
 /// Runs the documents of which `is_chosen` holds; files written and commands run.
 fn follow(is_chosen: impl Fn(&Document) -> bool) -> (usize, usize) {
-    let (mut files, mut commands) = (0, 0);
-    for document in documents().iter().filter(|one| is_chosen(one)) {
-        let mut reader = Reader::new();
-        reader.follow(document);
-        if reader.commands > 0 {
-            println!("{}: {} files, {} commands", document.path, reader.files, reader.commands);
+    let chosen: Vec<_> = documents().into_iter().filter(is_chosen).collect();
+    let left = Mutex::new(chosen.iter());
+    let read = || {
+        let (mut files, mut commands) = (0, 0);
+        while let Some(document) = next(&left) {
+            let mut reader = Reader::new();
+            reader.follow(document);
+            if reader.commands > 0 {
+                println!("{}: {} files, {} commands", document.path, reader.files, reader.commands);
+            }
+            files += reader.files;
+            commands += reader.commands;
         }
-        files += reader.files;
-        commands += reader.commands;
-    }
-    (files, commands)
+        (files, commands)
+    };
+    thread::scope(|scope| {
+        let readers = [(); READERS].map(|()| scope.spawn(read));
+        let read = readers.map(|reader| reader.join().unwrap_or_else(|why| resume_unwind(why)));
+        read.into_iter().fold((0, 0), |(files, commands), (f, c)| (files + f, commands + c))
+    })
+}
+
+/// The document that the next reader takes; the lock is free again before it is read.
+fn next<'d>(left: &Mutex<impl Iterator<Item = &'d Document>>) -> Option<&'d Document> {
+    left.lock().ok()?.next()
 }
 
 #[test]

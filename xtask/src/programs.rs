@@ -1,4 +1,4 @@
-//! Runs programs of tests as many at a time as there are cores, and those with deadlines in real time alone at the end.
+//! Runs programs of tests as many at a time as there are cores, and the tests with deadlines in real time apart from them.
 //!
 //! Cargo runs them one after the other: at the end of each, its longest test keeps one core busy and the others idle.
 
@@ -8,9 +8,11 @@ use std::time::Instant;
 
 /// The end-to-end tests, which run longest and wait most.
 const END_TO_END: &str = "integration";
-/// Those of them whose simulated robots have deadlines in real time, which other programs beside them would make them miss.
+/// Those of them whose simulated robots have deadlines in real time, which busy programs beside them would make them miss.
 const REAL_TIME: &str = "::in_real_time_";
-/// Tests of [`END_TO_END`] at a time: most wait for robots that play in real time.
+/// Tests in real time at a time.
+const REAL_TIME_THREADS: &str = "--test-threads=3";
+/// Other tests of [`END_TO_END`] at a time: most wait for robots that play in real time.
 const END_TO_END_THREADS: &str = "--test-threads=4";
 
 /// Runs programs beside each other, without the tests that [`in_real_time`] runs.
@@ -34,7 +36,7 @@ pub fn beside_each_other(programs: &[&Program]) -> Result<(), String> {
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
 }
 
-/// Runs the tests with deadlines in real time, with nothing beside them.
+/// Runs the tests with deadlines in real time, with nothing beside them that keeps cores busy.
 ///
 /// # Errors
 /// All that they printed; or there are none.
@@ -43,5 +45,5 @@ pub fn in_real_time(programs: &[Program]) -> Result<(), String> {
     let mut found = programs.iter().filter(is_end_to_end);
     let program = found.find(|program| program.folder.ends_with("tests"));
     let program = program.ok_or("cargo built no end-to-end tests")?;
-    shell::run(&mut program.tests(&[REAL_TIME])?)
+    shell::run(&mut program.tests(&[REAL_TIME, REAL_TIME_THREADS])?)
 }
