@@ -1,4 +1,4 @@
-//! Runs programs of tests as many at a time as there are cores, and the tests with deadlines in real time apart from them.
+//! Runs programs of tests as many at a time as there are cores, and those with deadlines in real time alone at the end.
 //!
 //! Cargo runs them one after the other: at the end of each, its longest test keeps one core busy and the others idle.
 
@@ -8,7 +8,7 @@ use std::time::Instant;
 
 /// The end-to-end tests, which run longest and wait most.
 const END_TO_END: &str = "integration";
-/// Those of them whose simulated robots have deadlines in real time, which busy programs beside them would make them miss.
+/// Those of them whose simulated robots have deadlines in real time, which other programs beside them would make them miss.
 const REAL_TIME: &str = "::in_real_time_";
 /// Tests in real time at a time.
 const REAL_TIME_THREADS: &str = "--test-threads=3";
@@ -36,7 +36,7 @@ pub fn beside_each_other(programs: &[&Program]) -> Result<(), String> {
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
 }
 
-/// Runs the tests with deadlines in real time, with nothing beside them that keeps cores busy.
+/// Runs the tests with deadlines in real time, with nothing beside them.
 ///
 /// # Errors
 /// All that they printed; or there are none.

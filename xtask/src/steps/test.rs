@@ -35,7 +35,7 @@ pub enum TestStep {
     Replay,
     /// The rules by which attacks on a simulated robot are judged.
     Hostile,
-    /// Robots that play in real time, at the studio's page and at lines.
+    /// Robots that the studio's page drives in real time.
     Robots,
     /// All tests of all crates.
     Test,
@@ -59,7 +59,7 @@ impl Step for TestStep {
             Self::Exports => "exports as other tools read them",
             Self::Replay => "the replay harness against closed forms",
             Self::Hostile => "the rules of attacks on a simulated robot",
-            Self::Robots => "robots that play in real time, at the studio's page and at lines",
+            Self::Robots => "robots that the studio's page drives in real time",
             Self::Test => "all tests",
         }
     }
@@ -78,15 +78,7 @@ impl Step for TestStep {
             Self::Exports => exports::check(),
             Self::Replay => replay::check(Extent::Short),
             Self::Hostile => hostile::check(Extent::Short),
-            Self::Robots => {
-                let built = workspace::programs()?;
-                // Both mostly wait for robots.
-                let (pages, lines) = thread::scope(|scope| {
-                    let lines = scope.spawn(|| programs::in_real_time(&built));
-                    (browsers::check_robots(), lines.join().expect("it runs a command"))
-                });
-                pages.and(lines)
-            }
+            Self::Robots => browsers::check_robots(),
             Self::Test => {
                 need_python()?;
                 let built = workspace::programs()?;
@@ -97,7 +89,8 @@ impl Step for TestStep {
                     let tests = programs::beside_each_other(&tests);
                     (examples.join().expect("it runs a command"), tests)
                 });
-                tests.and(examples)
+                tests.and(examples)?;
+                programs::in_real_time(&built)
             }
         }
     }
@@ -107,7 +100,7 @@ impl Step for TestStep {
         matches!(self, Self::Studio | Self::Board)
     }
 
-    /// Simulated robots at pages and lines have deadlines, and tests keep both cores busy.
+    /// Simulated robots at pages and serial lines play in real time.
     fn is_alone(&self) -> bool {
         matches!(self, Self::Robots | Self::Test)
     }
