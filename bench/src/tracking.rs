@@ -35,12 +35,11 @@ pub const MOTIONS: [&str; 15] = [
     "motions/table_2_1/creature3_fast_walk.toml",
     "motions/skate.toml",
 ];
-const CONTROLS: [(&str, Control); 5] = [
+const CONTROLS: [(&str, Control); 4] = [
     ("servos", Control::Servos),
     ("feed-forward", Control::FeedForward),
     ("tracking, tasks", Control::Tracking(Feedback::Tasks)),
     ("tracking, gains", Control::Tracking(Feedback::Gains)),
-    ("tracking, predictive", Control::Tracking(Feedback::Predictive)),
 ];
 /// Steps of the world and ticks of the controller per second, the same for all.
 pub const RATE_HZ: u32 = 500;

@@ -21,8 +21,6 @@ pub enum Feedback {
     Tasks,
     /// Gains of the plan's linear model, for all of them together.
     Gains,
-    /// The same with predictive control of that model, 25 times a second.
-    Predictive,
 }
 
 /// What is known of the robot at a tick.
@@ -93,10 +91,8 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
     ) -> Self {
         let mut plan = Placed { body: WholeBody::new(script.plan()), world_from_plan, from_s: 0.0 };
         let mut follower = Follower::new(script, plan.body.tree(), timing);
-        match feedback {
-            Feedback::Tasks => {}
-            Feedback::Gains => follower.change_plan(plan.gains(script)),
-            Feedback::Predictive => follower.change_plan(plan.gains(script).with_prediction()),
+        if feedback == Feedback::Gains {
+            follower.change_plan(plan.gains(script));
         }
         Self { script, plan, follower, timing }
     }

@@ -3,7 +3,6 @@
 
 use crate::gains::Gains;
 use crate::model::{self, COM, FEET, SPIN, TURN, VELOCITY, heading_rad};
-use crate::predictive::{self, Prediction};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6xX, Rotation3, Vector2, Vector3};
 use rollwalk_multibody::{ANGULAR, Kinematics, Tree, centroidal_momentum_matrix, rotation};
 
@@ -14,10 +13,6 @@ const STEP_M: f64 = 0.25;
 #[derive(Clone, Debug)]
 pub(crate) struct Correction {
     gains: Gains,
-    /// Coefficient of every end effector.
-    friction: Vec<f64>,
-    /// What the linear model predicts, of a plan with which it is to.
-    prediction: Option<Prediction>,
     error: DVector<f64>,
     input: DVector<f64>,
     momentum: Matrix6xX<f64>,
@@ -49,8 +44,6 @@ impl Correction {
         let none = vec![Vector3::zeros(); feet];
         Self {
             gains,
-            friction: tree.robot().end_effectors.iter().map(|of| of.friction_coefficient).collect(),
-            prediction: None,
             error: DVector::zeros(model::states(feet)),
             input: DVector::zeros(model::inputs(feet)),
             momentum: Matrix6xX::zeros(tree.dofs()),
@@ -66,7 +59,6 @@ impl Correction {
     /// Goes on with another plan that begins where the one before ends: footholds stay.
     pub fn change_gains(&mut self, gains: Gains) {
         self.gains = gains;
-        self.prediction = None;
     }
 
     /// Corrections at a time of the plan, s, for the next tick, s long, from the motion that is planned and that which is measured,
@@ -96,15 +88,7 @@ impl Correction {
             let off = heading_from_world * (place.measured - place.planned);
             self.error.fixed_rows_mut::<2>(FEET + 2 * j).copy_from(&off.xy());
         }
-        self.predict(time_s);
         self.input.gemv(-1.0, self.gains.at(time_s), &self.error, 0.0);
-        if let Some(prediction) = &self.prediction {
-            let (node, part) = self.gains.node(time_s);
-            let k = (node - prediction.from).clamp(0, prediction.inputs.len() as i64 - 1) as usize;
-            let nominal = &prediction.states[k] * (1.0 - part) + &prediction.states[k + 1] * part;
-            self.input += &prediction.inputs[k];
-            self.input.gemv(1.0, self.gains.at(time_s), &nominal, 1.0);
-        }
 
         let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
         for (j, place) in places.enumerate() {
@@ -132,16 +116,6 @@ impl Correction {
         centroidal_momentum_matrix(mass, &(com - here.link_origins[0]), &mut self.momentum);
         let inertia: Matrix3<f64> = self.momentum.fixed_view::<3, 3>(ANGULAR, ANGULAR).into();
         self.body_rad_s2 = inertia.try_inverse().map_or(Vector3::zeros(), |per| per * moment);
-    }
-
-    /// Looks ahead anew at every other interval of the gains; without a solution the last prediction goes on.
-    fn predict(&mut self, time_s: f64) {
-        let (node, _) = self.gains.node(time_s);
-        let old = self.prediction.as_ref().map_or(i64::MIN, |of| of.from);
-        if self.gains.predicts && node.abs_diff(old) >= predictive::EVERY {
-            let found = predictive::predict(&self.gains, &self.friction, node, &self.error);
-            self.prediction = found.or(self.prediction.take());
-        }
     }
 
     /// Keeps the footholds that the next tick begins with, after one that had a solution and then moved the plan by this, m.

@@ -21,18 +21,6 @@ pub struct Gains {
     interval_s: f64,
     repeats: bool,
     gains: Arc<[DMatrix<f64>]>,
-    pub(crate) nodes: Arc<[Node]>,
-    pub(crate) predicts: bool,
-}
-
-/// What prediction needs of an interval.
-#[derive(Clone, Debug)]
-pub(crate) struct Node {
-    pub stage: Stage,
-    /// Price of a state at its beginning.
-    pub value: DMatrix<f64>,
-    pub reach: DMatrix<f64>,
-    pub force_n: Vec<Option<Vector3<f64>>>,
 }
 
 impl Gains {
@@ -61,17 +49,10 @@ impl Gains {
             }
         }
         let mut gains: Vec<DMatrix<f64>> = Vec::new();
-        let mut values = Vec::new();
         for _ in 0..ROUNDS {
-            values.clear();
-            let mut back = |stage: &Stage| {
-                let gain = stage.step_back(&mut value);
-                values.push(value.clone());
-                gain
-            };
-            let mut round: Vec<DMatrix<f64>> = stages.iter().rev().map(&mut back).collect();
+            let mut round: Vec<DMatrix<f64>> =
+                stages.iter().rev().map(|stage| stage.step_back(&mut value)).collect();
             round.reverse();
-            values.reverse();
             let settled = gains.len() == round.len()
                 && gains.iter().zip(&round).all(|(a, b)| (a - b).norm() <= SETTLED * b.norm());
             gains = round;
@@ -79,37 +60,7 @@ impl Gains {
                 break;
             }
         }
-        let node = |((stage, value), moment): ((Stage, DMatrix<f64>), Moment)| Node {
-            stage,
-            value,
-            reach: moment.reach,
-            force_n: moment.force_n,
-        };
-        let nodes = stages.into_iter().zip(values).zip(moments).map(node).collect();
-        Self { interval_s, repeats, gains: gains.into(), nodes, predicts: false }
-    }
-
-    /// The same, with which the linear model is looked ahead ([`crate::predictive`]).
-    pub fn with_prediction(self) -> Self {
-        Self { predicts: true, ..self }
-    }
-
-    /// Which interval, counted on, and which part of it has passed.
-    pub(crate) fn node(&self, time_s: f64) -> (i64, f64) {
-        let at = time_s / self.interval_s;
-        (at.floor() as i64, at - at.floor())
-    }
-
-    /// Where among the gains an interval is.
-    pub(crate) fn place(&self, node: i64) -> usize {
-        let count = self.gains.len() as i64;
-        let at = if self.repeats { node.rem_euclid(count) } else { node.clamp(0, count - 1) };
-        at as usize
-    }
-
-    /// Interval of the gains, s.
-    pub(crate) fn interval_s(&self) -> f64 {
-        self.interval_s
+        Self { interval_s, repeats, gains: gains.into() }
     }
 
     /// K at a time of the plan.
@@ -122,12 +73,11 @@ impl Gains {
 }
 
 /// An interval in discrete time: x' = A x + B u, costs xᵀ Q x + uᵀ R u.
-#[derive(Clone, Debug)]
-pub(crate) struct Stage {
-    pub a: DMatrix<f64>,
-    pub b: DMatrix<f64>,
-    pub q: DMatrix<f64>,
-    pub r: DMatrix<f64>,
+struct Stage {
+    a: DMatrix<f64>,
+    b: DMatrix<f64>,
+    q: DMatrix<f64>,
+    r: DMatrix<f64>,
 }
 
 impl Stage {
@@ -233,8 +183,6 @@ mod tests {
             interval_s: 0.02,
             repeats,
             gains: (0..3).map(|k| DMatrix::from_element(1, 1, f64::from(k))).collect(),
-            nodes: Arc::new([]),
-            predicts: false,
         };
         let at = |repeats: bool, time_s: f64| gains(repeats).at(time_s)[0];
         assert_eq!([-0.01, 0.01, 0.03, 0.05, 0.07].map(|t| at(true, t)), [2.0, 0.0, 1.0, 2.0, 0.0]);

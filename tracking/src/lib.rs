@@ -9,7 +9,6 @@
 //! | `recovery` | whether the robot is on its plan, and where its plan lies |
 //! | [`model`] | the robot near its plan as a linear system |
 //! | [`gains`] | the best feedback for it, computed before the plan is played |
-//! | `predictive` | the same within friction and reach, looked ahead while it is played |
 //! | `correction` | what errors ask for by these gains |
 //! | [`tasks`] | what a tick wants of accelerations and ground forces, as weighted squares |
 //! | [`tracker`] | the tick: inverse dynamics as a quadratic program |
@@ -47,7 +46,6 @@ mod correction;
 pub mod estimator;
 pub mod gains;
 pub mod model;
-mod predictive;
 mod quadratic;
 mod recovery;
 pub mod reference;

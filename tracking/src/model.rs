@@ -88,10 +88,6 @@ pub(crate) struct Moment {
     /// Costs xᵀ Q x + uᵀ R u per second; R is diagonal.
     pub q: DMatrix<f64>,
     pub r: DMatrix<f64>,
-    /// Where end effectors are for the body, two rows each: δp − δc − δθ × lever.
-    pub reach: DMatrix<f64>,
-    /// Planned force of the ground on every end effector that stands, N.
-    pub force_n: Vec<Option<Vector3<f64>>>,
 }
 
 /// Linearises plans of one robot.
@@ -141,10 +137,8 @@ impl Model {
             b: DMatrix::zeros(n, m),
             q: DMatrix::zeros(n, n),
             r: DMatrix::identity(m, m),
-            reach: DMatrix::zeros(2 * feet, n),
-            force_n: vec![None; feet],
         };
-        let Moment { a, b, q, r, reach, force_n, .. } = &mut moment;
+        let Moment { a, b, q, r, .. } = &mut moment;
         a.fixed_view_mut::<3, 3>(COM, VELOCITY).fill_with_identity();
         a.fixed_view_mut::<3, 3>(TURN, SPIN).fill_with_identity();
         for (at, price) in
@@ -166,7 +160,6 @@ impl Model {
             let (place, speed) = (FEET + 2 * j, speed_of(j, feet));
             if reference.stands[j] {
                 let force = turned(reference.force_n[j]);
-                force_n[j] = Some(force);
                 sum += force;
                 let moves = -per_inertia * rotation::skew(&force);
                 a.fixed_view_mut::<3, 2>(SPIN, place).copy_from(&moves.fixed_view::<3, 2>(0, 0));
@@ -191,16 +184,18 @@ impl Model {
                 }
                 r[(speed + row, speed + row)] = if swings { costs.swing } else { costs.roll };
             }
+            // Where the end effector is for the body: δp − δc − δθ × lever.
+            let mut seen = DMatrix::zeros(2, n);
             let turns = rotation::skew(&lever);
             for row in 0..2 {
-                reach[(2 * j + row, place + row)] = 1.0;
-                reach[(2 * j + row, COM + row)] = -1.0;
+                seen[(row, place + row)] = 1.0;
+                seen[(row, COM + row)] = -1.0;
                 for k in 0..3 {
-                    reach[(2 * j + row, TURN + k)] = turns[(row, k)];
+                    seen[(row, TURN + k)] = turns[(row, k)];
                 }
             }
+            q.gemm_tr(costs.foot, &seen, &seen, 1.0);
         }
-        q.gemm_tr(costs.foot, reach, reach, 1.0);
         let falls = per_inertia * rotation::skew(&sum);
         a.fixed_view_mut::<3, 3>(SPIN, COM).copy_from(&falls);
         moment
