@@ -9,7 +9,9 @@ use crate::problem::{Parsed, Problem};
 use crate::progress::Watch;
 use crate::{Exit, inputs, interrupt, output};
 use miette::{IntoDiagnostic, miette};
-use rollwalk_planner::plan::{Diagnosis, Plan, Refinement, StartKind, Started, Status};
+use rollwalk_planner::plan::{
+    Diagnosis, Plan, Refinement, SolveSummary, StartKind, Started, Status,
+};
 use rollwalk_planner::report::{Judgement, Report};
 use rollwalk_planner::{Options, replan};
 use serde::Serialize;
@@ -225,7 +227,7 @@ fn describe(
         plan.motion.name,
         plan.robot.name,
         solve.iterations,
-        beginning(solve.start),
+        beginning(solve),
         plan.samples.len(),
         millis(last[0] - first[0]),
         millis(last[1] - first[1]),
@@ -249,12 +251,16 @@ fn describe(
 }
 
 /// Starting point of a solve, in words.
-fn beginning(start: Started) -> String {
+fn beginning(solve: &SolveSummary) -> String {
+    let start = solve.start;
     let kind = match start.kind {
         StartKind::Standing => "standing",
         StartKind::Sinusoid => "a random swing",
         StartKind::Warm => "the warm start",
         StartKind::Coarse => "its plan with fewer samples",
+        StartKind::Neighbour if !solve.refinements.is_empty() => {
+            return "its plan with fewer samples".to_owned();
+        }
         StartKind::Neighbour => return "the given plan".to_owned(),
         StartKind::Joined => return "the motions it joins".to_owned(),
     };

@@ -23,7 +23,8 @@ use std::thread;
 /// How work is split.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Only this part of the work: 2/5 is the second of five. The run that finds nothing left to do writes the tables.
+    /// Only this part of the work: 2/5 is the second of five. The run that finds nothing left to do writes the tables. 1/1 is all of it,
+    /// which goes on where it was interrupted.
     #[arg(long, value_name = "K/N", value_parser = shard, global = true)]
     shard: Option<[usize; 2]>,
     /// Number of shards of `--engine`; without it this is one of them, by the index that Slurm or Kubernetes gives it.

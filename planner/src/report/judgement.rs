@@ -77,8 +77,8 @@ impl fmt::Display for Conclusion<'_> {
             }
             Judgement::NotConverged => write!(
                 f,
-                "did not converge ({status}): {worst_constraint} at {worst_level:.3} of its tolerance, accepted \
-                 is {ACCEPTED_LEVEL}"
+                "did not converge ({status}): {worst_constraint} is off by {worst_level:.3} times its tolerance; \
+                 plans are accepted at {ACCEPTED_LEVEL} times"
             ),
         }
     }
