@@ -55,6 +55,8 @@ class Operator:
         self.driven = 0
         self.running = True
         self.arms = False
+        # Whether it streamed since the robot last played.
+        self.streamed = False
         self.thread = threading.Thread(target=self._run)
         self.thread.start()
 
@@ -80,14 +82,17 @@ class Operator:
             self._confirmed(wire.CLEAR, wire.CLEAR_CONFIRM)
         elif client.state == "Paused":
             client.command(wire.RESUME)
-        elif client.state == "Ready" and self.rng.random() < 0.5:
-            # The attackers' setpoints are those that it follows, some of the time as answers to samples.
+        elif client.state == "Ready" and not self.streamed and self.rng.random() < 0.5:
+            # The attackers' setpoints are those that it follows, some of the time as answers to samples. Between attacks there are none, and
+            # the robot lets itself down: it is to play afterwards, not to stream again.
+            self.streamed = True
             client.command(*self.rng.choice([(wire.STREAM,), (wire.TRACK, 10, 20, 120)]))
         elif client.state == "Streaming":
             if self.rng.random() < 0.1:
                 client.command(wire.RETURN)
         elif client.state in ("Ready", "Playing"):
             self.driven += 1
+            self.streamed &= client.state != "Playing"
             client.command(wire.PLAY, code=self.rng.choice(self.codes), speed=64)
 
     def _confirmed(self, ask, confirm):
