@@ -15,6 +15,7 @@
 //! robot returns to SAFE on the timeout.
 
 mod flashing;
+mod incoming;
 mod intent;
 mod link_status;
 mod log;
@@ -31,23 +32,19 @@ pub use view::{FaultView, JointView, Leaving, LinkView, View};
 
 use crate::authentication::{NoSession, Peer};
 use crate::catalog::Catalog;
-use crate::client::{Client, Incoming, Outgoing};
+use crate::client::{Client, Outgoing};
 use crate::describe::{self, LEFT_ALONE};
-use crate::refusal::session_refusal;
 use crate::stream::{Stream, Target};
 use crate::tracking::Measured;
 use flashing::Flashing;
 use link_status::LinkStatus;
 use log::Log;
-use orders::{Ended, Order, Orders, Outcome};
+use orders::{Order, Orders};
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::library::RATE_HZ;
-use rollwalk_protocol::wire::transport::{Hello, Request, Response};
-use rollwalk_protocol::wire::{
-    CommandAck, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State, Torque,
-};
+use rollwalk_protocol::wire::transport::{Hello, Request};
+use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, State, Torque};
 use rules::Latch;
-use setpoints::{Loop, Setpoints};
+use setpoints::Setpoints;
 
 /// Interval between HELLO requests until the controller answers, µs.
 const HELLO_US: u64 = 500_000;
@@ -251,69 +248,6 @@ impl Operator {
         self.complaint = complaint;
     }
 
-    /// Processes a frame of the link.
-    pub fn on_frame(&mut self, now_us: u64, frame: &Frame) {
-        match self.client.on_frame(now_us, frame) {
-            Some(Incoming::Status(status)) => {
-                self.link.on_status(now_us, status, &mut self.log);
-                if status.state == State::EStopped {
-                    self.stopped();
-                }
-                self.ends_stream &= matches!(status.state, State::Streaming | State::Aligning);
-                if status.state == State::Streaming {
-                    self.setpoints.on_status(status.frame);
-                }
-                let library = self.hello.and_then(|hello| hello.library);
-                if library.map_or(0, |library| library as u8) != status.library {
-                    // The library has changed since HELLO.
-                    self.hello = None;
-                }
-                // Without a fault the next state is Disarmed.
-                let passing = status.state == State::TorqueOff && status.faults.is_empty();
-                if self.leaving == Leaving::WhenHome && !has_torque(status.state) && !passing {
-                    self.leaving = Leaving::Now;
-                }
-            }
-            Some(Incoming::Fault(report)) => self.link.on_fault(now_us, report, &mut self.log),
-            Some(Incoming::Joint(joint)) => {
-                self.link.on_joint(now_us, joint);
-                self.setpoints.on_measurement(|samples| samples.on_joint(joint));
-            }
-            Some(Incoming::Gyro(gyro)) => {
-                self.setpoints.on_measurement(|samples| samples.on_gyro(gyro))
-            }
-            Some(Incoming::Accelerometer(accelerometer)) => {
-                self.setpoints.on_measurement(|samples| samples.on_accelerometer(accelerometer));
-            }
-            Some(Incoming::Sample(sample)) => self.setpoints.on_sample(sample),
-            Some(Incoming::EstopAck(ack)) => {
-                self.stopped();
-                self.link.on_stopped(ack.state);
-                self.log.say(now_us, Weight::Note, "the emergency stop is acknowledged");
-            }
-            Some(Incoming::Ack(ack)) => {
-                if let Some(ended) = self.orders.on_ack(now_us, ack, &mut self.client) {
-                    self.end(now_us, ended);
-                }
-            }
-            Some(Incoming::Response(Response::Hello(hello))) => self.on_hello(now_us, hello),
-            Some(Incoming::Restarted) => {
-                self.log.say(now_us, Weight::Warning, "the controller has restarted");
-                // It may have lost its library, or be another one.
-                self.hello = None;
-                self.ask_hello_us = now_us;
-                self.break_off_flashing(now_us);
-                self.forget_orders();
-            }
-            Some(Incoming::Session(begun)) => self.on_session(now_us, begun),
-            Some(Incoming::Response(response)) => self.on_transfer_answer(now_us, response),
-            Some(Incoming::SessionLost | Incoming::TransportFailed(_)) => {
-                self.on_transfer_lost(now_us);
-            }
-            Some(Incoming::Alive | Incoming::Parameter(_)) | None => {}
-        }
-    }
-
     /// Next frame to send at `now_us`; call until `None`, also after an intent or a frame.
     pub fn poll(&mut self, now_us: u64) -> Option<Frame> {
         self.update_silence(now_us);
@@ -469,41 +403,6 @@ impl Operator {
         let _ = self.client.request(&request);
     }
 
-    fn on_session(&mut self, now_us: u64, begun: Result<(), NoSession>) {
-        let before = std::mem::replace(&mut self.no_session, begun.err());
-        if let Some(why) = self.no_session.filter(|why| before != Some(*why)) {
-            let text = format!("controller {} {}", self.peer.node.number(), session_refusal(why));
-            self.log.say(now_us, Weight::Warning, text);
-        }
-    }
-
-    fn on_hello(&mut self, now_us: u64, hello: Hello) {
-        self.hello = Some(hello);
-        self.ask_hello_us = now_us + HELLO_US;
-        self.check_flashed(now_us, hello.library);
-        if let Some(why) = self.mismatch() {
-            self.log.say(now_us, Weight::Warning, why);
-            self.forget_orders();
-        }
-        let visiting = (hello.major, hello.schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH);
-        if visiting != self.visiting {
-            self.visiting = visiting;
-            let stopping = self.client.is_stopping();
-            if let Some(own) = &mut self.peer.credentials {
-                // Beyond all nonces of the client before.
-                own.nonce = own.nonce.wrapping_add(1 << 32);
-            }
-            self.client = if visiting {
-                Client::visitor(self.peer.node)
-            } else {
-                Client::new(self.peer.clone())
-            };
-            if stopping {
-                self.client.estop(now_us);
-            }
-        }
-    }
-
     /// Drops every command: in flight, waiting, or refused by the bus.
     fn forget_orders(&mut self) {
         self.orders.forget(&mut self.client);
@@ -515,58 +414,6 @@ impl Operator {
     fn drop_moving(&mut self) {
         self.orders.drop_moving(&mut self.client);
         self.unsent = None;
-    }
-
-    /// Reports the outcome of an order.
-    fn end(&mut self, now_us: u64, ended: Ended) {
-        let Ended { order, outcome, wish } = ended;
-        let words = order.words(self.catalog.as_ref());
-        let (weight, text) = match outcome {
-            Outcome::Done(ack) => {
-                let text = self.done(order, ack);
-                (Weight::Note, text)
-            }
-            Outcome::Refused(why) => {
-                (Weight::Refused, format!("the controller refused to {words}: {why}"))
-            }
-            Outcome::Unanswered => {
-                (Weight::Warning, format!("no answer to the command to {words}: try again"))
-            }
-            Outcome::Unsent => (Weight::Warning, format!("not sent, no contact: to {words}")),
-        };
-        if let Some(wish) = wish {
-            self.log.answer(now_us, wish, weight, text);
-        }
-    }
-
-    fn done(&mut self, order: Order, ack: CommandAck) -> String {
-        match order {
-            Order::Play { code, speed_64ths } => {
-                self.asked = Some((code, speed_64ths));
-                let begins_s = f64::from(ack.value) / f64::from(RATE_HZ);
-                let words = order.words(self.catalog.as_ref());
-                return format!("to {words}: begins in {begins_s:.1} s");
-            }
-            Order::Arm => self.latch = self.latch.armed(),
-            Order::Clear => self.latch = self.latch.cleared(),
-            Order::Return | Order::Disarm => self.asked = None,
-            Order::Track(_) => {
-                // Samples of before, if it was tracked, are of other numbers.
-                self.setpoints = Setpoints::Answers(Loop::acknowledged(ack.value));
-            }
-            Order::Pause | Order::Resume | Order::Stream => {}
-        }
-        let words = match order {
-            Order::Arm => "armed: it goes to SAFE",
-            Order::Clear => "cleared: it tests itself, then it can be armed",
-            Order::Return => "it returns to SAFE",
-            Order::Disarm => "it returns to SAFE, then torque goes off",
-            Order::Pause => "it halts where it is",
-            Order::Stream => "it follows what is streamed",
-            Order::Track(_) => "it follows setpoints in closed loop",
-            _ => "it goes on",
-        };
-        words.to_owned()
     }
 
     /// Command that the situation requires without an intent, and the interval after which it repeats, µs.

@@ -77,8 +77,9 @@ impl fmt::Display for Conclusion<'_> {
             }
             Judgement::NotConverged => write!(
                 f,
-                "did not converge ({status}): {worst_constraint} is off by {worst_level:.3} times its tolerance; \
-                 plans are accepted at {ACCEPTED_LEVEL} times"
+                "did not converge ({status}): {worst_constraint} is off by {} times its tolerance; \
+                 plans are accepted at {ACCEPTED_LEVEL} times",
+                super::table::number(*worst_level)
             ),
         }
     }

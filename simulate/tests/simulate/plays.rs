@@ -150,7 +150,7 @@ fn a_robot_that_is_pushed_to_its_side_steps_on() {
     assert!(ahead == 0 && (1..400).contains(&aside), "{ahead} {aside}");
 }
 
-/// The tracker knows nothing of blades. Tracked to the end the skates come to half of their way, or less.
+/// The tracker does not know that a way is steered by the direction of skates. Tracked to the end they come to half of it, or less.
 #[test]
 fn the_plan_of_a_robot_that_stumbles_is_played_in_open_loop() {
     let skate = plan("skaterbot", "skate");
