@@ -10,18 +10,19 @@ use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::{Options as SolverOptions, optimise};
 use rollwalk_simulate::SensorFaultKind::{
-    AccelerometerBias, AllSwitchesStuck, EncoderNan, EncoderStuck, GyroBias, GyroNan, NoImu,
-    SwitchStuck,
+    AccelerometerBias, AccelerometerSpike, AllSwitchesStuck, EncoderNan, EncoderOff, EncoderStuck,
+    GyroBias, GyroNan, GyroSpike, NoImu, SwitchStuck,
 };
 use rollwalk_simulate::{
     Control, Feedback, Mismatch, Noise, Options, SensorFault, SensorFaultKind, play,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
+use std::f64::consts::TAU;
 
 /// Number of motions, the first ones of the benchmark of tracking: their robots stay on their feet in closed loop with noisy sensors.
 const COUNT: usize = 12;
-const KINDS: [(&str, SensorFaultKind); 13] = [
+const KINDS: [(&str, SensorFaultKind); 16] = [
     ("no IMU", NoImu),
     ("gyro NaN", GyroNan),
     ("gyro + 0.05 rad/s", GyroBias(0.05)),
@@ -30,7 +31,10 @@ const KINDS: [(&str, SensorFaultKind); 13] = [
     ("accelerometer + 0.3 m/s²", AccelerometerBias(0.3)),
     ("accelerometer + 1 m/s²", AccelerometerBias(1.0)),
     ("accelerometer + 4 m/s²", AccelerometerBias(4.0)),
+    ("gyro + 20 rad/s once", GyroSpike(20.0)),
+    ("accelerometer + 200 m/s² once", AccelerometerSpike(200.0)),
     ("encoder NaN", EncoderNan(1)),
+    ("encoder + 2π", EncoderOff(1, TAU)),
     ("encoder stuck", EncoderStuck(1)),
     ("switch closed", SwitchStuck(0, true)),
     ("switch open", SwitchStuck(0, false)),
@@ -169,7 +173,7 @@ fn findings(rows: &[Row]) -> Findings {
     let fell: u32 = rows.iter().flat_map(|row| &row.outcomes).map(|counts| counts.fell).sum();
     let runs = rows.len() * KINDS.len() * PHASES as usize;
     let text = format!(
-        "{PHASES} runs for each fault, which comes at as many moments of the motion and stays; biases are on every axis. Tracking with gains and estimator, {RATE_HZ} ticks a second.\n\
+        "{PHASES} runs for each fault, which comes at as many moments of the motion and stays, but for those of one sample; biases are on every axis. Tracking with gains and estimator, {RATE_HZ} ticks a second.\n\
          goes on: tracked to the end; stops: at rest on its feet; moves: on its feet and not at rest.\n\
          {fell} of {runs} runs end in a fall."
     );

@@ -11,7 +11,7 @@ use rollwalk_physics::motor::Law;
 use rollwalk_planner::whole_body::{Instant, WholeBody};
 use rollwalk_tracking::estimator::Untrusted;
 use rollwalk_tracking::model::Costs;
-use rollwalk_tracking::{Gains, Reference, Sensors, Setpoint, Unsolved};
+use rollwalk_tracking::{Gains, NoSetpoints, Reference, Sensors, Setpoint};
 use thiserror::Error;
 
 /// How the robot is brought back to the plan.
@@ -39,8 +39,8 @@ pub enum Untracked {
     #[error("{0}")]
     State(Untrusted),
     /// The tracker found no setpoints.
-    #[error("no setpoints meet the constraints, or the state is not finite")]
-    Setpoints(Unsolved),
+    #[error("{0}")]
+    Setpoints(NoSetpoints),
     /// It was pushed beyond the edge of its support: the steps of its plan go on under it.
     #[error(
         "it was pushed beyond the edge of its support, and the steps of its plan are to catch it"

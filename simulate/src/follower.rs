@@ -8,6 +8,7 @@ use crate::script::{Script, servo};
 use rollwalk_multibody::Tree;
 use rollwalk_physics::motor::Law;
 use rollwalk_planner::whole_body::WholeBody;
+use rollwalk_tracking::absence::Absence;
 use rollwalk_tracking::tasks::Weights;
 use rollwalk_tracking::{Estimator, Gains, Reference, Sensors, Tracker};
 
@@ -22,8 +23,8 @@ pub(crate) struct Follower {
     pub estimator: Estimator,
     /// Whether the robot has stumbled: its plan is played in open loop to the end.
     stumbled: bool,
-    /// Time without setpoints of the tracker, s, and the stop that ends it.
-    lost_s: f64,
+    /// Time without setpoints of the tracker, and the stop that ends it.
+    lost: Absence,
     stop: Option<SafeStop>,
 }
 
@@ -44,7 +45,7 @@ impl Follower {
             .with_latency(timing.latency_s);
         let servos = script.robot().channels().map(|channel| servo(&channel)).collect();
         let estimator = Estimator::new(tree.clone());
-        Self { servos, tracker, estimator, stumbled: false, lost_s: 0.0, stop: None }
+        Self { servos, tracker, estimator, stumbled: false, lost: Absence::default(), stop: None }
     }
 
     /// Goes over to a plan with these gains.
@@ -86,10 +87,16 @@ impl Follower {
             let touches = if contacts.is_some() { &reference.stands[..] } else { touches };
             self.tracker.tick(reference, state, touches).map(drop).map_err(Untracked::Setpoints)
         });
+        if !may_stop {
+            self.lost = Absence::default();
+        }
+        let is_lost = self.lost.tick(solved.is_ok(), tick_s, LOST_S);
+        if *may_stop && is_lost {
+            self.stop = Some(SafeStop::after(body, script, acts_s));
+        }
         self.stumbled |= solved.is_ok() && script.steps() && self.tracker.stumbles();
         match solved {
             Ok(()) => {
-                self.lost_s = 0.0;
                 let is_caught = script.steps() && self.tracker.is_caught_by_steps();
                 let why = if self.stumbled {
                     Some(Untracked::Stumbled)
@@ -102,13 +109,7 @@ impl Follower {
                 let laws = self.servos.iter().zip(self.tracker.setpoints());
                 (laws.map(|(servo, setpoint)| law(servo, setpoint)).collect(), None)
             }
-            Err(why) => {
-                self.lost_s += tick_s;
-                if *may_stop && self.lost_s > LOST_S {
-                    self.stop = Some(SafeStop::after(body, script, acts_s));
-                }
-                (script.laws(acts_s), Some(why))
-            }
+            Err(why) => (script.laws(acts_s), Some(why)),
         }
     }
 }

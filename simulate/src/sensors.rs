@@ -41,8 +41,14 @@ pub enum SensorFaultKind {
     AccelerometerBias(f64),
     /// The gyro measures no numbers.
     GyroNan,
+    /// One sample of the gyro is off about every axis, rad/s.
+    GyroSpike(f64),
+    /// One sample of the accelerometer is off along every axis, m/s².
+    AccelerometerSpike(f64),
     /// The encoder of a joint measures no numbers.
     EncoderNan(usize),
+    /// The encoder of a joint is off, as after a lost turn, rad; the simulated drive sees the true angle.
+    EncoderOff(usize, f64),
     /// The encoder of a joint stays where it is; the simulated drive sees the true angle.
     EncoderStuck(usize),
     /// The contact switch of an end effector stays closed, `true`, or open.
@@ -115,7 +121,9 @@ impl SimulatedSensors {
         self.speed_rad_s.extend(speeds.map(|speed| speed + noise(speed_rad_s)));
         self.touches.clear();
         self.touches.extend(world.switches());
-        let broken = self.fault.filter(|fault| self.time_s >= fault.from_s).map(|fault| fault.kind);
+        let fault = self.fault.filter(|fault| self.time_s >= fault.from_s);
+        let is_first = fault.is_some_and(|fault| self.time_s - step_s < fault.from_s);
+        let broken = fault.map(|fault| fault.kind);
         self.time_s += step_s;
         match broken {
             None => {}
@@ -126,8 +134,16 @@ impl SimulatedSensors {
             Some(SensorFaultKind::AccelerometerBias(bias)) => {
                 force = force.map(|force| force.add_scalar(bias));
             }
+            Some(SensorFaultKind::GyroSpike(off)) => {
+                gyro_rad_s =
+                    gyro_rad_s.map(|rate| if is_first { rate.add_scalar(off) } else { rate });
+            }
+            Some(SensorFaultKind::AccelerometerSpike(off)) => {
+                force = force.map(|force| if is_first { force.add_scalar(off) } else { force });
+            }
             Some(SensorFaultKind::GyroNan) => gyro_rad_s = Some(Vector3::repeat(f64::NAN)),
             Some(SensorFaultKind::EncoderNan(joint)) => self.joint_rad[joint] = f64::NAN,
+            Some(SensorFaultKind::EncoderOff(joint, off_rad)) => self.joint_rad[joint] += off_rad,
             Some(SensorFaultKind::EncoderStuck(joint)) => {
                 if let Some(&rad) = stuck_rad.get(joint) {
                     self.joint_rad[joint] = rad;

@@ -210,11 +210,10 @@ impl<'p> Sequence<'p> {
         })
     }
 
-    /// The same for a robot without contact switches: what stands by the plan touches the ground, whatever is measured.
-    #[must_use]
-    pub fn with_planned_contacts(mut self) -> Self {
-        self.planned_contacts = true;
-        self
+    /// Says whether from the next tick on what stands by the plan touches the ground, whatever is measured: the robot has no contact switches, or
+    /// they are not heard.
+    pub fn use_planned_contacts(&mut self, planned: bool) {
+        self.planned_contacts = planned;
     }
 
     /// The robot with turning wheels and rotors, whose states and velocities those of [`Measured`] are.

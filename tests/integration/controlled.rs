@@ -5,6 +5,7 @@ use rollwalk_tests::{Desk, Outcome};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::process::Stdio;
+use std::thread;
 
 /// What the controller of ANYmal's stand answers to lines.
 fn answers(desk: &Desk, args: &[&str], lines: &[String]) -> Outcome {
@@ -12,10 +13,12 @@ fn answers(desk: &Desk, args: &[&str], lines: &[String]) -> Outcome {
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut program = command.spawn().expect("the program starts");
     let mut input = program.stdin.take().expect("a pipe");
-    // A program that has refused a line has closed its input.
-    let _ = input.write_all(lines.concat().as_bytes());
-    drop(input);
-    program.wait_with_output().expect("the program ends").into()
+    let lines = lines.concat();
+    // While its answers are read, which fill the pipe. A program that has refused a line has closed its input.
+    let writing = thread::spawn(move || drop(input.write_all(lines.as_bytes())));
+    let outcome = program.wait_with_output().expect("the program ends").into();
+    writing.join().expect("it does not panic");
+    outcome
 }
 
 fn stand() -> Desk {
@@ -131,6 +134,37 @@ fn without_readings_a_motion_is_brought_to_a_stop() {
     }
 }
 
+/// A plug that is loose, an encoder that has lost a turn, a body that lies.
+#[test]
+fn what_cannot_be_is_not_tracked_and_what_comes_and_goes_ends_the_motion() {
+    let desk = stand();
+    let start = at_start(&desk);
+    let untracked = |change: &dyn Fn(u32, &mut Value)| -> Vec<String> {
+        let ticks = (1..400).map(|tick| {
+            let mut record = start.clone();
+            record["time_s"] = json!(0.002 * f64::from(tick));
+            change(tick, &mut record);
+            line(&record)
+        });
+        let said = answers(&desk, &[], &ticks.collect::<Vec<_>>()).succeeds();
+        let answer = |line: &str| serde_json::from_str::<Value>(line).expect("a record");
+        said.lines().skip(1).map(|line| answer(line)["untracked"].to_string()).collect()
+    };
+    let loose = untracked(&|tick, of| {
+        if tick % 2 == 0 {
+            of["joint_rad"][1] = Value::Null;
+        }
+    });
+    assert_eq!(loose[0], "null");
+    assert!(loose[398].contains("brought to a stop for good"), "{}", loose[398]);
+    let angle = start["joint_rad"][1].as_f64().unwrap();
+    let turned = untracked(&|_, of| of["joint_rad"][1] = json!(angle + std::f64::consts::TAU));
+    assert!(turned[0].contains("far beyond its joint's range"), "{}", turned[0]);
+    let lies = untracked(&|_, of| of["base"]["orientation_wxyz"] = json!([0.0, 1.0, 0.0, 0.0]));
+    assert!(lies[0].contains("has fallen"), "{}", lies[0]);
+    assert!(lies[398].contains("brought to a stop for good"), "{}", lies[398]);
+}
+
 #[test]
 fn lines_that_are_wrong_are_named() {
     let desk = stand();
@@ -159,6 +193,26 @@ fn lines_that_are_wrong_are_named() {
     wrong(
         &|of| of["world_from_plan"] = place.clone(),
         &["world_from_plan is only for the first line"],
+    );
+    for (time_s, words) in [
+        (1.7e9, "field time_s is 1.7e9; expected 1000000 at most"),
+        (0.02, "field time_s goes from 0 to 0.02; ticks are 0.002 s apart"),
+        (-0.002, "field time_s goes from 0 to -0.002"),
+    ] {
+        wrong(&|of| of["time_s"] = json!(time_s), &[words]);
+    }
+    let placed = |field: &str, value: Value, words: &str| {
+        let mut record = start.clone();
+        record["world_from_plan"] = place.clone();
+        record["world_from_plan"][field] = value;
+        refused(answers(&desk, &[], &[line(&record)]), &["line 1 of the input", words]);
+    };
+    placed("position_m", json!([0.0, 1e20, 0.0]), "expected at most 10000 m from the origin");
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    placed("orientation_wxyz", json!([half, half, 0.0, 0.0]), "the ground is steeper than 45°");
+    refused(
+        answers(&desk, &["--bus", "sim"], &[]),
+        &["--bus is for a robot", "stand.json is a plan"],
     );
     let nan = line(&start).replacen("\"time_s\":0.0", "\"time_s\":NaN", 1);
     refused(answers(&desk, &[], &[nan]), &["line 1 of the input"]);

@@ -17,6 +17,8 @@
 mod filter;
 mod rest;
 
+use crate::absence::Absence;
+use crate::plausible;
 use filter::{Contact, Filter};
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 use rest::Rest;
@@ -50,8 +52,8 @@ const TOO_STEEP: f64 = 0.4;
 const STEP_M: f64 = 0.05;
 /// Longest time for which contacts may be steeper, s.
 const STEEP_S: f64 = 0.1;
-/// Range of sensors in order: gyro, rad/s; accelerometer, m/s²; angles, rad; speeds, rad/s.
-const RANGES: [f64; 4] = [100.0, 1000.0, 1e4, 1e3];
+/// Most by which two samples of a gyro may differ, rad/s: no body that weighs kilograms turns as much faster within a tick.
+const JUMP_RAD_S: f64 = 5.0;
 /// Rest before an alignment, and before zero angular velocity is a measurement, s.
 const REST_S: f64 = 0.4;
 /// Largest mean of the gyro less its bias at which zero angular velocity is a measurement, rad/s.
@@ -76,12 +78,12 @@ pub struct Sensors<'a> {
 /// Why an estimate must not be used. The controller has to bring the robot to a safe state without it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Untrusted {
-    /// A sensor or the length of the tick is not finite, or out of the range of any sensor in order. The tick counts as one without
-    /// IMU and contacts; the next one may be good.
+    /// A sensor or the length of the tick is not finite, or out of the range of any sensor in order, an angle is far beyond its joint's range, or
+    /// the gyro jumps. The tick counts as one without IMU and contacts; the next one may be good.
     BadSensor,
     /// The robot has not stood still yet, at the start or since one of the errors below: only rest aligns the estimate again.
     NotAligned,
-    /// No gyro or no accelerometer for more than 0.05 s, or as many bad ticks.
+    /// No gyro or no accelerometer for more than 0.05 s, or as many bad ticks, or for more than a third of the time.
     ImuMissing,
     /// No contact for more than 0.5 s.
     NoContact,
@@ -115,7 +117,9 @@ pub struct Estimator {
     state: State,
     rest: Rest,
     is_aligned: bool,
-    without_imu_s: f64,
+    /// Gyro of the last tick that had one.
+    last_gyro_rad_s: Option<Vector3<f64>>,
+    without_imu: Absence,
     without_contact_s: f64,
     steep_s: f64,
     /// Low-passed velocity of the material at the slowest contact, m/s.
@@ -135,7 +139,8 @@ impl Estimator {
             state,
             rest: Rest::new(tree.dofs() - JOINTS),
             is_aligned: false,
-            without_imu_s: 0.0,
+            last_gyro_rad_s: None,
+            without_imu: Absence::default(),
             without_contact_s: 0.0,
             steep_s: 0.0,
             slip_m_s: zero,
@@ -201,10 +206,10 @@ impl Estimator {
         if !(tick_s > 0.0 && tick_s.is_finite()) {
             return Err(Untrusted::BadSensor);
         }
-        let is_good = sensors.are_plausible();
+        let is_good = plausible::sensors(self.tree.robot(), sensors) && !self.jumps(sensors);
         let imu = sensors.gyro_rad_s.zip(sensors.accelerometer_m_s2).filter(|_| is_good);
-        self.without_imu_s = if imu.is_some() { 0.0 } else { self.without_imu_s + tick_s };
-        if self.without_imu_s.max(tick_s) > WITHOUT_IMU_S {
+        let is_missing = self.without_imu.tick(imu.is_some(), tick_s, WITHOUT_IMU_S);
+        if is_missing || tick_s > WITHOUT_IMU_S {
             self.rest.lasts_s = 0.0;
             return self.lose(Untrusted::ImuMissing);
         }
@@ -236,6 +241,13 @@ impl Estimator {
             Err(Untrusted::BadSensor) => Err(Untrusted::BadSensor),
             Err(why) => self.lose(why),
         }
+    }
+
+    /// Whether the gyro is that far from its last sample that one of the two is wrong.
+    fn jumps(&mut self, sensors: &Sensors<'_>) -> bool {
+        let Some(gyro_rad_s) = sensors.gyro_rad_s else { return false };
+        let last_rad_s = self.last_gyro_rad_s.replace(gyro_rad_s);
+        last_rad_s.is_some_and(|last_rad_s| (gyro_rad_s - last_rad_s).norm() > JUMP_RAD_S)
     }
 
     /// A tick of an aligned estimator.
@@ -327,7 +339,8 @@ impl Estimator {
     fn begin(&mut self, filter: Filter) {
         self.filter = filter;
         self.is_aligned = true;
-        (self.without_imu_s, self.without_contact_s, self.steep_s) = (0.0, 0.0, 0.0);
+        self.without_imu = Absence::default();
+        (self.without_contact_s, self.steep_s) = (0.0, 0.0);
         self.slip_m_s.fill(0.0);
     }
 
@@ -398,19 +411,6 @@ impl Estimator {
         let turning = filter.angular_velocity_rad_s();
         state.velocity[LINEAR..ANGULAR].copy_from_slice(filter.velocity_m_s.as_slice());
         state.velocity[ANGULAR..JOINTS].copy_from_slice(turning.as_slice());
-    }
-}
-
-impl Sensors<'_> {
-    /// Whether every value is finite and in range.
-    fn are_plausible(&self) -> bool {
-        // False for NaN.
-        let is_less = |most: f64| move |value: &f64| value.abs() < most;
-        let [gyro, force, angle, speed] = RANGES;
-        self.gyro_rad_s.iter().flatten().all(is_less(gyro))
-            && self.accelerometer_m_s2.iter().flatten().all(is_less(force))
-            && self.joint_rad.iter().all(is_less(angle))
-            && self.speed_rad_s.iter().all(is_less(speed))
     }
 }
 

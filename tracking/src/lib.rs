@@ -3,6 +3,8 @@
 //!
 //! | module | is |
 //! |---|---|
+//! | [`absence`] | how long something is missing that comes and goes |
+//! | `plausible` | what a robot in order can measure |
 //! | [`estimator`] | the state from IMU, encoders and contacts |
 //! | [`mod@reference`] | what is planned for a moment |
 //! | `contacts` | which end effectors bear the robot |
@@ -41,11 +43,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod absence;
 mod contacts;
 mod correction;
 pub mod estimator;
 pub mod gains;
 pub mod model;
+mod plausible;
 mod quadratic;
 mod recovery;
 pub mod reference;
@@ -54,6 +58,5 @@ pub mod tracker;
 
 pub use estimator::{Estimator, Sensors, Untrusted};
 pub use gains::Gains;
-pub use quadratic::Unsolved;
 pub use reference::Reference;
-pub use tracker::{Setpoint, Tracker};
+pub use tracker::{NoSetpoints, Setpoint, Tracker};

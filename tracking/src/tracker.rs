@@ -15,6 +15,7 @@ use crate::contacts::{self, Phase, Planned};
 use crate::correction::{Correction, Place};
 use crate::gains::Gains;
 use crate::model::heading_rad;
+use crate::plausible;
 use crate::quadratic::{Program, Solver, Unsolved};
 use crate::recovery::{Errors, Recovery};
 use crate::reference::Reference;
@@ -24,11 +25,40 @@ use rollwalk_multibody::{
     ANGULAR, CompositeInertia, Configuration, JOINTS, Kinematics, LINEAR, RimContact, State, Tree,
 };
 use rollwalk_robot::GRAVITY_M_S2;
+use thiserror::Error;
 
 /// Gains that the drives themselves close around what a tick wants, as parts of those of the robot file: they act between ticks.
 pub const KP_PART: f64 = 0.1;
 /// The same of kd.
 pub const KD_PART: f64 = 0.2;
+
+/// Cosine of the tilt against the plan from which on a robot has fallen (1 rad), and the height of its centre of mass, as a part of the planned one.
+const FALLEN_COS: f64 = 0.54;
+const FALLEN_PART: f64 = 0.5;
+
+/// Why a tick has no setpoints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum NoSetpoints {
+    /// The state is not finite, or not one of this robot.
+    #[error(
+        "the state is none that the robot can have: a value is missing, an angle is far beyond its joint's range, or a speed is beyond any robot's"
+    )]
+    Implausible,
+    /// The robot lies, or its pose is wrong.
+    #[error(
+        "the robot has fallen, or its pose is wrong: it is tilted by more than 1 rad against its plan, or lower than half of the planned height"
+    )]
+    Fallen,
+    /// The program has no solution.
+    #[error("no setpoints meet the constraints")]
+    Unsolved,
+}
+
+impl From<Unsolved> for NoSetpoints {
+    fn from(_: Unsolved) -> Self {
+        Self::Unsolved
+    }
+}
 
 /// What a motor is to do until the next tick: τ = kp (q* − q) + kd (q̇* − q̇) + torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -259,8 +289,8 @@ impl Tracker {
     /// Setpoints of all channels, in channel order, for a state that was measured, and whether each end effector touches the ground.
     ///
     /// # Errors
-    /// No setpoints meet the constraints, for example because the state is not finite. The caller has to bring the robot to a safe
-    /// state by other means.
+    /// The state is none that the robot can have or control, or no setpoints meet the constraints. The caller has to bring the robot to a
+    /// safe state by other means.
     ///
     /// # Panics
     /// The reference or the state is of another robot: its vectors have other lengths.
@@ -269,7 +299,7 @@ impl Tracker {
         reference: &Reference,
         state: &State,
         touches: &[bool],
-    ) -> Result<&[Setpoint], Unsolved> {
+    ) -> Result<&[Setpoint], NoSetpoints> {
         let (joints, feet) = (self.tree.robot().joints.len(), self.feet.len());
         for of in [&reference.state, state] {
             let lengths = (of.joint_rad.len(), of.velocity.len());
@@ -281,7 +311,10 @@ impl Tracker {
         assert_eq!(touches.len(), feet, "contacts of another robot");
         let recovery = self.recovery;
         self.look_ahead(state);
-        let solved = self.solve(reference, touches);
+        let solved = match plausible::state(self.tree.robot(), state) {
+            true => self.solve(reference, touches),
+            false => Err(NoSetpoints::Implausible),
+        };
         match solved {
             // A tick without a solution leaves no trace.
             Err(_) => {
@@ -316,8 +349,11 @@ impl Tracker {
     }
 
     /// Finds the setpoints.
-    fn solve(&mut self, reference: &Reference, touches: &[bool]) -> Result<(), Unsolved> {
+    fn solve(&mut self, reference: &Reference, touches: &[bool]) -> Result<(), NoSetpoints> {
         self.prepare(reference, touches);
+        if self.has_fallen(reference) {
+            return Err(NoSetpoints::Fallen);
+        }
         self.correct(reference);
         self.want_contacts();
         self.want_body(reference);
@@ -365,8 +401,17 @@ impl Tracker {
         }
         match self.setpoints.iter().all(|setpoint| setpoint.torque_nm.is_finite()) {
             true => Ok(()),
-            false => Err(Unsolved::NotConvex),
+            false => Err(NoSetpoints::Unsolved),
         }
+    }
+
+    /// Whether the robot lies.
+    fn has_fallen(&self, reference: &Reference) -> bool {
+        let Self { planned, measured, tree, errors, .. } = self;
+        let up = |of: &Kinematics| of.frames.world_from_link[0] * Vector3::z();
+        let com_m = Point3::from(measured.frames.com(tree));
+        let height_m = (reference.world_from_ground.inverse() * com_m).z;
+        up(planned).dot(&up(measured)) < FALLEN_COS || height_m < FALLEN_PART * errors.height_m
     }
 
     /// Keeps what the next tick begins with.

@@ -1,6 +1,6 @@
 //! `rollwalk discover`: which buses this computer has, and which controllers are on one.
 
-use crate::link::{Interruptible, cannot_open};
+use crate::link::{BUS_ENV, BUS_HELP, Interruptible, cannot_open};
 use crate::output::Table;
 use crate::{Exit, interrupt, output};
 use miette::miette;
@@ -23,8 +23,7 @@ Examples:
   rollwalk discover --bus can:can0
   rollwalk discover --bus sim --json | jq '.[].node'")]
 pub struct Args {
-    /// The link: sim, sim:PATH, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
-    #[arg(long, value_name = "BUS", env = "ROLLWALK_BUS")]
+    #[arg(long, value_name = "BUS", env = BUS_ENV, help = BUS_HELP)]
     bus: BusName,
     /// Print as JSON.
     #[arg(long)]

@@ -23,11 +23,17 @@ use thiserror::Error;
 /// Maximum number of our frames in flight: enough to keep a bus busy, few enough to keep none stale.
 pub const DEPTH: usize = 3;
 
+/// Environment variable that names the bus.
+pub const BUS_ENV: &str = "ROLLWALK_BUS";
+/// Help of `--bus`.
+pub const BUS_HELP: &str =
+    "The link: sim, sim:PATH, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0";
+
 /// Which controller.
 #[derive(clap::Args)]
 pub struct LinkArgs {
-    /// The link: sim, sim:PATH, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
-    #[arg(long, value_name = "BUS", env = "ROLLWALK_BUS")]
+    /// The bus, with its interface.
+    #[arg(long, value_name = "BUS", env = BUS_ENV, help = BUS_HELP)]
     pub bus: BusName,
     /// The controller's address, 0 to 14.
     #[arg(long, value_name = "N", default_value = "1", value_parser = node)]
@@ -64,8 +70,7 @@ pub type LiveSession = Session<Interruptible>;
 /// Which controller, for a command that may do without one.
 #[derive(clap::Args)]
 pub struct MaybeLinkArgs {
-    /// The link: sim, sim:PATH, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
-    #[arg(long, value_name = "BUS", env = "ROLLWALK_BUS")]
+    #[arg(long, value_name = "BUS", env = BUS_ENV, help = BUS_HELP)]
     bus: Option<BusName>,
     /// The controller's address, 0 to 14.
     #[arg(long, value_name = "N", default_value = "1", value_parser = node)]

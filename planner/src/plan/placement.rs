@@ -23,14 +23,23 @@ impl Placement {
         Self { offset_m: [-x, -y], yaw_rad: -self.yaw_rad }
     }
 
-    /// This placement `times` over; negative counts go back.
+    /// This placement `times` over, by squaring; negative counts go back.
     pub fn repeated(&self, times: i64) -> Self {
-        let step = if times < 0 { self.inverse() } else { *self };
-        let mut total = Self::default();
-        for _ in 0..times.unsigned_abs() {
-            let [x, y, _] = step.point([total.offset_m[0], total.offset_m[1], 0.0]);
-            total = Self { offset_m: [x, y], yaw_rad: total.yaw_rad + step.yaw_rad };
+        let mut step = if times < 0 { self.inverse() } else { *self };
+        let (mut total, mut left) = (Self::default(), times.unsigned_abs());
+        while left > 0 {
+            if left & 1 == 1 {
+                total = total.then(&step);
+            }
+            step = step.then(&step);
+            left >>= 1;
         }
         total
+    }
+
+    /// This placement, then another.
+    fn then(&self, next: &Self) -> Self {
+        let [x, y, _] = next.point([self.offset_m[0], self.offset_m[1], 0.0]);
+        Self { offset_m: [x, y], yaw_rad: self.yaw_rad + next.yaw_rad }
     }
 }

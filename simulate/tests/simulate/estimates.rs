@@ -57,6 +57,7 @@ fn errors(plan: &Plan, mut change: impl FnMut(f64, &mut Sensors<'_>, &mut [bool]
                 errors.add(&state.clone().moved(there), &truth, way.xy().norm());
                 true
             }
+            Err(Untrusted::BadSensor) => true,
             Err(_) if world_from_estimate.is_none() => true,
             Err(why) => {
                 errors.untrusted = Some((why, moment.done_s));
@@ -126,7 +127,20 @@ fn faults_are_bridged_or_found() {
         }
     });
     let stuck = |value: bool| errors(&plan, |_, _, touches| touches[0] = value);
-    for errors in [gaps, stuck(true), stuck(false)] {
+    // One sample that is wrong.
+    let once = |gyro_rad_s: f64, force_m_s2: f64| {
+        let mut is_over = false;
+        errors(&plan, |time_s, sensors, _| {
+            if time_s > FAULT_S && !std::mem::replace(&mut is_over, true) {
+                sensors.gyro_rad_s = sensors.gyro_rad_s.map(|of| of.add_scalar(gyro_rad_s));
+                sensors.accelerometer_m_s2 =
+                    sensors.accelerometer_m_s2.map(|of| of.add_scalar(force_m_s2));
+            }
+            is_over |= time_s > FAULT_S;
+        })
+    };
+    let spikes = [once(5.0, 0.0), once(50.0, 0.0), once(0.0, 60.0), once(0.0, 500.0)];
+    for errors in spikes.into_iter().chain([gaps, stuck(true), stuck(false)]) {
         assert_eq!(errors.untrusted, None, "{errors:?}");
         assert!(errors.tilt_rad < 0.01 && errors.velocity_m_s < 0.02, "{errors:?}");
     }

@@ -209,9 +209,7 @@ fn play(
     let steps = WORLD_HZ.div_ceil(bus.rate_hz);
     let timing = Timing { tick_s, latency_s: 0.0 };
     let mut sequence = Sequence::new(plans.legs(cycles), timing).unwrap();
-    if !bus.switches {
-        sequence = sequence.with_planned_contacts();
-    }
+    sequence.use_planned_contacts(!bus.switches);
     let script = Script::new(&plans.stand, true);
     let robot = script.robot();
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());

@@ -24,6 +24,9 @@ const ANGULAR_ACCELERATION: f64 = 2.2;
 /// Noise of the specific force, (m/s²)/√Hz: 0.5 m/s² at 500 Hz, with vibrations of the robot on top of an accelerometer's own
 /// noise.
 const SPECIFIC_FORCE: f64 = 0.022;
+/// Specific force from which on its sample may be an outlier, m/s²: what is beyond counts as unknown, so that contacts bring the velocity
+/// back after one sample that is wrong.
+const OUTLIER_M_S2: f64 = 50.0;
 /// Process noise of the velocity without an accelerometer, (m/s²)/√Hz: 5 m/s² at 500 Hz.
 const UNMEASURED_FORCE: f64 = 0.22;
 /// Random walk of the gyro bias, (rad/s)/√s.
@@ -84,10 +87,11 @@ impl Filter {
             .fixed_view_mut::<3, 3>(VELOCITY, RATE)
             .copy_from(&(skew(&self.velocity_m_s) * turned));
         self.covariance = transition * self.covariance * transition.transpose();
-        let force = match specific_force_m_s2 {
-            Some(_) => SPECIFIC_FORCE,
-            None => UNMEASURED_FORCE,
+        let (force, beyond_m_s2) = match specific_force_m_s2 {
+            Some(force) => (SPECIFIC_FORCE, (force.norm() - OUTLIER_M_S2).max(0.0)),
+            None => (UNMEASURED_FORCE, 0.0),
         };
+        let velocity = force.powi(2) * tick_s + (beyond_m_s2 * tick_s).powi(2);
         let rate_density = ANGULAR_ACCELERATION.powi(2);
         // An angular acceleration within the tick also rotates the base: with this correlation a gyro sample corrects the
         // rotation by the trapezoidal rule.
@@ -99,7 +103,7 @@ impl Filter {
         for k in 0..3 {
             for (of, variance) in [
                 (ROTATION, rate_density * tick_s.powi(3) / 3.0),
-                (VELOCITY, force.powi(2) * tick_s),
+                (VELOCITY, velocity),
                 (RATE, rate_density * tick_s),
                 (BIAS, BIAS_WALK.powi(2) * tick_s),
             ] {

@@ -4,9 +4,9 @@ use super::*;
 use crate::model::Costs;
 use nalgebra::{DVector, Isometry3, Rotation3};
 use proptest::prelude::*;
-use rollwalk_multibody::forward_dynamics;
+use rollwalk_multibody::{forward_dynamics, rotation};
 use rollwalk_robot::Robot;
-use std::f64::consts::FRAC_1_SQRT_2;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::fs;
 
 const TICK_S: f64 = 0.002;
@@ -134,7 +134,7 @@ fn with_a_latency_a_tick_acts_on_the_state_then() {
         assert!((late.ahead.joint_rad[joint] - then).abs() < 1e-12);
     }
     let turned = late.ahead.world_from_body * state.world_from_body.transpose();
-    let turn = rollwalk_multibody::rotation::log(&turned);
+    let turn = rotation::log(&turned);
     let spin = Vector3::from_column_slice(&state.velocity[ANGULAR..ANGULAR + 3]);
     assert!((turn - spin * LATENCY_S).norm() < 1e-12);
     let expected = late.solver.solution().clone();
@@ -290,9 +290,15 @@ fn bad_measurements_are_an_error_and_leave_no_trace() {
         refused(&|state| state.world_from_body[(0, 1)] = bad);
         refused(&|state| state.base_position_m.y = bad);
     }
-    for bad in [f64::NAN, f64::INFINITY] {
-        refused(&|state| state.joint_rad[3] = bad);
+    // An encoder that has lost a turn, a body that lies on its side or low.
+    for bad in [f64::NAN, f64::INFINITY, 2.0 * PI, -2.0 * PI] {
+        refused(&|state| state.joint_rad[3] += bad);
     }
+    let turn = |roll_rad: f64| rotation::from_yaw_pitch_roll(&Vector3::new(0.0, 0.0, roll_rad));
+    for roll_rad in [1.1, -PI] {
+        refused(&|state| state.world_from_body = turn(roll_rad) * state.world_from_body);
+    }
+    refused(&|state| state.base_position_m.z -= 0.3);
     assert_eq!(tracker.tick(&reference, &state, &reference.stands).unwrap(), before);
 }
 

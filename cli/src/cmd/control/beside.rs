@@ -8,10 +8,16 @@ use rollwalk_simulate::closed_loop::{ClosedLoop, Measured, Timing};
 use rollwalk_simulate::{Feedback, Script};
 use serde::Serialize;
 use std::io::{self, BufRead, Read};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// Most bytes of a line; a robot with the most joints needs some kilobytes.
 const LINE_MAX: u64 = 1 << 20;
+
+/// Longest time of a motion, s: a client that sends nanoseconds is far beyond it.
+const TIME_MAX_S: f64 = 1e6;
+/// Intervals between the times of two lines, in ticks; in none the motion rests.
+const INTERVAL_TICKS: RangeInclusive<f64> = 0.6..=1.6;
 
 /// Answers lines of standard input until its end.
 ///
@@ -21,13 +27,20 @@ pub fn run(plan: &Path, feedback: Feedback, timing: Timing) -> miette::Result<Ex
     let plan = inputs::plan(plan)?;
     let script = Script::new(&plan, true);
     say(&Hello::new(&plan, timing.tick_s))?;
-    let mut controller =
-        Controller { script: &script, feedback, timing, closed_loop: None, has_imu: false };
+    let mut controller = Controller {
+        script: &script,
+        feedback,
+        timing,
+        closed_loop: None,
+        has_imu: false,
+        last_s: None,
+    };
     let mut input = io::stdin().lock();
     let mut line = String::new();
     for number in 1.. {
         line.clear();
-        let count = (&mut input).take(LINE_MAX).read_line(&mut line).into_diagnostic()?;
+        let read = (&mut input).take(LINE_MAX).read_line(&mut line).into_diagnostic();
+        let count = read.wrap_err_with(|| format!("line {number} of the input"))?;
         if count == 0 {
             break;
         }
@@ -48,12 +61,15 @@ struct Controller<'s, 'p> {
     closed_loop: Option<ClosedLoop<'s, 'p>>,
     /// Whether a line had an IMU: the state is estimated since, and a line without one has no reading of it.
     has_imu: bool,
+    /// Time of the last line, s.
+    last_s: Option<f64>,
 }
 
 impl Controller<'_, '_> {
     /// What the motors do in a tick.
     fn answer(&mut self, line: &str) -> miette::Result<Setpoints> {
         let request = Request::from_line(line)?;
+        self.check_time(request.time_s)?;
         let placed = request.world_from_plan()?;
         if placed.is_some() && self.closed_loop.is_some() {
             return Err(miette!(
@@ -88,6 +104,26 @@ impl Controller<'_, '_> {
             }
         };
         Ok(Setpoints::new(request.time_s, &laws, untracked))
+    }
+
+    /// Checks that the time of a line is a tick later than that of the last one, or that the motion rests.
+    fn check_time(&mut self, time_s: f64) -> miette::Result<()> {
+        if time_s.abs() > TIME_MAX_S {
+            return Err(miette!(
+                help = "time_s is the time of the motion in seconds, 0 where it begins",
+                "field time_s is {time_s:e}; expected {TIME_MAX_S} at most"
+            ));
+        }
+        let Some(last_s) = self.last_s.replace(time_s) else { return Ok(()) };
+        let tick_s = self.timing.tick_s;
+        if time_s == last_s || INTERVAL_TICKS.contains(&((time_s - last_s) / tick_s)) {
+            return Ok(());
+        }
+        Err(miette!(
+            help =
+                "each line is a tick; --rate says how many there are in a second, 500 without it",
+            "field time_s goes from {last_s} to {time_s}; ticks are {tick_s} s apart"
+        ))
     }
 }
 

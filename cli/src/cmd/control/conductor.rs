@@ -23,6 +23,8 @@ const KNOWN_S: f64 = 10.0;
 const ARMED_US: u64 = 30_000_000;
 /// Latency from which on a robot is not controlled, s: it falls before it is answered, and samples tell no longer one.
 const LATENCY_MAX_S: f64 = 0.05;
+/// For how long contacts count that were heard, s.
+const CONTACTS_S: f64 = 0.05;
 /// Samples that are answered before the loop of the program goes on: heartbeats are sent there.
 const AT_ONCE: usize = 8;
 /// Samples by which an answer may be late, as far as they are counted.
@@ -64,7 +66,7 @@ pub struct Tally {
 
 /// A closed loop over a bus.
 pub struct Conductor<'p> {
-    sequence: Option<Sequence<'p>>,
+    sequence: Sequence<'p>,
     /// Channel of each wheel that spins.
     wheels: Vec<usize>,
     joints: usize,
@@ -90,8 +92,10 @@ pub struct Conductor<'p> {
     delays_s: Vec<f64>,
     /// Leg and cycle that were said last.
     said: Option<(usize, u32)>,
-    /// End effectors that touched the ground at last, a bit each.
-    contacts: u32,
+    /// End effectors that touched the ground when the switches were heard last, a bit each, and the number of that sample.
+    contacts: Option<(u32, u64)>,
+    /// Whether the planned contacts count.
+    planned_contacts: bool,
     touches: Vec<bool>,
     joint_rad: Vec<f64>,
     speed_rad_s: Vec<f64>,
@@ -122,7 +126,7 @@ impl<'p> Conductor<'p> {
         library: u32,
     ) -> Self {
         Self {
-            sequence: Some(sequence),
+            sequence,
             wheels,
             joints: robot.joints.len(),
             end_effectors: robot.end_effectors.len(),
@@ -140,7 +144,8 @@ impl<'p> Conductor<'p> {
             tally: Tally::default(),
             delays_s: Vec::new(),
             said: None,
-            contacts: 0,
+            contacts: None,
+            planned_contacts: true,
             touches: Vec::new(),
             joint_rad: Vec::new(),
             speed_rad_s: Vec::new(),
@@ -160,15 +165,18 @@ impl<'p> Conductor<'p> {
     /// The sequence.
     #[cfg(test)]
     pub fn sequence(&self) -> &Sequence<'p> {
-        self.sequence.as_ref().expect("it is taken for an instant only")
+        &self.sequence
     }
 
     /// Ends early: the robot completes its cycle, and goes to SAFE along the plans that follow; one that does not play goes there at once.
     pub fn stop(&mut self, now_us: u64, operator: &mut Operator) {
-        let plays = self.phase == Phase::Playing;
-        if plays && !std::mem::replace(&mut self.stops, true) {
+        let moves = self.sequence.progress().moves;
+        if !moves {
+            self.sequence.stop();
+        }
+        if self.phase == Phase::Playing && moves && !std::mem::replace(&mut self.stops, true) {
             operator.say(now_us, Weight::Note, "it completes its cycle, then goes to SAFE");
-            self.sequence.iter_mut().for_each(Sequence::stop);
+            self.sequence.stop();
         } else {
             self.end(now_us, operator);
         }
@@ -267,7 +275,12 @@ impl<'p> Conductor<'p> {
             }
         }
         self.count(measured);
+        let planned_contacts = self.planned_contacts;
         let (laws, untracked) = self.tick(measured);
+        if self.planned_contacts && !planned_contacts {
+            let text = "the contact switches are not heard any more: the planned contacts count";
+            operator.say(now_us, Weight::Warning, text);
+        }
         self.tally.answered += 1;
         self.tally.untracked += u64::from(untracked.is_some());
         if untracked != self.why {
@@ -305,12 +318,9 @@ impl<'p> Conductor<'p> {
         self.joint_rad.extend((0..self.joints).map(angle));
         self.speed_rad_s.clear();
         self.speed_rad_s.extend((0..self.joints).chain(self.wheels.iter().copied()).map(speed));
-        if measured.contacts.is_none() && self.first == Some(measured.number) {
-            self.sequence = self.sequence.take().map(Sequence::with_planned_contacts);
-        }
-        // Switches may be read less often than samples are taken.
-        self.contacts = measured.contacts.unwrap_or(self.contacts);
-        let contacts = self.contacts;
+        let contacts = self.fresh_contacts(measured);
+        self.planned_contacts = contacts.is_none();
+        let contacts = contacts.unwrap_or(0);
         self.touches.clear();
         self.touches.extend((0..self.end_effectors).map(|of| contacts >> of & 1 != 0));
         let sensors = Sensors {
@@ -321,8 +331,17 @@ impl<'p> Conductor<'p> {
             touches: &self.touches,
         };
         let time_s = measured.number as f64 * self.tick_s;
-        let sequence = self.sequence.as_mut().expect("it is taken for an instant only");
+        let sequence = &mut self.sequence;
+        sequence.use_planned_contacts(self.planned_contacts);
         sequence.tick(time_s, closed_loop::Measured::Sensors(&sensors))
+    }
+
+    /// Contacts that were heard lately: switches may be read less often than samples are taken.
+    fn fresh_contacts(&mut self, measured: &Measured) -> Option<u32> {
+        let number = measured.number;
+        self.contacts = measured.contacts.map(|contacts| (contacts, number)).or(self.contacts);
+        let (contacts, heard) = self.contacts?;
+        ((number - heard) as f64 * self.tick_s < CONTACTS_S).then_some(contacts)
     }
 
     fn target(&self, channel: usize, law: &Law) -> Target {
@@ -332,7 +351,7 @@ impl<'p> Conductor<'p> {
 
     /// Begins the sequence once the state of the robot is known, and ends it.
     fn go_on(&mut self, now_us: u64, number: u64, operator: &mut Operator) {
-        let Some(sequence) = &mut self.sequence else { return };
+        let sequence = &mut self.sequence;
         let stood_s = (number - self.first.unwrap_or(number)) as f64 * self.tick_s;
         match self.phase {
             Phase::Standing if stood_s >= STANDS_S && sequence.is_ready() => {

@@ -9,7 +9,7 @@ mod route;
 mod tests;
 
 use crate::kind::Kind;
-use crate::link::{LinkArgs, MaybeLinkArgs, cannot_open, ended};
+use crate::link::{BUS_ENV, LinkArgs, MaybeLinkArgs, cannot_open, ended};
 use crate::packed::Packed;
 use crate::planning;
 use crate::{Exit, files, inputs};
@@ -33,7 +33,7 @@ use std::path::PathBuf;
 ///
 /// With a library file and --bus it is the robot's host: it plans the library's motions and transitions, arms the robot, and plays the motions of --play one after the
 /// other, from SAFE to SAFE. The controller sends what it measures up to 120 times a second, and the program answers with a setpoint and a torque for every motor. All limits
-/// and watchdogs of the controller stay in force: without answers the robot holds still, and after a quarter of a second it is let down where it is. The robot needs an IMU, motors that take
+/// and watchdogs of the controller stay in force: without answers the robot holds still, and after a second and a quarter it is let down where it is. The robot needs an IMU, motors that take
 /// torques, and the same library in its flash. Ctrl-C completes the cycle that has begun, and takes the robot home; a second one ends the program at once.
 ///
 /// With a plan it serves another simulator over standard input and output: a line of measurements in, a line of setpoints out. Its first line says what the plan is, in which order
@@ -92,7 +92,14 @@ fn latency_ms(text: &str) -> Result<f64, String> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     // A plan is JSON.
     let is_plan = files::read(&args.file, Kind::Plan)?.trim_ascii_start().starts_with(b"{");
-    match (args.link.link(), is_plan) {
+    let link = args.link.link();
+    match (link, is_plan) {
+        // One that the environment names is for other commands.
+        (Some(_), true) if std::env::var_os(BUS_ENV).is_none() => Err(miette!(
+            help = "give a library file (TOML) to control the robot on that bus; a plan is tracked for another simulator, over standard input and output",
+            "--bus is for a robot, and {} is a plan",
+            args.file.display()
+        )),
         (_, true) if args.play.is_empty() => {
             let feedback = match args.feedback {
                 Some(Way::Tasks) => Feedback::Tasks,

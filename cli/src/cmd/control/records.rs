@@ -14,6 +14,10 @@ use serde::{Deserialize, Serialize};
 /// Largest difference of a quaternion's length from 1.
 const UNIT: f64 = 1e-3;
 
+/// How far the origin of a plan may be from that of the world, m, and the least cosine of the slope of its ground (45°).
+const FAR_M: f64 = 1e4;
+const STEEP_COS: f64 = 0.7;
+
 /// The first line of the program.
 #[derive(Serialize)]
 pub struct Hello {
@@ -159,11 +163,24 @@ impl Request {
     /// Where the plan lies, if the record says so.
     ///
     /// # Errors
-    /// The orientation is none.
+    /// The orientation is none, its ground is too steep, or the position too far.
     pub fn world_from_plan(&self) -> miette::Result<Option<Isometry3<f64>>> {
         let Some(pose) = &self.world_from_plan else { return Ok(None) };
         let turn = rotation("world_from_plan.orientation_wxyz", pose.orientation_wxyz)?;
-        Ok(Some(Isometry3::from_parts(Translation3::from(Vector3::from(pose.position_m)), turn)))
+        let position_m = Vector3::from(pose.position_m);
+        if position_m.norm() > FAR_M {
+            return Err(miette!(
+                "field world_from_plan.position_m is {:?}; expected at most {FAR_M} m from the origin",
+                pose.position_m
+            ));
+        }
+        if (turn * Vector3::z()).z < STEEP_COS {
+            return Err(miette!(
+                "field world_from_plan.orientation_wxyz is {:?}: the ground is steeper than 45°",
+                pose.orientation_wxyz
+            ));
+        }
+        Ok(Some(Isometry3::from_parts(Translation3::from(position_m), turn)))
     }
 
     /// The measured state, if the record has a base.

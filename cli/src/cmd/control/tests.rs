@@ -284,6 +284,38 @@ fn a_robot_without_its_imu_is_brought_to_a_stop_and_home() {
     assert!(!tally.complete && tally.untracked > 10, "{tally:?}");
 }
 
+/// Switches that are heard no more in the middle of a step do not stay as they were.
+#[test]
+fn contact_switches_that_are_lost_give_way_to_planned_contacts() {
+    let planned = Planned::agilebot();
+    let mut bench = Bench::new(&planned, planned.conductor(&["walk:3"], 120));
+    bench.run_until(10 * S, plays);
+    let before = bench.place();
+    bench.run(3 * S);
+    bench.loses = Loses::Contacts;
+    bench.run_until(60 * S, |bench| !plays(bench));
+    let way = way(&bench, before);
+    assert!((way - 1.0).abs() < 0.05, "{way}");
+    assert!(bench.conductor.tally().complete && bench.falls() == 0);
+    let messages = bench.operator.view(bench.now_us()).messages;
+    let warns = |text: &str| text.contains("contact switches are not heard");
+    assert!(messages.iter().any(|message| warns(&message.text)), "{messages:?}");
+}
+
+/// Between the order to begin and the sample with which the motion begins.
+#[test]
+fn one_that_is_stopped_before_it_moves_goes_home_at_once() {
+    let planned = Planned::agilebot();
+    let mut bench = Bench::new(&planned, planned.conductor(&["walk:4"], 120));
+    bench.run_until(10 * S, plays);
+    assert!(!bench.conductor.sequence().progress().moves);
+    let now_us = bench.now_us();
+    bench.conductor.stop(now_us, &mut bench.operator);
+    bench.run_until(20 * S, has_left);
+    assert_eq!((bench.state(), bench.falls()), (State::Disarmed, 0));
+    assert!(!bench.conductor.sequence().progress().moves);
+}
+
 #[test]
 fn it_ends_early_with_its_cycle() {
     let planned = Planned::agilebot();

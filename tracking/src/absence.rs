@@ -1,0 +1,48 @@
+//! How long something is missing that comes and goes, as the readings over a loose plug do.
+
+/// Part of the time with it that counts against the time without.
+const PARDON: f64 = 0.5;
+
+/// Time without something, s.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Absence {
+    lasts_s: f64,
+}
+
+impl Absence {
+    /// Whether it has been missing for longer than `most_s`, on the whole, after a tick with it or without. What is missing for more than a third of the
+    /// time is missing in the end; what is back must stay for as long as it may be missing.
+    pub fn tick(&mut self, is_there: bool, tick_s: f64, most_s: f64) -> bool {
+        self.lasts_s += if is_there { -PARDON * tick_s } else { tick_s };
+        self.lasts_s = self.lasts_s.clamp(0.0, 1.5 * most_s.max(tick_s));
+        self.lasts_s > most_s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ticks of 2 ms, of 50 ms at most; `is_there` says of which ticks.
+    fn missing_after(is_there: impl Fn(u32) -> bool) -> Option<u32> {
+        let mut absence = Absence::default();
+        (0..10_000).find(|&k| absence.tick(is_there(k), 0.002, 0.05))
+    }
+
+    #[test]
+    fn what_comes_and_goes_is_missing_in_the_end() {
+        assert!(missing_after(|_| false).is_some_and(|k| k == 24 || k == 25));
+        assert!(missing_after(|k| k % 25 == 0).is_some_and(|k| k < 30));
+        assert!(missing_after(|k| k % 2 == 0).is_some_and(|k| k < 200));
+        assert_eq!(missing_after(|k| k % 3 != 0), None);
+        assert_eq!(missing_after(|k| k % 100 != 0), None);
+    }
+
+    #[test]
+    fn what_is_back_stays_before_it_counts() {
+        let mut absence = Absence::default();
+        assert!((0..1000).map(|_| absence.tick(false, 0.002, 0.05)).last().unwrap());
+        let back = (0..1000).position(|_| !absence.tick(true, 0.002, 0.05));
+        assert!((20..=30).contains(&back.unwrap()), "{back:?}");
+    }
+}

@@ -1,0 +1,46 @@
+//! What a robot in order can measure. Beyond it a value is a fault of its sensor, not the robot's motion, and must reach neither the
+//! estimate nor the motors.
+
+use crate::estimator::Sensors;
+use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, State};
+use rollwalk_robot::Robot;
+
+/// Most of a gyro, rad/s, and of the rotation of a robot.
+const TURNING_RAD_S: f64 = 100.0;
+/// Most of an accelerometer, m/s².
+const FORCE_M_S2: f64 = 1000.0;
+/// Most of joints and wheels, rad/s.
+const SPEED_RAD_S: f64 = 1000.0;
+/// Fastest robot, m/s.
+const VELOCITY_M_S: f64 = 50.0;
+/// Most of an angle beyond its joint's range, rad: stops yield and links bend. An encoder that has lost a turn is further off.
+const BEYOND_RAD: f64 = 0.5;
+
+/// Whether every reading is finite and one of a sensor in order.
+pub(crate) fn sensors(robot: &Robot, sensors: &Sensors<'_>) -> bool {
+    sensors.gyro_rad_s.iter().flatten().all(is_less(TURNING_RAD_S))
+        && sensors.accelerometer_m_s2.iter().flatten().all(is_less(FORCE_M_S2))
+        && angles(robot, sensors.joint_rad)
+        && sensors.speed_rad_s.iter().all(is_less(SPEED_RAD_S))
+}
+
+/// Whether a state is finite and one of this robot.
+pub(crate) fn state(robot: &Robot, state: &State) -> bool {
+    let mut place = state.base_position_m.iter().chain(&state.world_from_body);
+    place.all(|value| value.is_finite())
+        && angles(robot, &state.joint_rad)
+        && state.velocity[LINEAR..ANGULAR].iter().all(is_less(VELOCITY_M_S))
+        && state.velocity[ANGULAR..JOINTS].iter().all(is_less(TURNING_RAD_S))
+        && state.velocity[JOINTS..].iter().all(is_less(SPEED_RAD_S))
+}
+
+fn angles(robot: &Robot, joint_rad: &[f64]) -> bool {
+    robot.joints.iter().zip(joint_rad).all(|(joint, angle)| {
+        (joint.position_min_rad - BEYOND_RAD..joint.position_max_rad + BEYOND_RAD).contains(angle)
+    })
+}
+
+/// False for NaN.
+fn is_less(most: f64) -> impl Fn(&f64) -> bool {
+    move |value| value.abs() < most
+}
