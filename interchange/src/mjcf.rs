@@ -10,7 +10,7 @@ use crate::bodies::{
 };
 use crate::xml::{Xml, numbers, vector};
 use frames::{Keyframe, keyframes, standing};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Matrix3};
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_planner::export::Rate;
 use rollwalk_planner::plan::Plan;
@@ -21,6 +21,8 @@ use std::io;
 const STEP_S: f64 = 0.001;
 const CONTACT_TIME_S: f64 = 0.003;
 const IMPRATIO: f64 = 20.0;
+/// What is added to moments of inertia, by their sum: far above rounding, far below what is known of a robot.
+const INERTIA_SLACK: f64 = 1e-12;
 
 /// A robot as an MJCF model with its stance as the keyframe `stand`. `parts` are the solids of each link, for pictures.
 ///
@@ -202,14 +204,21 @@ impl Bodies<'_> {
 
 fn inertial(xml: &mut Xml, body: &Body<'_>) -> io::Result<()> {
     let part = &body.inertia;
-    let i = |row, column| part.about_com_kg_m2[(row, column)];
-    let full = [i(0, 0), i(1, 1), i(2, 2), i(0, 1), i(0, 2), i(1, 2)];
     let attributes = [
         ("pos", vector(&part.com_in_link_m)),
         ("mass", part.mass_kg.to_string()),
-        ("fullinertia", numbers(&full)),
+        ("fullinertia", numbers(&full_inertia(&part.about_com_kg_m2))),
     ];
     xml.empty("inertial", &attributes)
+}
+
+/// Moments and products of inertia in the order of MuJoCo, which refuses bodies of which one moment exceeds the sum of the two others.
+/// Those of a thin disc are equal, and rounding would decide.
+fn full_inertia(about_com_kg_m2: &Matrix3<f64>) -> [f64; 6] {
+    let slack_kg_m2 = INERTIA_SLACK * about_com_kg_m2.trace();
+    let i = |row, column| about_com_kg_m2[(row, column)];
+    let moment = |axis| i(axis, axis) + slack_kg_m2;
+    [moment(0), moment(1), moment(2), i(0, 1), i(0, 2), i(1, 2)]
 }
 
 fn geom(xml: &mut Xml, solid: &Placed<'_>) -> io::Result<()> {
@@ -290,4 +299,25 @@ fn sensors(xml: &mut Xml, bodies: &[Body<'_>]) -> io::Result<()> {
         }
         Ok(())
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::full_inertia;
+    use crate::xml::numbers;
+    use nalgebra::{Matrix3, Rotation3, Vector3};
+
+    #[test]
+    fn moments_of_thin_discs_with_any_axis_are_ones_that_mujoco_takes() {
+        let mut random = fastrand::Rng::with_seed(1);
+        for _ in 0..1000 {
+            let turn = Rotation3::from_scaled_axis(Vector3::from_fn(|_, _| 6.0 * random.f64()));
+            let disc = Matrix3::from_diagonal(&(Vector3::new(1.0, 1.0, 2.0) * random.f64()));
+            let text = numbers(&full_inertia(&(turn * disc * turn.transpose())));
+            let read: Vec<f64> = text.split(' ').map(|number| number.parse().unwrap()).collect();
+            let [a, b, c, ab, ac, bc] = read[..] else { panic!("{text}") };
+            let moments = Matrix3::new(a, ab, ac, ab, b, bc, ac, bc, c).symmetric_eigenvalues();
+            assert!(moments.sum() >= 2.0 * moments.max(), "{turn} {moments}");
+        }
+    }
 }
