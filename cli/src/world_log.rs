@@ -43,13 +43,15 @@ impl WorldLogArgs {
             ));
         }
         let lines = Lines::with_heading(&Output::at(path)?, rotation, log::heading(robot))?;
-        Ok(Some(WorldLog { lines, library: None, written_s: 0.0, failed: None }))
+        let rows = log::Lines::default();
+        Ok(Some(WorldLog { lines, rows, library: None, written_s: 0.0, failed: None }))
     }
 }
 
 /// A log that grows.
 pub struct WorldLog {
     lines: Lines,
+    rows: log::Lines,
     /// Names for the clips of the library that is played.
     library: Option<(u32, Catalog)>,
     /// Simulated time of the last line, s.
@@ -63,7 +65,7 @@ impl WorldLog {
     /// # Errors
     /// The operating system refuses.
     pub fn add(&mut self, moment: &Moment<'_>, world: &World) -> miette::Result<()> {
-        self.lines.push(log::line(moment, world))
+        self.lines.push(self.rows.next(moment, world))
     }
 
     /// Writes what waits.

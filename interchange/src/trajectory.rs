@@ -4,7 +4,7 @@
 //! Fields have the names and units of the messages (rad, rad/s, N·m, m, quaternions with w last), so that a node fills a message
 //! from the object without looking at it.
 
-use nalgebra::{Isometry3, Rotation3, UnitQuaternion};
+use nalgebra::Isometry3;
 use rollwalk_multibody::{ANGULAR, LINEAR};
 use rollwalk_planner::export::Rate;
 use rollwalk_planner::plan::Plan;
@@ -100,13 +100,11 @@ pub fn trajectory(plan: &Plan, rate: Rate) -> String {
             time_from_start,
         });
         let state = whole.at(time_s, &Isometry3::identity()).state;
-        let turn = Rotation3::from_matrix_unchecked(state.world_from_body);
-        let q = UnitQuaternion::from_rotation_matrix(&turn);
-        let rotation = Xyzw { x: q.i, y: q.j, z: q.k, w: q.w };
+        let [w, x, y, z] = spline.sample(time_s).base_orientation_wxyz;
         base.push(BasePoint {
             transforms: [Transform {
                 translation: xyz(state.base_position_m.as_slice()),
-                rotation,
+                rotation: Xyzw { x, y, z, w },
             }],
             velocities: [Twist {
                 linear: xyz(&state.velocity[LINEAR..]),

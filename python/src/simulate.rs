@@ -8,6 +8,7 @@ use crate::robot::wxyz;
 use crate::watch::watched;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
+use rollwalk_multibody::rotation::nearer_quaternion;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, Outcome, play};
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -65,14 +66,15 @@ struct Step {
 }
 
 impl Step {
-    fn of(moment: &Moment<'_>, joints: usize) -> Self {
+    fn of(moment: &Moment<'_>, joints: usize, before: Option<&Self>) -> Self {
         let world = moment.world;
         let (base, rotation) = world.base();
+        let turned = wxyz(&rotation);
         Self {
             time_s: moment.done_s,
             motion_s: moment.motion_s,
             base_m: base.into(),
-            turned: wxyz(&rotation),
+            turned: before.map_or(turned, |before| nearer_quaternion(turned, &before.turned)),
             com_m: world.com().0.into(),
             // Channels are joints first, then wheels.
             joints: world.shafts().take(joints).collect(),
@@ -205,7 +207,7 @@ pub fn simulate(
     let mut steps = Vec::new();
     let played = watched(py, progress.as_ref(), |watch| {
         play(plan, &options, |moment| {
-            steps.push(Step::of(moment, joints));
+            steps.push(Step::of(moment, joints, steps.last()));
             watch.at(moment.done_s / moment.all_s).is_continue()
         })
     })?;

@@ -4,6 +4,7 @@
 //! The caller that steps a world writes it, with a bus or without.
 
 use nalgebra::UnitQuaternion;
+use rollwalk_multibody::rotation::nearer_quaternion;
 use rollwalk_physics::World;
 use rollwalk_physics::motor::Law;
 use rollwalk_robot::{Channel, Robot};
@@ -67,32 +68,44 @@ pub fn heading(robot: &Robot) -> String {
     record(BASE.map(str::to_owned).into_iter().chain(motors).chain(end_effectors))
 }
 
-/// A line of the table. Numbers have the digits of single precision.
-pub fn line(moment: &Moment<'_>, world: &World) -> String {
-    let &Moment { time_s, motion, is_held, has_fallen } = moment;
-    let flag = |is: bool| u8::from(is).to_string();
-    let first = [format!("{time_s:.6}"), motion.to_owned(), flag(is_held), flag(has_fallen)];
-    let mut values = Vec::new();
-    let (position, rotation) = world.base();
-    let turned = UnitQuaternion::from_matrix(&rotation);
-    let (com, velocity) = world.com();
-    values.extend(&position);
-    values.extend([turned.w, turned.i, turned.j, turned.k]);
-    values.extend(com.iter().chain(&velocity));
-    for (channel, shaft) in world.shafts().enumerate() {
-        let law = world.law(channel);
-        let Law { kp_nm_rad, kd_nm_s_rad, position_rad, speed_rad_s, torque_nm, limit_nm, .. } =
-            law;
-        values.extend(shaft);
-        values.extend([position_rad, speed_rad_s, torque_nm, kp_nm_rad, kd_nm_s_rad, limit_nm]);
+/// The lines of a table, one after the other.
+#[derive(Default)]
+pub struct Lines {
+    /// Attitude in the last line; 0 before the first.
+    turned_wxyz: [f64; 4],
+}
+
+impl Lines {
+    /// The next line. Numbers have the digits of single precision.
+    pub fn next(&mut self, moment: &Moment<'_>, world: &World) -> String {
+        let &Moment { time_s, motion, is_held, has_fallen } = moment;
+        let flag = |is: bool| u8::from(is).to_string();
+        let first = [format!("{time_s:.6}"), motion.to_owned(), flag(is_held), flag(has_fallen)];
+        let mut values = Vec::new();
+        let (position, rotation) = world.base();
+        let turned = UnitQuaternion::from_matrix(&rotation);
+        let turned = [turned.w, turned.i, turned.j, turned.k];
+        self.turned_wxyz = nearer_quaternion(turned, &self.turned_wxyz);
+        let (com, velocity) = world.com();
+        values.extend(&position);
+        values.extend(self.turned_wxyz);
+        values.extend(com.iter().chain(&velocity));
+        for (channel, shaft) in world.shafts().enumerate() {
+            let law = world.law(channel);
+            let Law {
+                kp_nm_rad, kd_nm_s_rad, position_rad, speed_rad_s, torque_nm, limit_nm, ..
+            } = law;
+            values.extend(shaft);
+            values.extend([position_rad, speed_rad_s, torque_nm, kp_nm_rad, kd_nm_s_rad, limit_nm]);
+        }
+        for touch in world.touches() {
+            values.push(touch.normal_n);
+            values.extend(&touch.force);
+            values.push(if touch.normal_n > 0.0 { touch.sliding.norm() } else { 0.0 });
+        }
+        let values = values.into_iter().map(|value| (value as f32).to_string());
+        record(first.into_iter().chain(values))
     }
-    for touch in world.touches() {
-        values.push(touch.normal_n);
-        values.extend(&touch.force);
-        values.push(if touch.normal_n > 0.0 { touch.sliding.norm() } else { 0.0 });
-    }
-    let values = values.into_iter().map(|value| (value as f32).to_string());
-    record(first.into_iter().chain(values))
 }
 
 /// Cells as a line without its end.
@@ -211,6 +224,8 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
+    use rollwalk_multibody::rotation::yaw_rotation;
     use rollwalk_physics::ground::{Ground, Plane};
     use rollwalk_physics::world::Parameters;
     use std::sync::Arc;
@@ -225,13 +240,13 @@ mod tests {
         let robot = robot();
         let level: Arc<dyn Ground> = Arc::new(Plane::level());
         let mut world = World::standing(&robot, &level, &Parameters::new(&robot));
-        let mut text = heading(&robot) + "\n";
+        let (mut text, mut lines) = (heading(&robot) + "\n", Lines::default());
         for step in 1..=20 {
             world.step(0.01).unwrap();
             let motion = if step > 10 { "a \"fast\", long drive" } else { "" };
             let time_s = 0.01 * f64::from(step);
             let moment = Moment { time_s, motion, is_held: false, has_fallen: step == 20 };
-            text += &(line(&moment, &world) + "\n");
+            text += &(lines.next(&moment, &world) + "\n");
         }
         let table = Table::read(&text).unwrap();
         assert_eq!(table.motions[9..11], ["", "a \"fast\", long drive"]);
@@ -247,6 +262,28 @@ mod tests {
         assert!((weight_n / (9.81 * mass_kg) - 1.0).abs() < 0.02, "{weight_n} N");
         assert_eq!(column("front_left_motor_kp_nm_rad")[0], 0.0);
         assert_eq!(column("front_left_motor_kd_nm_s_rad")[0], 0.5);
+    }
+
+    #[test]
+    fn attitudes_do_not_change_their_sign_along_a_turn() {
+        let robot = robot();
+        let level: Arc<dyn Ground> = Arc::new(Plane::level());
+        let mut world = World::standing(&robot, &level, &Parameters::new(&robot));
+        let mut lines = Lines::default();
+        let moment = Moment { time_s: 0.0, motion: "", is_held: true, has_fallen: false };
+        let qw = BASE.iter().position(|name| *name == "base_qw").unwrap();
+        let place = world.base().0 + Vector3::z();
+        for tenths in 0..=50 {
+            let angle_rad = 0.1 * f64::from(tenths);
+            // A hoist turns the car about the vertical.
+            world.hold(Some((place, yaw_rotation(angle_rad))));
+            for _ in 0..20 {
+                world.step(0.02).unwrap();
+            }
+            let line = lines.next(&moment, &world);
+            let w: f64 = line.split(',').nth(qw).unwrap().parse().unwrap();
+            assert!((w - (0.5 * angle_rad).cos()).abs() < 0.1, "{angle_rad} rad: {w}");
+        }
     }
 
     #[test]

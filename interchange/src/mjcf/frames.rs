@@ -2,7 +2,7 @@
 
 use crate::bodies::{Blades, Of, bodies, depth_first};
 use crate::xml::numbers;
-use nalgebra::{Isometry3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, Standing, State, Tree};
 use rollwalk_planner::export::Rate;
 use rollwalk_planner::plan::Plan;
@@ -47,7 +47,7 @@ pub fn standing(robot: &Robot) -> Option<Keyframe> {
     Some(Keyframe {
         name: "stand".into(),
         time_s: 0.0,
-        qpos: order.positions(&state, &still),
+        qpos: order.positions(&state, [1.0, 0.0, 0.0, 0.0], &still),
         qvel: order.velocities(&state, &still),
         ctrl: controls(
             robot,
@@ -67,12 +67,17 @@ pub fn keyframes(plan: &Plan, rate: Rate) -> Vec<Keyframe> {
         let state = whole.at(time_s, &Isometry3::identity()).state;
         // What comes after the end of a motion that repeats are the setpoints of its beginning.
         let (setpoints, torques_nm) = whole.setpoints(time_s);
-        let feet = spline.sample(time_s).end_effectors;
-        let speeds: Vec<_> = feet.iter().map(|foot| foot.motor_speed_rad_s).collect();
+        let sample = spline.sample(time_s);
+        let feet = sample.end_effectors.iter();
+        let speeds: Vec<_> = feet.map(|foot| foot.motor_speed_rad_s).collect();
         Keyframe {
             name: format!("{}_{number:04}", plan.motion.name),
             time_s,
-            qpos: order.positions(&state, &spline.motor_angles_rad(time_s)),
+            qpos: order.positions(
+                &state,
+                sample.base_orientation_wxyz,
+                &spline.motor_angles_rad(time_s),
+            ),
             qvel: order.velocities(&state, &speeds),
             ctrl: controls(
                 &plan.robot,
@@ -128,11 +133,10 @@ impl Order {
         Self(depth_first(&bodies).into_iter().filter_map(of).collect())
     }
 
-    fn positions(&self, state: &State, wheel_rad: &[f64]) -> Vec<f64> {
-        let turn = Rotation3::from_matrix_unchecked(state.world_from_body);
-        let q = UnitQuaternion::from_rotation_matrix(&turn);
+    /// The attitude is that of the state, with the sign that is continuous along a motion.
+    fn positions(&self, state: &State, wxyz: [f64; 4], wheel_rad: &[f64]) -> Vec<f64> {
         let mut all: Vec<_> = state.base_position_m.iter().copied().collect();
-        all.extend([q.w, q.i, q.j, q.k]);
+        all.extend(wxyz);
         all.extend(self.0.iter().map(|of| match *of {
             Coordinate::Joint(joint) => state.joint_rad[joint],
             Coordinate::Wheel(wheel) => wheel_rad[wheel],

@@ -10,6 +10,7 @@ use crate::problem::{Problem, Unknowns};
 use crate::torque;
 use nalgebra::{Rotation3, UnitQuaternion};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
+use rollwalk_multibody::rotation::nearer_quaternion;
 
 /// Converts a solution to a plan.
 pub(crate) fn write_plan(
@@ -21,14 +22,10 @@ pub(crate) fn write_plan(
     let states = problem.states(unknowns);
     let mut samples: Vec<Sample> =
         (0..states.len()).map(|t| sample(problem, t, &states[t], states.get(t + 1))).collect();
-    // Of the two signs of a quaternion the one closer to the previous sample is used.
     for t in 1..samples.len() {
         let before = samples[t - 1].base_orientation_wxyz;
         let here = &mut samples[t].base_orientation_wxyz;
-        let dot: f64 = before.iter().zip(here.iter()).map(|(a, b)| a * b).sum();
-        if dot < 0.0 {
-            here.iter_mut().for_each(|c| *c = -*c);
-        }
+        *here = nearer_quaternion(*here, &before);
     }
     let after = samples.pop().expect("the timeline has a sample after the last");
     let before = samples.remove(0);
