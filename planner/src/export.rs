@@ -10,6 +10,7 @@ use crate::sample::PlanSpline;
 use crate::torque::InverseDynamics;
 use rollwalk_robot::Robot;
 use serde::Serialize;
+use std::collections::HashSet;
 use thiserror::Error;
 
 /// Fastest rate of a table, Hz: a longer one is a mistyped number.
@@ -111,24 +112,36 @@ impl Table {
     }
 }
 
-/// Names of the columns; names of joints and end effectors come from the robot file.
+/// Names of the columns; names of joints and end effectors come from the robot file. Of two columns that would have one name the later one
+/// here gets another: the body's come first, then those of end effectors, then those of joints.
 fn columns(robot: &Robot) -> Vec<String> {
     let base = "time_s base_x_m base_y_m base_z_m base_yaw_rad base_pitch_rad base_roll_rad base_qw base_qx \
                 base_qy base_qz com_x_m com_y_m com_z_m base_vx_m_s base_vy_m_s base_vz_m_s base_wx_rad_s \
                 base_wy_rad_s base_wz_rad_s";
     let mut columns: Vec<String> = base.split_whitespace().map(str::to_owned).collect();
-    for joint in &robot.joints {
-        columns.extend(["rad", "rad_s", "nm"].map(|unit| format!("{}_{unit}", joint.name)));
-    }
+    let mut taken: HashSet<String> = columns.iter().cloned().collect();
+    let mut unique = |name: &str, ending: &str, what: &str| {
+        let mut column = format!("{name}_{what}");
+        let mut name = name.to_owned();
+        while !taken.insert(column.clone()) {
+            name += ending;
+            column = format!("{name}_{what}");
+        }
+        column
+    };
+    let mut feet = Vec::new();
     for end_effector in &robot.end_effectors {
         let foot = ["contact", "x_m", "y_m", "z_m", "fx_n", "fy_n", "fz_n"];
         let wheel = ["tilt_rad", "yaw_rad", "wheel_rad_s", "motor_rad_s"];
         let wheel = if end_effector.contact.rolls() { &wheel[..] } else { &[][..] };
-        columns
-            .extend(foot.iter().chain(wheel).map(|what| format!("{}_{what}", end_effector.name)));
-        let motor = end_effector.contact.actuator();
-        columns.extend(motor.map(|_| format!("{}_motor_nm", end_effector.name)));
+        let motor = end_effector.contact.actuator().map(|_| &"motor_nm");
+        let all = foot.iter().chain(wheel).chain(motor);
+        feet.extend(all.map(|what| unique(&end_effector.name, "_foot", what)));
     }
+    for joint in &robot.joints {
+        columns.extend(["rad", "rad_s", "nm"].map(|what| unique(&joint.name, "_joint", what)));
+    }
+    columns.extend(feet);
     columns
 }
 
@@ -210,6 +223,31 @@ mod tests {
         // Speeds are derivatives: the legs move 0.3 rad in the first second, whatever the way.
         let mean = column(&table, "fl-hip_rad_s")[..20].iter().sum::<f64>() / 20.0;
         assert!((mean - 0.3).abs() < 1e-3, "{mean}"); // rectangle rule on a bump that vanishes at its ends
+    }
+
+    #[test]
+    fn no_two_columns_have_one_name() {
+        let mut robot = test_plans::robot();
+        let before = columns(&robot);
+        let wheel = robot.end_effectors[0].name.clone();
+        robot.joints[0].name = format!("{wheel}_yaw");
+        robot.end_effectors[1].name = "com".to_owned();
+        let after = columns(&robot);
+        let changed: Vec<_> =
+            after.iter().zip(&before).filter(|(after, before)| after != before).collect();
+        let named = |name: &str| after.iter().filter(|column| *column == name).count();
+        for (column, count) in [
+            (format!("{wheel}_yaw_rad"), 1),
+            (format!("{wheel}_yaw_joint_rad"), 1),
+            (format!("{wheel}_yaw_rad_s"), 1),
+            ("com_x_m".to_owned(), 1),
+            ("com_foot_x_m".to_owned(), 1),
+            ("com_contact".to_owned(), 1),
+        ] {
+            assert_eq!(named(&column), count, "{column}");
+        }
+        assert_eq!(after.iter().collect::<HashSet<_>>().len(), after.len());
+        assert_eq!(changed.len(), 3 + 12, "those of one joint and one wheel");
     }
 
     #[test]

@@ -52,23 +52,22 @@ pub struct Samples {
     motor_torque_nm: Py<PyArray2<f64>>,
 }
 
-/// Columns of a table, found by their names one after the other: a later one may have the name of an earlier one.
+/// Columns of a table, one after the other in the order of docs/plan-format.md: what names begin with is not certain, because no two
+/// columns have one name.
 struct Columns<'t> {
     table: &'t Table,
     next: usize,
 }
 
 impl Columns<'_> {
-    /// Where the column of this name is, from where the last one was.
-    fn at(&mut self, name: &str) -> Option<usize> {
-        let found = self.table.columns[self.next..].iter().position(|column| column == name)?;
-        self.next += found;
-        Some(self.next)
-    }
-
-    /// Where these columns are.
-    fn all<const N: usize>(&mut self, names: [&str; N]) -> [usize; N] {
-        names.map(|name| self.at(name).expect("tables have the columns of docs/plan-format.md"))
+    /// Where the next columns are, which end like this.
+    fn next<const N: usize>(&mut self, endings: [&str; N]) -> [usize; N] {
+        endings.map(|ending| {
+            let column = self.next;
+            assert!(self.table.columns[column].ends_with(ending), "{ending}");
+            self.next += 1;
+            column
+        })
     }
 }
 
@@ -78,25 +77,29 @@ impl Samples {
         let rate = Rate::new(rate_hz).map_err(refused)?;
         let table = py.detach(|| Table::new(plan, rate));
         let mut columns = Columns { table: &table, next: 0 };
-        let [time] = columns.all(["time_s"]);
-        let position = columns.all(["base_x_m", "base_y_m", "base_z_m"]);
-        let angles = columns.all(["base_yaw_rad", "base_pitch_rad", "base_roll_rad"]);
-        let turned = columns.all(["base_qw", "base_qx", "base_qy", "base_qz"]);
-        let com = columns.all(["com_x_m", "com_y_m", "com_z_m"]);
-        let velocity = columns.all(["base_vx_m_s", "base_vy_m_s", "base_vz_m_s"]);
-        let spin = columns.all(["base_wx_rad_s", "base_wy_rad_s", "base_wz_rad_s"]);
-        let joint = |joint: &rollwalk_robot::Joint| {
-            let named = ["rad", "rad_s", "nm"].map(|what| format!("{}_{what}", joint.name));
-            columns.all(named.each_ref().map(String::as_str))
-        };
+        let [time] = columns.next(["time_s"]);
+        let position = columns.next(["base_x_m", "base_y_m", "base_z_m"]);
+        let angles = columns.next(["base_yaw_rad", "base_pitch_rad", "base_roll_rad"]);
+        let turned = columns.next(["base_qw", "base_qx", "base_qy", "base_qz"]);
+        let com = columns.next(["com_x_m", "com_y_m", "com_z_m"]);
+        let velocity = columns.next(["base_vx_m_s", "base_vy_m_s", "base_vz_m_s"]);
+        let spin = columns.next(["base_wx_rad_s", "base_wy_rad_s", "base_wz_rad_s"]);
+        let joint = |_| columns.next(["_rad", "_rad_s", "_nm"]);
         let joints: Vec<[usize; 3]> = plan.robot.joints.iter().map(joint).collect();
         let foot = |foot: &rollwalk_robot::EndEffector| {
-            let named = |what: &str| format!("{}_{what}", foot.name);
-            let all = ["contact", "x_m", "y_m", "z_m", "fx_n", "fy_n", "fz_n"].map(named);
-            let all = columns.all(all.each_ref().map(String::as_str));
-            // Feet have none, wheels without a motor no last one.
-            let some = ["wheel_rad_s", "motor_rad_s", "motor_nm"].map(named);
-            (all, some.map(|name| columns.at(&name)))
+            let all = ["_contact", "_x_m", "_y_m", "_z_m", "_fx_n", "_fy_n", "_fz_n"];
+            let all = columns.next(all);
+            let mut some = [None; 3];
+            if foot.contact.rolls() {
+                let of_wheel = ["_tilt_rad", "_yaw_rad", "_wheel_rad_s", "_motor_rad_s"];
+                let [.., wheel, motor] = columns.next(of_wheel);
+                some = [Some(wheel), Some(motor), None];
+            }
+            if foot.contact.actuator().is_some() {
+                let [torque] = columns.next(["_motor_nm"]);
+                some[2] = Some(torque);
+            }
+            (all, some)
         };
         let feet: Vec<([usize; 7], [Option<usize>; 3])> =
             plan.robot.end_effectors.iter().map(foot).collect();
