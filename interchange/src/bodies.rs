@@ -9,6 +9,8 @@ use rollwalk_robot::shape::Shape;
 use rollwalk_robot::{EndEffector, Form, Joint, Robot, Solid};
 use std::collections::HashSet;
 
+/// Frame of the ground, in which robots move.
+pub const WORLD: &str = "world";
 /// Half the width of a tyre by its radius. Tyres are ellipsoids so thin that they touch the ground where a plan's disc does.
 pub const TYRE_HALF_WIDTH: f64 = 0.02;
 
@@ -145,7 +147,8 @@ pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec
             Body { name: link.name.clone(), inertia, hinge: None, solids: rooms.collect() }
         })
         .collect();
-    let mut hinges = Names::default();
+    // `base` is the free joint of MJCF.
+    let mut hinges = Names::from_iter(["base"]);
     for (number, joint) in robot.joints.iter().enumerate() {
         bodies[joint.child].hinge = Some(Hinge {
             name: hinges.unique(&joint.name, "_joint"),
@@ -155,8 +158,10 @@ pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec
             of: Of::Joint { number, joint },
         });
     }
-    let mut names = Names::default();
-    bodies.iter().for_each(|body| drop(names.unique(&body.name, "")));
+    let mut names = Names::from_iter([WORLD]);
+    for body in &mut bodies {
+        body.name = names.unique(&body.name, "_link");
+    }
     wheels.sort_by_key(|(number, _)| *number);
     let mut carriers: Vec<_> = robot.end_effectors.iter().map(|foot| foot.link).collect();
     for (number, part) in wheels {
@@ -229,8 +234,13 @@ pub fn depth_first(bodies: &[Body<'_>]) -> Vec<usize> {
 }
 
 /// Names that have been given.
-#[derive(Default)]
 pub struct Names(HashSet<String>);
+
+impl<N: Into<String>> FromIterator<N> for Names {
+    fn from_iter<T: IntoIterator<Item = N>>(names: T) -> Self {
+        Self(names.into_iter().map(N::into).collect())
+    }
+}
 
 impl Names {
     /// The name, with endings until it is new.

@@ -10,17 +10,16 @@ mod recording;
 pub use live::{Live, LiveError};
 pub use recording::{RecordingError, recording};
 
-use crate::bodies::{Blades, Body, Geometry, Of, Placed, Role, bodies};
+use crate::bodies::{Blades, Body, Geometry, Of, Placed, Role, WORLD, bodies, joint_names};
 use foxglove::messages::{
     ArrowPrimitive, Color, CubePrimitive, CylinderPrimitive, FrameTransform, FrameTransforms,
     JointState, JointStates, Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive,
     Timestamp, Vector3 as Size,
 };
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+use rollwalk_planner::sample::driven_wheels;
 use rollwalk_robot::{Robot, Solid};
 
-/// Frame of the ground, in which robots move.
-pub const WORLD: &str = "world";
 /// Length of an arrow for the weight of the robot, m.
 const WEIGHT_ARROW_M: f64 = 0.5;
 /// Forces below this share of the weight are no arrows.
@@ -34,6 +33,7 @@ const TYRE_WIDTH: f64 = 0.3;
 pub struct Figure<'r> {
     robot: &'r Robot,
     bodies: Vec<Body<'r>>,
+    joint_names: Vec<String>,
     prefix: String,
     color: [f64; 4],
 }
@@ -52,7 +52,7 @@ impl<'r> Figure<'r> {
     /// A robot with the solids of its links, in a colour (red, green, blue, opacity).
     pub fn new(robot: &'r Robot, parts: &[Vec<Solid>], prefix: &str, color: [f64; 4]) -> Self {
         let bodies = bodies(robot, parts, Blades::Fixed);
-        Self { robot, bodies, prefix: prefix.to_owned(), color }
+        Self { robot, bodies, joint_names: joint_names(robot), prefix: prefix.to_owned(), color }
     }
 
     /// Frames of all bodies at a time, s.
@@ -105,7 +105,7 @@ impl<'r> Figure<'r> {
         SceneUpdate { deletions: Vec::new(), entities }
     }
 
-    /// Angles of joints and wheels with motors, by the names of telemetry. Speeds and torques are by channel.
+    /// Angles of joints and wheels with motors, by the names that URDF has for them. Speeds and torques are by channel.
     pub fn joint_states(
         &self,
         posture: &Posture<'_>,
@@ -113,19 +113,16 @@ impl<'r> Figure<'r> {
         torque_nm: &[f64],
         time_s: f64,
     ) -> JointStates {
-        let joints = self.robot.joints.iter().zip(posture.joint_rad);
-        let joints = joints.map(|(joint, angle_rad)| (&joint.name, *angle_rad));
-        let feet = self.robot.end_effectors.iter().zip(posture.wheel_rad);
-        let wheels = feet.filter(|(foot, _)| foot.contact.actuator().is_some());
-        let wheels = wheels.map(|(foot, angle_rad)| (&foot.name, *angle_rad));
-        let state = |(channel, (name, position)): (usize, (&String, f64))| JointState {
+        let wheels = driven_wheels(self.robot).map(|wheel| &posture.wheel_rad[wheel]);
+        let angles_rad = posture.joint_rad.iter().chain(wheels);
+        let state = |(channel, (name, angle_rad)): (usize, (&String, &f64))| JointState {
             name: name.clone(),
-            position: Some(position),
+            position: Some(*angle_rad),
             velocity: speed_rad_s.get(channel).copied(),
             acceleration: None,
             effort: torque_nm.get(channel).copied(),
         };
-        let joints = joints.chain(wheels).enumerate().map(state).collect();
+        let joints = self.joint_names.iter().zip(angles_rad).enumerate().map(state).collect();
         JointStates { timestamp: Some(timestamp(time_s)), joints }
     }
 

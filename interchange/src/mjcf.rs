@@ -6,7 +6,7 @@
 mod frames;
 
 use crate::bodies::{
-    Blades, Body, Geometry, Hinge, Of, Placed, Role, TYRE_HALF_WIDTH, bodies, carried,
+    Blades, Body, Geometry, Hinge, Names, Of, Placed, Role, TYRE_HALF_WIDTH, bodies, carried,
 };
 use crate::xml::{Xml, numbers, vector};
 use frames::{Keyframe, keyframes, standing};
@@ -69,7 +69,7 @@ fn model(
             xml.empty("geom", &ground)?;
             let loads_n = loads(robot);
             let tree = Bodies { bodies: &bodies, loads_n: &loads_n };
-            tree.body(xml, 0)
+            tree.body(xml, &mut Names::from_iter(["ground"]), 0)
         })?;
         actuators(xml, robot, &bodies)?;
         sensors(xml, &bodies)?;
@@ -156,8 +156,8 @@ struct Bodies<'r> {
 }
 
 impl Bodies<'_> {
-    /// A body with all that it carries.
-    fn body(&self, xml: &mut Xml, index: usize) -> io::Result<()> {
+    /// A body with all that it carries, with new names for its geoms.
+    fn body(&self, xml: &mut Xml, geoms: &mut Names, index: usize) -> io::Result<()> {
         let body = &self.bodies[index];
         let mut attributes = vec![("name", body.name.clone())];
         if let Some(hinge) = &body.hinge {
@@ -169,8 +169,8 @@ impl Bodies<'_> {
             if body.hinge.is_none() {
                 xml.empty("site", &[("name", "imu".into())])?;
             }
-            body.solids.iter().try_for_each(|solid| geom(xml, solid))?;
-            carried(self.bodies, index).try_for_each(|other| self.body(xml, other))
+            body.solids.iter().try_for_each(|solid| geom(xml, geoms, solid))?;
+            carried(self.bodies, index).try_for_each(|other| self.body(xml, geoms, other))
         })
     }
 
@@ -221,7 +221,7 @@ fn full_inertia(about_com_kg_m2: &Matrix3<f64>) -> [f64; 6] {
     [moment(0), moment(1), moment(2), i(0, 1), i(0, 2), i(1, 2)]
 }
 
-fn geom(xml: &mut Xml, solid: &Placed<'_>) -> io::Result<()> {
+fn geom(xml: &mut Xml, names: &mut Names, solid: &Placed<'_>) -> io::Result<()> {
     let (kind, size) = match solid.form {
         Geometry::Box(size_m) => ("box", vector(&(size_m * 0.5))),
         Geometry::Cylinder(radius_m, length_m) => {
@@ -238,7 +238,7 @@ fn geom(xml: &mut Xml, solid: &Placed<'_>) -> io::Result<()> {
         Role::Part => attributes.push(("class", "part".into())),
         Role::Room => attributes.push(("class", "room".into())),
         Role::Contact(foot) => {
-            attributes.push(("name", foot.name.clone()));
+            attributes.push(("name", names.unique(&foot.name, "_foot")));
             attributes.push(("class", "contact".into()));
             attributes.push(("friction", foot.friction_coefficient.to_string()));
         }

@@ -4,6 +4,7 @@
 //! Fields have the names and units of the messages (rad, rad/s, N·m, m, quaternions with w last), so that a node fills a message
 //! from the object without looking at it.
 
+use crate::bodies::{WORLD, joint_names};
 use nalgebra::Isometry3;
 use rollwalk_multibody::{ANGULAR, LINEAR};
 use rollwalk_planner::export::Rate;
@@ -11,9 +12,6 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sample::{PlanSpline, driven_wheels};
 use rollwalk_planner::whole_body::WholeBody;
 use serde::Serialize;
-
-/// Frame of the ground.
-const WORLD: &str = "world";
 
 #[derive(Serialize)]
 struct RobotTrajectory {
@@ -114,13 +112,11 @@ pub fn trajectory(plan: &Plan, rate: Rate) -> String {
         });
     }
     let header = Header { stamp: duration(0.0), frame_id: WORLD.to_owned() };
-    let wheels = driven_wheels(robot).map(|wheel| robot.end_effectors[wheel].name.clone());
-    let names = robot.joints.iter().map(|joint| joint.name.clone()).chain(wheels);
     let body = robot.links[0].name.clone();
     let all = RobotTrajectory {
         joint_trajectory: Trajectory {
             header: header.clone(),
-            joint_names: names.collect(),
+            joint_names: joint_names(robot),
             points: joints,
         },
         multi_dof_joint_trajectory: Trajectory { header, joint_names: vec![body], points: base },

@@ -4,7 +4,7 @@
 //! telemetry has for them. What URDF cannot say, and `rollwalk robot import` reads from a side file, is left out: kinds of
 //! contacts, friction, gains, rotors, torque-speed lines, buses.
 
-use crate::bodies::{Blades, Body, Geometry, Hinge, Names, Of, Placed, Role, bodies};
+use crate::bodies::{Blades, Body, Geometry, Hinge, Names, Of, Placed, Role, WORLD, bodies};
 use crate::xml::{Xml, numbers, vector};
 use nalgebra::{Isometry3, Matrix3};
 use rollwalk_multibody::RigidPart;
@@ -28,8 +28,10 @@ pub fn urdf_with(
     let mut xml = Xml::new(&format!("{}, written by rollwalk robot export", robot.name))?;
     let bodies = bodies(robot, parts, Blades::Fixed);
     xml.element("robot", &[("name", robot.name.clone())], |xml| {
-        let mut names = Names::default();
-        bodies.iter().for_each(|body| drop(names.unique(&body.name, "")));
+        let links = bodies.iter().map(|body| body.name.as_str());
+        let mut names = Names::from_iter(links.chain([WORLD]));
+        let hinges = bodies.iter().filter_map(|body| body.hinge.as_ref());
+        let mut joints = Names::from_iter(hinges.map(|hinge| hinge.name.as_str()));
         for body in &bodies {
             link(xml, body)?;
         }
@@ -42,7 +44,8 @@ pub fn urdf_with(
             let name = names.unique(&foot.name, "_foot");
             xml.empty("link", &[("name", name.clone())])?;
             let place = Isometry3::from(foot.center_in_link_m);
-            let attributes = [("name", format!("{name}_mount")), ("type", "fixed".into())];
+            let mount = joints.unique(&format!("{name}_mount"), "_joint");
+            let attributes = [("name", mount), ("type", "fixed".into())];
             xml.element("joint", &attributes, |xml| {
                 xml.empty("parent", &[("link", bodies[foot.link].name.clone())])?;
                 xml.empty("child", &[("link", name.clone())])?;

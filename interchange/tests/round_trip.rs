@@ -1,7 +1,9 @@
 //! What is exported as URDF comes back by the project's own import.
 
+use rollwalk_interchange::foxglove::{Figure, Posture};
 use rollwalk_robot::urdf::{Text, import, survey};
 use rollwalk_robot::{Joint, Robot};
+use std::collections::HashSet;
 use std::path::Path;
 
 fn shipped(name: &str) -> Robot {
@@ -75,6 +77,55 @@ fn wheels(robot: &Robot) -> Vec<f64> {
     let mut radii: Vec<_> = spins.map(|foot| foot.radius_m).collect();
     radii.sort_by(f64::total_cmp);
     radii
+}
+
+#[test]
+fn names_that_a_format_takes_for_itself_are_given_once() {
+    let mut robot = shipped("legbot");
+    robot.joints[0].name = "base".to_owned();
+    robot.links[1].name = "world".to_owned();
+    robot.end_effectors[0].name = "ground".to_owned();
+    robot.joints[1].name = format!("{}_mount", robot.end_effectors[1].name);
+    let names = |text: &str, elements: &[&str]| {
+        let document = roxmltree::Document::parse(text).unwrap();
+        let all = document.descendants().filter(|node| elements.contains(&node.tag_name().name()));
+        let mut names: Vec<_> =
+            all.filter_map(|node| Some(node.attribute("name")?.to_owned())).collect();
+        names.sort();
+        names
+    };
+    let unique = |names: &[String]| assert!(names.windows(2).all(|two| two[0] != two[1]));
+    let model = rollwalk_interchange::mjcf(&robot, &[]).unwrap();
+    let bodies = names(&model, &["body"]);
+    unique(&bodies);
+    assert!(bodies.iter().any(|name| name == "world_link") && !bodies.contains(&"world".into()));
+    let joints = names(&model, &["joint", "freejoint"]);
+    unique(&joints);
+    assert!(joints.contains(&"base_joint".into()), "{joints:?}");
+    let geoms = names(&model, &["geom"]);
+    unique(&geoms);
+    assert!(geoms.contains(&"ground_foot".into()), "{geoms:?}");
+    let urdf = rollwalk_interchange::urdf(&robot, &[]).unwrap();
+    unique(&names(&urdf, &["joint"]));
+    unique(&names(&urdf, &["link"]));
+}
+
+#[test]
+fn a_joint_and_a_wheel_of_one_name_are_two_joint_states() {
+    let mut robot = shipped("agilebot");
+    robot.joints[0].name.clone_from(&robot.end_effectors[0].name);
+    let figure = Figure::new(&robot, &[], "", [1.0; 4]);
+    let (joint_rad, wheel_rad) = (vec![0.1; robot.joints.len()], vec![0.2; 4]);
+    let posture = Posture {
+        world_from_body: nalgebra::Isometry3::identity(),
+        joint_rad: &joint_rad,
+        wheel_rad: &wheel_rad,
+    };
+    let states = figure.joint_states(&posture, &[], &[], 0.0).joints;
+    let names: HashSet<_> = states.iter().map(|state| &state.name).collect();
+    assert_eq!(names.len(), robot.joints.len() + 4);
+    let angles: Vec<_> = states.iter().filter_map(|state| state.position).collect();
+    assert_eq!(angles, [joint_rad, wheel_rad].concat());
 }
 
 #[test]

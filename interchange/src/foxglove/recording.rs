@@ -10,7 +10,8 @@
 //!
 //! Times begin at 0.
 
-use super::{Figure, Posture, WORLD, nanoseconds, timestamp};
+use super::{Figure, Posture, nanoseconds, timestamp};
+use crate::bodies::WORLD;
 use foxglove::messages::{FrameTransforms, JointStates, Point3, Point3InFrame, SceneUpdate};
 use foxglove::{ChannelBuilder, Context, FoxgloveError, McapWriteOptions, PartialMetadata};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
