@@ -38,10 +38,19 @@ impl Rate {
         if is_rate { Ok(Self(rate_hz)) } else { Err(RateError { rate_hz }) }
     }
 
-    /// Times from the beginning of a motion to its end, both included, spaced as evenly as they can be at about this rate, s.
+    /// Times from the beginning of a motion to its end, both included, spaced evenly at [`even_hz`](Self::even_hz), s.
     pub fn times_s(self, duration_s: f64) -> impl Iterator<Item = f64> {
-        let count = (duration_s * self.0).round().max(1.0) as usize;
+        let count = self.intervals(duration_s) as usize;
         (0..=count).map(move |number| duration_s * number as f64 / count as f64)
+    }
+
+    /// The nearest rate that divides a motion into equal intervals, Hz.
+    pub fn even_hz(self, duration_s: f64) -> f64 {
+        self.intervals(duration_s) / duration_s
+    }
+
+    fn intervals(self, duration_s: f64) -> f64 {
+        (duration_s * self.0).round().max(1.0)
     }
 }
 
@@ -264,6 +273,14 @@ mod tests {
             assert_eq!(cells, row);
             assert_eq!(row.len(), table.columns.len());
         }
+    }
+
+    #[test]
+    fn frames_have_the_rate_that_is_said() {
+        let rate = Rate::new(7.0).expect("a rate");
+        let times: Vec<_> = rate.times_s(1.6).collect();
+        assert_eq!((times.len(), rate.even_hz(1.6)), (12, 6.875));
+        assert!((times[1] - 1.0 / 6.875).abs() < 1e-12);
     }
 
     #[test]

@@ -64,10 +64,18 @@ impl Format {
         }
     }
 
+    fn is_table(self) -> bool {
+        matches!(self, Self::Csv | Self::Json)
+    }
+
     fn write(self, plan: &Plan, rate: Rate) -> miette::Result<Vec<u8>> {
+        let table = || {
+            let table = Table::new(plan, rate);
+            if table.rows.len() < 2 { Err(too_slow(plan)) } else { Ok(table) }
+        };
         Ok(match self {
-            Self::Csv => Table::new(plan, rate).to_csv().into_bytes(),
-            Self::Json => Table::new(plan, rate).to_json().into_bytes(),
+            Self::Csv => table()?.to_csv().into_bytes(),
+            Self::Json => table()?.to_json().into_bytes(),
             Self::Mcap => {
                 rollwalk_interchange::foxglove::recording(plan, rate).into_diagnostic()?
             }
@@ -82,13 +90,28 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let format = format(args)?;
     let rate = Rate::new(args.rate).into_diagnostic()?;
     let plan = inputs::plan(&args.plan)?;
+    let duration_s = plan.motion.duration_s;
+    if args.rate * duration_s < 1.0 {
+        return Err(too_slow(&plan));
+    }
     let content = format.write(&plan, rate)?;
     let place = Output::at(&args.output)?;
     place.write(&content)?;
-    let (output, rate_hz) = (args.output.display(), args.rate);
-    let duration_s = plan.motion.duration_s;
+    let output = args.output.display();
+    // Frames are spaced evenly, rows at multiples of what was asked for.
+    let rate_hz =
+        if format.is_table() { args.rate } else { (rate.even_hz(duration_s) * 1e6).round() / 1e6 };
     place.comment(&format!("wrote {output}: {duration_s} s at {rate_hz} Hz"))?;
     Ok(Exit::Ok)
+}
+
+/// A rate at which a table or recording would have one row.
+fn too_slow(plan: &Plan) -> miette::Report {
+    let duration_s = plan.motion.duration_s;
+    miette!(
+        help = "60 Hz is what robots play",
+        "--rate is too low: a motion of {duration_s} s would have fewer than two rows or frames"
+    )
 }
 
 /// Format of the file: that of `--format`, otherwise that of its ending.
