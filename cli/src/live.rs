@@ -137,7 +137,10 @@ impl<'r> View<'r> {
         let world_from_body = Isometry3::from_parts(Translation3::from(position), turn);
         let shafts: Vec<_> = world.shafts().collect();
         let joints = self.robot.joints.len();
-        let mut wheel_rad = vec![0.0; self.robot.end_effectors.len()];
+        let feet = self.robot.end_effectors.iter().enumerate();
+        let angle_rad = |(number, foot)| world.wheel_rad(number, foot).unwrap_or_default();
+        let mut wheel_rad: Vec<_> = feet.map(angle_rad).collect();
+        // Those of motors count turns.
         for (channel, wheel) in wheels(self.robot) {
             wheel_rad[wheel] = shafts[channel][0];
         }

@@ -19,9 +19,10 @@ use crate::push::Push;
 use crate::system::{StepError, StepReport, System};
 use crate::touch::Touch;
 use build::Build;
+use hinge::perpendicular;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::{State, Tree};
-use rollwalk_robot::{Channel, Robot};
+use rollwalk_robot::{Channel, EndEffector, Robot};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -251,6 +252,17 @@ impl World {
             moment += motion.position * body.mass_kg();
         }
         (moment / mass, self.system.momentum() / mass)
+    }
+
+    /// Angle of a wheel that spins against its link, −π to π, with or without a motor.
+    pub fn wheel_rad(&self, end_effector: usize, wheel: &EndEffector) -> Option<f64> {
+        let axis = wheel.contact.axis_in_link()?;
+        let [link, body] = [wheel.link, self.wheels[end_effector]?];
+        let motions = self.system.motions();
+        let turn = motions[link].rotation.transpose() * motions[body].rotation;
+        let across = perpendicular(axis);
+        let turned = turn * across;
+        Some(axis.dot(&across.cross(&turned)).atan2(across.dot(&turned)))
     }
 
     /// Body of a wheel that spins, of an end effector.

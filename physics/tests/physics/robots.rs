@@ -87,6 +87,11 @@ fn wheels_that_are_driven_roll_without_slip() {
     let speed = world.com().1.x;
     let expected = 3.0 * robot.end_effectors[0].radius_m;
     assert!((speed / expected - 1.0).abs() < 0.01, "{speed}, {expected}");
+    // The pose of a wheel says what its motor has counted, but for whole turns.
+    let shaft_rad = world.shaft(robot.joints.len())[0];
+    let wheel_rad = world.wheel_rad(0, &robot.end_effectors[0]).unwrap();
+    let turns = (shaft_rad - wheel_rad) / TAU;
+    assert!(shaft_rad > 5.0 && (turns - turns.round()).abs() < 1e-3, "{shaft_rad}, {wheel_rad}");
 }
 
 /// Soft feet bear what rigid ones do, and sink by their own softness.
