@@ -112,6 +112,28 @@ fn the_mass_of_meshes_is_said_to_be_missing() {
 }
 
 #[test]
+fn settings_of_the_model_change_masses_as_in_mujoco_or_are_refused() {
+    let with = |compiler: &str, leg: &str| {
+        let setting = format!("<compiler {compiler}/><worldbody>");
+        trunk(leg).replacen("<worldbody>", &setting, 1)
+    };
+    let ball =
+        |geom: &str| format!("<body name=\"leg\"><joint/><geom size=\"0.1\" {geom}/></body>");
+    let mass_kg = |text: &str| surveyed(text).unwrap().mass_kg;
+    let given = "<body name=\"leg\"><joint/><inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\"1 1 1\"/>\
+                 <geom size=\"0.1\" shellinertia=\"true\"/></body>";
+    assert_eq!(mass_kg(&with("boundmass=\"5\"", &ball("mass=\"1\""))), 10.0);
+    assert_eq!(mass_kg(&with("boundmass=\"0.5\" settotalmass=\"-1\"", given)), 3.0);
+    let shell = ball("mass=\"1\" shellinertia=\"true\"");
+    for (text, attribute) in
+        [(with("settotalmass=\"7\"", given), "settotalmass"), (trunk(&shell), "shellinertia")]
+    {
+        let why = surveyed(&text).unwrap_err();
+        assert!(why.contains(attribute) && why.contains("MuJoCo"), "{why}");
+    }
+}
+
+#[test]
 fn deep_and_broken_models_end() {
     let deep = 20_000;
     let text = trunk(&("<body>".repeat(deep) + &"</body>".repeat(deep)));

@@ -156,6 +156,12 @@ fn body<'a, 'i>(
 
     let link_from_body = Isometry3::from(-anchor);
     let mut link = Link { name: name.clone(), span: tag(node), mass: None, shapes: Vec::new() };
+    let is_given = items.iter().any(|(of, _)| of.node.has_tag_name("inertial"));
+    let follows = match reader.model.from_geoms {
+        FromGeoms::Never => false,
+        FromGeoms::Missing => !is_given,
+        FromGeoms::Always => true,
+    };
     let (mut masses, mut meshes) = (Vec::new(), false);
     let mut inner = Vec::new();
     for (of, body_from_item) in &items {
@@ -165,6 +171,9 @@ fn body<'a, 'i>(
             "geom" => {
                 if let Some(geom) = reader.geom(*of, &link_from_item) {
                     meshes |= geom.shape.solid == Solid::Mesh;
+                    if follows && geom.mass.is_some() {
+                        reader.check_shell(*of);
+                    }
                     masses.extend(geom.mass);
                     link.shapes.push(geom.shape);
                 }
@@ -179,18 +188,13 @@ fn body<'a, 'i>(
     }
     // As of a URDF: collision geometry first.
     link.shapes.sort_by_key(|shape| !shape.collision);
-    let is_given = items.iter().any(|(of, _)| of.node.has_tag_name("inertial"));
-    let follows = match reader.model.from_geoms {
-        FromGeoms::Never => false,
-        FromGeoms::Missing => !is_given,
-        FromGeoms::Always => true,
-    };
     if follows {
         link.mass = (!masses.is_empty()).then(|| sum(&masses));
         if meshes {
             reader.notes.warn(&link.span, format_args!("body `{name}` has no <inertial>: its mass follows from its geoms but the meshes, whose files are not read; give it an <inertial>, or have MuJoCo write the whole model"));
         }
     }
+    link.mass = link.mass.map(|mass| reader.settled(mass));
     urdf.links.push(link);
     inner
 }

@@ -4,7 +4,7 @@ use super::numbers::{Element, Reader, along, called};
 use crate::file::parts::MassProperties;
 use crate::rules::LENGTH_MAX_M;
 use crate::urdf::xml::{Shape, Solid};
-use nalgebra::{Isometry3, Matrix3, Translation3, Unit, Vector3};
+use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Translation3, Unit, Vector3};
 use std::f64::consts::PI;
 
 /// Density of a geom that gives none, kg/m³.
@@ -98,6 +98,33 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         (mass_kg > 0.0).then(|| (mass_kg, per_kg * mass_kg))
     }
 
+    /// Refuses geoms whose mass lies in their surface.
+    pub fn check_shell(&mut self, of: Element<'a, 'i>) {
+        if self.word(of, "shellinertia") == Some("true") {
+            let message = format!("{}: `shellinertia` is not read", called(of.node));
+            let help = "write an <inertial> into the body, with the mass and inertia that MuJoCo has for it";
+            self.fault(of.node, message, help);
+        }
+    }
+
+    /// What MuJoCo makes of a body's mass and inertia by the settings of the model.
+    pub fn settled(&self, mut mass: MassProperties) -> MassProperties {
+        let [least_kg, least_kg_m2] = self.model.bounds;
+        mass.mass_kg = mass.mass_kg.max(least_kg);
+        let SymmetricEigen { eigenvalues, eigenvectors: axes } =
+            mass.inertia_kg_m2.symmetric_eigen();
+        let mut moments = eigenvalues.map(|moment| moment.max(least_kg_m2));
+        // Those of a thin disc are ones that a body can have, but for rounding.
+        if self.model.balances && moments.sum() < (2.0 - 1e-9) * moments.max() {
+            moments.fill(moments.mean());
+        }
+        // The axes have rounding errors.
+        if moments != eigenvalues {
+            mass.inertia_kg_m2 = axes * Matrix3::from_diagonal(&moments) * axes.transpose();
+        }
+        mass
+    }
+
     /// An `<inertial>`; none without mass.
     pub fn inertial(
         &mut self,
@@ -162,7 +189,37 @@ impl Form {
 
 #[cfg(test)]
 mod tests {
+    use super::super::model::Model;
     use super::*;
+    use crate::urdf::notes::Notes;
+    use nalgebra::Rotation3;
+
+    /// Of MuJoCo 3: principal moments below a bound are raised to it, and those that no body can have become their mean.
+    #[test]
+    fn moments_are_settled_as_in_mujoco() {
+        let settled = |compiler: &str, moments: [f64; 3]| {
+            let text = format!("<mujoco><compiler {compiler}/></mujoco>");
+            let document = roxmltree::Document::parse(&text).unwrap();
+            let model = Model::new(document.root_element());
+            let mut notes = Notes::new("", "");
+            let reader = Reader { notes: &mut notes, model: &model };
+            let turn = Rotation3::from_euler_angles(0.3, -0.7, 1.1);
+            let inertia = turn * Matrix3::from_diagonal(&moments.into()) * turn.transpose();
+            let mass =
+                MassProperties { mass_kg: 1.0, com_m: Vector3::zeros(), inertia_kg_m2: inertia };
+            turn.transpose() * reader.settled(mass).inertia_kg_m2 * turn
+        };
+        for (compiler, moments, expected) in [
+            ("boundinertia=\"0.12\"", [0.1, 0.1, 0.15], [0.12, 0.12, 0.15]),
+            ("balanceinertia=\"true\"", [0.1, 0.1, 0.3], [0.5 / 3.0; 3]),
+            ("balanceinertia=\"true\"", [0.1, 0.1, 0.2], [0.1, 0.1, 0.2]),
+            ("", [0.1, 0.1, 0.3], [0.1, 0.1, 0.3]),
+        ] {
+            let expected = Matrix3::from_diagonal(&expected.into());
+            let error = (settled(compiler, moments) - expected).amax();
+            assert!(error < 1e-12, "{compiler} {moments:?}: {error}");
+        }
+    }
 
     /// Means of squares over points that fill the form evenly.
     #[test]

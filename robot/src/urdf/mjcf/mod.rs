@@ -33,6 +33,9 @@ pub(super) fn read(root: Node<'_, '_>, notes: &mut Notes<'_>) -> Result<Urdf, Do
             "MuJoCo 2.3.3 and later read local coordinates only: convert it with an older one";
         reader.fault(compiler, "the model has global coordinates", help);
     }
+    if let Some(compiler) = model.scaled {
+        reader.fault(compiler, "`settotalmass` scales all masses, and is not read", SAVE);
+    }
     reader.notes.check()?;
     let urdf = bodies::read(root, &mut reader);
     reader.notes.check()?;

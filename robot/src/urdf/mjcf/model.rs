@@ -36,8 +36,14 @@ pub struct Model<'a, 'i> {
     pub autolimits: bool,
     /// Groups of geoms from which masses follow.
     pub groups: [f64; 2],
+    /// Least mass of a body, kg, and least principal moment of inertia, kg·m².
+    pub bounds: [f64; 2],
+    /// Moments of inertia that no body can have become equal.
+    pub balances: bool,
     /// The `<compiler>` that asks for global coordinates.
     pub global: Option<Node<'a, 'i>>,
+    /// The `<compiler>` that scales all masses.
+    pub scaled: Option<Node<'a, 'i>>,
     classes: HashMap<&'a str, Class<'a, 'i>>,
 }
 
@@ -50,7 +56,10 @@ impl<'a, 'i> Model<'a, 'i> {
             from_geoms: FromGeoms::Missing,
             autolimits: true,
             groups: [0.0, 5.0],
+            bounds: [f64::NEG_INFINITY; 2],
+            balances: false,
             global: None,
+            scaled: None,
             classes: HashMap::new(),
         };
         for compiler in root.children().filter(|node| node.has_tag_name("compiler")) {
@@ -83,6 +92,16 @@ impl<'a, 'i> Model<'a, 'i> {
             if let (Some(from), Some(to)) = (words.next(), words.next()) {
                 self.groups = [from, to];
             }
+        }
+        let number = |name: &str| compiler.attribute(name)?.trim().parse::<f64>().ok();
+        for (bound, name) in self.bounds.iter_mut().zip(["boundmass", "boundinertia"]) {
+            *bound = number(name).unwrap_or(*bound);
+        }
+        if let Some(balances) = compiler.attribute("balanceinertia") {
+            self.balances = balances == "true";
+        }
+        if number("settotalmass").is_some_and(|mass_kg| mass_kg > 0.0) {
+            self.scaled = Some(compiler);
         }
         if is("coordinate", "global") {
             self.global = Some(compiler);
