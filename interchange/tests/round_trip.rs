@@ -2,7 +2,7 @@
 
 use rollwalk_interchange::foxglove::{Figure, Posture};
 use rollwalk_robot::urdf::{Text, import, survey};
-use rollwalk_robot::{Joint, Robot};
+use rollwalk_robot::{EndEffector, Joint, Robot};
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -68,6 +68,25 @@ fn robots_come_back_from_mjcf_with_their_joints_wheels_and_masses() {
             );
         }
         assert_eq!(wheels(&back).len(), wheels(&robot).len(), "{name}");
+    }
+}
+
+#[test]
+fn wheels_without_motors_come_back_without_motors() {
+    for name in ["swizzlebot", "dinobot"] {
+        let urdf = |robot: &Robot| rollwalk_interchange::urdf(robot, &[]).unwrap();
+        let mjcf = |robot: &Robot| rollwalk_interchange::mjcf(robot, &[]).unwrap();
+        for [robot, back] in [come_back(name, urdf), come_back(name, mjcf)] {
+            let kinds = |robot: &Robot| {
+                let feet = robot.end_effectors.iter();
+                let kind =
+                    |foot: &EndEffector| (foot.contact.spins(), foot.contact.actuator().is_some());
+                let mut kinds: Vec<_> = feet.map(kind).collect();
+                kinds.sort();
+                kinds
+            };
+            assert_eq!(kinds(&back), kinds(&robot), "{name}");
+        }
     }
 }
 

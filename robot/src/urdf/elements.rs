@@ -256,6 +256,7 @@ impl Reader<'_, '_> {
             parent_from_joint,
             axis,
             mimics,
+            has_motor: limit.effort.is_some(),
             limit,
         })
     }

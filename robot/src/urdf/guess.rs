@@ -6,7 +6,7 @@ use super::convert::locked_position;
 use super::notes::Notes;
 use super::stance::Tip;
 use super::tree::{Graph, Tree};
-use super::xml::{Kind, Link, Solid, Urdf};
+use super::xml::{Joint, Kind, Link, Solid, Urdf};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Parts of names of links that stand on the ground.
@@ -86,12 +86,19 @@ pub(super) fn axles(urdf: &Urdf, graph: &Graph, tree: &Tree, rigid: &Rigid) -> V
             || joint.kind == Kind::Revolute
                 && joint.limit.lower.is_none()
                 && joint.limit.upper.is_none();
-        let wheel = if endless { called || !footed && (round || centred) } else { named && round };
+        // What turns without end and without a motor is no toe.
+        let wheel_like = (round || centred) && (!footed || lacks_motor(urdf, joint));
+        let wheel = if endless { called || wheel_like } else { named && round };
         if wheel {
             axles.push(moving.joint);
         }
     }
     axles
+}
+
+/// Whether a joint has no motor in a file that has some; one without any says nothing of motors.
+fn lacks_motor(urdf: &Urdf, joint: &Joint) -> bool {
+    !joint.has_motor && urdf.joints.iter().any(|other| other.has_motor)
 }
 
 fn has(name: &str, words: &[&str]) -> bool {
@@ -160,8 +167,9 @@ fn wheel(urdf: &Urdf, graph: &Graph, bodies: &Bodies, axle: usize) -> Option<End
     let round = roundness(&urdf.links[link], &joint.axis);
     let (radius_m, center) = round.unwrap_or((WHEEL_RADIUS_M, Vector3::zeros()));
     let words = ["caster", "passive", "free"];
-    let passive = has(&joint.name, &words) || has(&urdf.links[link].name, &words);
-    let kind = if passive { EndKind::FreeWheel } else { EndKind::DrivenWheel };
+    let called = has(&joint.name, &words) || has(&urdf.links[link].name, &words);
+    let kind =
+        if called || lacks_motor(urdf, joint) { EndKind::FreeWheel } else { EndKind::DrivenWheel };
     end(bodies, link, Some(axle), center, radius_m, round.is_some(), kind)
 }
 

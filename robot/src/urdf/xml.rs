@@ -91,6 +91,8 @@ pub(super) struct Joint {
     pub axis: Unit<Vector3<f64>>,
     /// The joint that this one follows.
     pub mimics: Option<String>,
+    /// Whether the file says anything of a motor: a torque, or an actuator of a model of MuJoCo.
+    pub has_motor: bool,
     pub limit: Limit,
 }
 

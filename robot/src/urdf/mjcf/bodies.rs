@@ -7,7 +7,7 @@ use crate::urdf::elements::tag;
 use crate::urdf::xml::{ITEMS_MAX, Joint, Kind, Limit, Link, Solid, Urdf};
 use nalgebra::{Isometry3, Translation3, Unit, Vector3};
 use roxmltree::Node;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// The world as a link, where a joint or a fixed body needs it.
 const WORLD: &str = "world";
@@ -25,6 +25,8 @@ type Item<'a, 'i> = (Element<'a, 'i>, Isometry3<f64>);
 
 /// What actuators and equalities say of joints, by their name.
 struct Drives<'a> {
+    /// What has an actuator.
+    driven: HashSet<&'a str>,
     /// Largest torque or force, N·m or N.
     effort: HashMap<&'a str, f64>,
     /// The joint that one follows.
@@ -150,6 +152,7 @@ fn body<'a, 'i>(
             parent_from_joint: parent_from_body,
             axis: Vector3::x_axis(),
             mimics: None,
+            has_motor: false,
             limit: Limit::default(),
         });
     }
@@ -259,6 +262,7 @@ fn read_joint<'a, 'i>(
         parent_from_joint,
         axis: body_from_joint.rotation * axis,
         mimics: drives.follows.get(&*name).cloned(),
+        has_motor: own.is_some() || drives.driven.contains(&*name),
         limit,
         name,
     })
@@ -266,7 +270,8 @@ fn read_joint<'a, 'i>(
 
 /// Limits of actuators, and joints that follow others.
 fn drives<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -> Drives<'a> {
-    let mut drives = Drives { effort: HashMap::new(), follows: HashMap::new() };
+    let mut drives =
+        Drives { driven: HashSet::new(), effort: HashMap::new(), follows: HashMap::new() };
     let of_kind = |kind: &'static str| {
         let lists = root.children().filter(move |node| node.has_tag_name(kind));
         lists.flat_map(|list| list.children()).filter(|node| node.is_element())
@@ -277,6 +282,7 @@ fn drives<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -
         let Some(joint) = node.attribute("joint").or(node.attribute("jointinparent")) else {
             continue;
         };
+        drives.driven.insert(joint);
         let gear = reader.numbers(of, "gear", 1, 6).and_then(|gear| gear.first().copied());
         let gear = gear.unwrap_or(1.0).abs();
         let mut range = reader.range(of, "forcerange", "forcelimited");
