@@ -260,10 +260,8 @@ fn an_impossible_rate_is_refused() {
             .fails(1, &["expected a rate above 0"]);
     }
     assert!(!desk.path("out.csv").exists());
-    for format in ["csv", "ros"] {
-        desk.run(&["export", "plan.json", "--rate=1e-9", "--format", format, "-o", "out"])
-            .fails(1, &["--rate is too low", "fewer than two rows or frames"]);
-    }
+    desk.run(&["export", "plan.json", "--rate=1e-9", "-o", "out.csv"])
+        .fails(1, &["--rate is too low", "fewer than two rows"]);
 }
 
 #[test]

@@ -117,8 +117,11 @@ fn without_readings_a_motion_is_brought_to_a_stop() {
     }
     let mut no_number = known.clone();
     no_number["joint_rad"][1] = Value::Null;
-    // As many bad ticks are as good as no IMU.
-    for (broken, first) in [(blind, "null"), (no_number, "\"a sensor is not finite")] {
+    let not_finite = "a reading is not finite";
+    for (broken, first, lost) in [
+        (blind, "null".to_owned(), "the IMU is missing"),
+        (no_number, format!("\"{not_finite}"), not_finite),
+    ] {
         let ticks = (1..100).map(|tick| {
             let mut record = broken.clone();
             record["time_s"] = json!(0.002 * f64::from(tick));
@@ -129,7 +132,7 @@ fn without_readings_a_motion_is_brought_to_a_stop() {
         let said: Vec<&str> = said.lines().skip(1).collect();
         assert!(said[0].contains("\"untracked\":null"), "{}", said[0]);
         assert!(said[1].contains(&format!("\"untracked\":{first}")), "{}", said[1]);
-        assert!(said[40].contains("the IMU is missing"), "{}", said[40]);
+        assert!(said[40].contains(lost), "{}", said[40]);
         assert!(said[99].contains("brought to a stop for good"), "{}", said[99]);
     }
 }
@@ -196,11 +199,23 @@ fn lines_that_are_wrong_are_named() {
     );
     for (time_s, words) in [
         (1.7e9, "field time_s is 1.7e9; expected 1000000 at most"),
-        (0.02, "field time_s goes from 0 to 0.02; ticks are 0.002 s apart"),
         (-0.002, "field time_s goes from 0 to -0.002"),
     ] {
         wrong(&|of| of["time_s"] = json!(time_s), &[words]);
     }
+    let at = |times_s: &[f64]| {
+        let lines = times_s.iter().map(|time_s| {
+            let mut record = start.clone();
+            record["time_s"] = json!(time_s);
+            line(&record)
+        });
+        answers(&desk, &[], &lines.collect::<Vec<_>>())
+    };
+    let words = "field time_s goes from 0.02 to 0.04; ticks are 0.002 s apart";
+    refused(at(&[0.0, 0.02, 0.04]), &["line 3 of the input", words]);
+    refused(at(&[0.0, 0.001, 0.002]), &["line 3 of the input", "from 0.001 to 0.002"]);
+    // A line is left out, and the motion ends within a tick.
+    at(&[0.0, 0.002, 0.006, 0.008, 0.0085, 0.0085, 0.0085]).succeeds();
     let placed = |field: &str, value: Value, words: &str| {
         let mut record = start.clone();
         record["world_from_plan"] = place.clone();

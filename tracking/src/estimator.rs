@@ -37,7 +37,7 @@ const SLIP_M_S: f64 = 0.1;
 const GLIDE_M_S: f64 = 100.0;
 /// Time constant with which the height follows the height above the contacts, s: it does not jump at a touch-down.
 const HEIGHT_S: f64 = 0.04;
-/// Longest time without an IMU, s.
+/// Longest time without an IMU, or with readings that are bad, s.
 const WITHOUT_IMU_S: f64 = 0.05;
 /// Longest flight, s.
 const WITHOUT_CONTACT_S: f64 = 0.5;
@@ -52,8 +52,9 @@ const TOO_STEEP: f64 = 0.4;
 const STEP_M: f64 = 0.05;
 /// Longest time for which contacts may be steeper, s.
 const STEEP_S: f64 = 0.1;
-/// Most by which two samples of a gyro may differ, rad/s: no body that weighs kilograms turns as much faster within a tick.
+/// Most by which two samples of a gyro may differ, rad/s and per second between them: no body that weighs kilograms turns as much faster.
 const JUMP_RAD_S: f64 = 5.0;
+const JUMP_RAD_S2: f64 = 2500.0;
 /// Rest before an alignment, and before zero angular velocity is a measurement, s.
 const REST_S: f64 = 0.4;
 /// Largest mean of the gyro less its bias at which zero angular velocity is a measurement, rad/s.
@@ -79,11 +80,12 @@ pub struct Sensors<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Untrusted {
     /// A sensor or the length of the tick is not finite, or out of the range of any sensor in order, an angle is far beyond its joint's range, or
-    /// the gyro jumps. The tick counts as one without IMU and contacts; the next one may be good.
+    /// the gyro jumps. The tick counts as one without IMU and contacts, and the next one may be good; 0.05 s of that, or a third of the time, loses the
+    /// alignment.
     BadSensor,
     /// The robot has not stood still yet, at the start or since one of the errors below: only rest aligns the estimate again.
     NotAligned,
-    /// No gyro or no accelerometer for more than 0.05 s, or as many bad ticks, or for more than a third of the time.
+    /// No gyro or no accelerometer for more than 0.05 s. They may come less often than ticks.
     ImuMissing,
     /// No contact for more than 0.5 s.
     NoContact,
@@ -96,7 +98,7 @@ pub enum Untrusted {
 impl fmt::Display for Untrusted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::BadSensor => "a sensor is not finite or out of range",
+            Self::BadSensor => "a reading is not finite or out of its range, or the gyro jumps",
             Self::NotAligned => "the robot has not stood still yet",
             Self::ImuMissing => "the IMU is missing",
             Self::NoContact => "no end effector touches the ground",
@@ -117,9 +119,12 @@ pub struct Estimator {
     state: State,
     rest: Rest,
     is_aligned: bool,
-    /// Gyro of the last tick that had one.
-    last_gyro_rad_s: Option<Vector3<f64>>,
-    without_imu: Absence,
+    /// The last sample of the gyro, the last that was read, and the time since the last one.
+    gyros_rad_s: [Option<Vector3<f64>>; 2],
+    since_gyro_s: f64,
+    /// Absence of good readings.
+    bad: Absence,
+    without_imu_s: f64,
     without_contact_s: f64,
     steep_s: f64,
     /// Low-passed velocity of the material at the slowest contact, m/s.
@@ -139,8 +144,10 @@ impl Estimator {
             state,
             rest: Rest::new(tree.dofs() - JOINTS),
             is_aligned: false,
-            last_gyro_rad_s: None,
-            without_imu: Absence::default(),
+            gyros_rad_s: [None; 2],
+            since_gyro_s: 0.0,
+            bad: Absence::default(),
+            without_imu_s: 0.0,
             without_contact_s: 0.0,
             steep_s: 0.0,
             slip_m_s: zero,
@@ -206,12 +213,23 @@ impl Estimator {
         if !(tick_s > 0.0 && tick_s.is_finite()) {
             return Err(Untrusted::BadSensor);
         }
-        let is_good = plausible::sensors(self.tree.robot(), sensors) && !self.jumps(sensors);
+        let is_good =
+            plausible::sensors(self.tree.robot(), sensors) && !self.jumps(sensors, tick_s);
         let imu = sensors.gyro_rad_s.zip(sensors.accelerometer_m_s2).filter(|_| is_good);
-        let is_missing = self.without_imu.tick(imu.is_some(), tick_s, WITHOUT_IMU_S);
-        if is_missing || tick_s > WITHOUT_IMU_S {
+        if imu.is_some() {
+            self.without_imu_s = 0.0;
+        } else if is_good {
+            self.without_imu_s += tick_s;
+        }
+        let lost = if self.bad.tick(is_good, tick_s, WITHOUT_IMU_S) {
+            Some(Untrusted::BadSensor)
+        } else {
+            let is_missing = self.without_imu_s.max(tick_s) > WITHOUT_IMU_S;
+            is_missing.then_some(Untrusted::ImuMissing)
+        };
+        if let Some(why) = lost {
             self.rest.lasts_s = 0.0;
-            return self.lose(Untrusted::ImuMissing);
+            return self.lose(why);
         }
         if is_good {
             self.state.joint_rad.copy_from_slice(sensors.joint_rad);
@@ -243,11 +261,20 @@ impl Estimator {
         }
     }
 
-    /// Whether the gyro is that far from its last sample that one of the two is wrong.
-    fn jumps(&mut self, sensors: &Sensors<'_>) -> bool {
+    /// Whether a sample of the gyro is far from the last one and from the last that was read: after one that is wrong the next is near to
+    /// the one before, and a jump that lasts is read with its second sample.
+    fn jumps(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> bool {
+        self.since_gyro_s += tick_s;
         let Some(gyro_rad_s) = sensors.gyro_rad_s else { return false };
-        let last_rad_s = self.last_gyro_rad_s.replace(gyro_rad_s);
-        last_rad_s.is_some_and(|last_rad_s| (gyro_rad_s - last_rad_s).norm() > JUMP_RAD_S)
+        let most_rad_s = JUMP_RAD_S.max(JUMP_RAD_S2 * std::mem::take(&mut self.since_gyro_s));
+        let is_near = |of: &Vector3<f64>| (gyro_rad_s - of).norm() < most_rad_s;
+        let [last, read] = &mut self.gyros_rad_s;
+        let jumps = read.is_some() && !last.iter().chain(read.iter()).any(is_near);
+        *last = Some(gyro_rad_s);
+        if !jumps {
+            *read = Some(gyro_rad_s);
+        }
+        jumps
     }
 
     /// A tick of an aligned estimator.
@@ -339,8 +366,8 @@ impl Estimator {
     fn begin(&mut self, filter: Filter) {
         self.filter = filter;
         self.is_aligned = true;
-        self.without_imu = Absence::default();
-        (self.without_contact_s, self.steep_s) = (0.0, 0.0);
+        self.bad = Absence::default();
+        (self.without_imu_s, self.without_contact_s, self.steep_s) = (0.0, 0.0, 0.0);
         self.slip_m_s.fill(0.0);
     }
 

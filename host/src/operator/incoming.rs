@@ -84,7 +84,7 @@ impl Operator {
         }
     }
 
-    fn on_hello(&mut self, now_us: u64, hello: Hello) {
+    pub(super) fn on_hello(&mut self, now_us: u64, hello: Hello) {
         self.hello = Some(hello);
         self.ask_hello_us = now_us + HELLO_US;
         self.check_flashed(now_us, hello.library);

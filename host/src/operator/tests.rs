@@ -5,8 +5,8 @@ mod any_sequence;
 use super::*;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::{
-    Action, Command, CommandResult, Estop, EstopAck, FaultReport, HeartbeatReply, JointTelemetry,
-    Node, Status, ToController,
+    Action, Command, CommandAck, CommandResult, Estop, EstopAck, FaultReport, HeartbeatReply,
+    JointTelemetry, Node, SCHEMA_HASH, Status, ToController,
 };
 
 fn node() -> Node {

@@ -97,7 +97,7 @@ pub(super) fn axles(urdf: &Urdf, graph: &Graph, tree: &Tree, rigid: &Rigid) -> V
 }
 
 /// Whether a joint has no motor in a file that has some; one without any says nothing of motors.
-fn lacks_motor(urdf: &Urdf, joint: &Joint) -> bool {
+pub(super) fn lacks_motor(urdf: &Urdf, joint: &Joint) -> bool {
     !joint.has_motor && urdf.joints.iter().any(|other| other.has_motor)
 }
 

@@ -99,6 +99,13 @@ pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
         notes.warn(span, format_args!("{} channels are left, a controller and a library have at most {MAX_CHANNELS}: lock more joints under [lock]", guess.channels()));
     }
     let Guess { rigid, bodies, ends } = guess;
+    let is_free = |end: &&End| end.kind == EndKind::FreeWheel;
+    let axles = ends.iter().filter(is_free).filter_map(|end| Some(&read.joints[end.axle?]));
+    let free: Vec<_> = axles.filter(|joint| guess::lacks_motor(&read, joint)).collect();
+    if let Some(first) = free.first() {
+        let names = some_names(free.iter().map(|joint| &joint.name));
+        notes.warn(&first.span, format_args!("joint {names}: taken as axles of free wheels, as the file has motors for others only: `contact = \"actuated_wheel\"` in the side file makes them driven"));
+    }
     let moving: Vec<_> = bodies.moving.iter().map(|moving| &read.joints[moving.joint]).collect();
     let turns: Vec<_> = moving.iter().map(|joint| turn(joint)).collect();
     let tips: Vec<_> = ends.iter().map(|end| end.tip).collect();

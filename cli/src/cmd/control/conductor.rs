@@ -94,8 +94,9 @@ pub struct Conductor<'p> {
     said: Option<(usize, u32)>,
     /// End effectors that touched the ground when the switches were heard last, a bit each, and the number of that sample.
     contacts: Option<(u32, u64)>,
-    /// Whether the planned contacts count.
+    /// Whether the planned contacts count, and whether it was said that they do in place of switches.
     planned_contacts: bool,
+    said_contacts: bool,
     touches: Vec<bool>,
     joint_rad: Vec<f64>,
     speed_rad_s: Vec<f64>,
@@ -146,6 +147,7 @@ impl<'p> Conductor<'p> {
             said: None,
             contacts: None,
             planned_contacts: true,
+            said_contacts: false,
             touches: Vec::new(),
             joint_rad: Vec::new(),
             speed_rad_s: Vec::new(),
@@ -275,9 +277,9 @@ impl<'p> Conductor<'p> {
             }
         }
         self.count(measured);
-        let planned_contacts = self.planned_contacts;
         let (laws, untracked) = self.tick(measured);
-        if self.planned_contacts && !planned_contacts {
+        let lost_contacts = self.planned_contacts && self.contacts.is_some();
+        if lost_contacts && !std::mem::replace(&mut self.said_contacts, true) {
             let text = "the contact switches are not heard any more: the planned contacts count";
             operator.say(now_us, Weight::Warning, text);
         }
