@@ -411,7 +411,8 @@ impl Tracker {
         let up = |of: &Kinematics| of.frames.world_from_link[0] * Vector3::z();
         let com_m = Point3::from(measured.frames.com(tree));
         let height_m = (reference.world_from_ground.inverse() * com_m).z;
-        up(planned).dot(&up(measured)) < FALLEN_COS || height_m < FALLEN_PART * errors.height_m
+        let lower_m = errors.height_m - height_m;
+        up(planned).dot(&up(measured)) < FALLEN_COS || lower_m > FALLEN_PART * errors.height_m.abs()
     }
 
     /// Keeps what the next tick begins with.
