@@ -21,7 +21,8 @@ use std::io;
 const STEP_S: f64 = 0.001;
 const CONTACT_TIME_S: f64 = 0.003;
 const IMPRATIO: f64 = 20.0;
-/// What is added to moments of inertia, by their sum: far above rounding, far below what is known of a robot.
+/// Part of the trace of an inertia matrix that is added to each principal moment. It is larger than rounding errors and smaller than any
+/// measurement of inertia.
 const INERTIA_SLACK: f64 = 1e-12;
 
 /// A robot as an MJCF model with its stance as the keyframe `stand`. `parts` are the solids of each link, for pictures.

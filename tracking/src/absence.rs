@@ -10,8 +10,9 @@ pub struct Absence {
 }
 
 impl Absence {
-    /// Whether it has been missing for longer than `most_s`, on the whole, after a tick with it or without. What is missing for more than a third of the
-    /// time is missing in the end; what is back must stay for as long as it may be missing.
+    /// Counts a tick and returns whether the absence exceeds `most_s`. A tick without it adds `tick_s`, a tick with it takes half of `tick_s`
+    /// off. Something that is absent in more than a third of the ticks therefore exceeds any limit, and after an absence the count falls below the
+    /// limit again within `most_s`.
     pub fn tick(&mut self, is_there: bool, tick_s: f64, most_s: f64) -> bool {
         self.lasts_s += if is_there { -PARDON * tick_s } else { tick_s };
         self.lasts_s = self.lasts_s.clamp(0.0, 1.5 * most_s.max(tick_s));

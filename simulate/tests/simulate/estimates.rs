@@ -126,6 +126,15 @@ fn faults_are_bridged_or_found() {
             (sensors.gyro_rad_s, sensors.accelerometer_m_s2) = (None, None);
         }
     });
+    // An IMU at half of the tick rate.
+    let mut reads = false;
+    let slow = errors(&plan, |_, sensors, _| {
+        reads = !reads;
+        if !reads {
+            (sensors.gyro_rad_s, sensors.accelerometer_m_s2) = (None, None);
+        }
+    });
+    assert_eq!(slow.untrusted, None, "{slow:?}");
     let stuck = |value: bool| errors(&plan, |_, _, touches| touches[0] = value);
     // One sample that is wrong.
     let once = |gyro_rad_s: f64, force_m_s2: f64| {

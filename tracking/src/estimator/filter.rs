@@ -24,8 +24,8 @@ const ANGULAR_ACCELERATION: f64 = 2.2;
 /// Noise of the specific force, (m/s²)/√Hz: 0.5 m/s² at 500 Hz, with vibrations of the robot on top of an accelerometer's own
 /// noise.
 const SPECIFIC_FORCE: f64 = 0.022;
-/// Specific force from which on its sample may be an outlier, m/s²: what is beyond counts as unknown, so that contacts bring the velocity
-/// back after one sample that is wrong.
+/// Magnitude of the specific force above which a sample may be wrong, m/s². The filter adds the part above it to the standard deviation of the
+/// velocity, so that contact measurements correct the velocity after a wrong sample.
 const OUTLIER_M_S2: f64 = 50.0;
 /// Process noise of the velocity without an accelerometer, (m/s²)/√Hz: 5 m/s² at 500 Hz.
 const UNMEASURED_FORCE: f64 = 0.22;
