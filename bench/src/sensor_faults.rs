@@ -44,7 +44,7 @@ const KINDS: [(&str, SensorFaultKind); 16] = [
 const PHASES: u32 = 4;
 const CYCLES: usize = 6;
 /// Falls that are known: of gaits on two feet with a bias that nothing contradicts for long (docs/tracking.md).
-const FALLS: u32 = 6;
+const FALLS: u32 = 3;
 /// How long before its end the speed of a run is taken, s, and the largest of one that is at rest, m/s.
 const REST_S: f64 = 0.1;
 const REST_M_S: f64 = 0.02;
