@@ -6,7 +6,7 @@
 use crate::files::{self, Named};
 use crate::kind::Kind;
 use crate::shipped;
-use miette::{Report, miette};
+use miette::{Context, Report, miette};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
@@ -115,18 +115,30 @@ struct Beside<'l> {
     robot: Option<TextFile>,
 }
 
+impl Beside<'_> {
+    fn text(&self, named: &str, kind: Kind) -> miette::Result<TextFile> {
+        let text = self.source.text(&beside(self.path, named), Named::InFile, kind);
+        text.wrap_err_with(|| names(self.path, named))
+    }
+}
+
+/// What a file says whose other file cannot be read.
+fn names(path: &Path, named: &str) -> String {
+    format!("{} names `{named}`", path.display())
+}
+
 impl Shelf for Beside<'_> {
     type Error = Report;
 
     fn robot(&mut self, named: &str) -> miette::Result<(Robot, String)> {
-        let text = self.source.text(&beside(self.path, named), Named::InFile, Kind::Robot)?;
+        let text = self.text(named, Kind::Robot)?;
         let (robot, at) = (robot(&text)?, text.path.clone());
         self.robot = Some(text);
         Ok((robot, at))
     }
 
     fn motion(&mut self, named: &str) -> miette::Result<(Robot, Motion, String)> {
-        let text = self.source.text(&beside(self.path, named), Named::InFile, Kind::Motion)?;
+        let text = self.text(named, Kind::Motion)?;
         let at = text.path.clone();
         let (robot, motion) = self.source.beside_motion(text)?.parse()?;
         Ok((robot, motion, at))
@@ -134,7 +146,7 @@ impl Shelf for Beside<'_> {
 
     fn plan(&mut self, named: &str) -> miette::Result<(Plan, String)> {
         let at = beside(self.path, named);
-        let TextFile { path, text } = self.source.text(&at, Named::InFile, Kind::Plan)?;
+        let TextFile { path, text } = self.text(named, Kind::Plan)?;
         let plan = Plan::from_json(&path, &text).map_err(Kind::Plan.explain(&at, &text))?;
         Ok((plan, path))
     }
@@ -192,7 +204,8 @@ impl Source {
         let TextFile { path, text } = &motion;
         let explain = Kind::Motion.explain(Path::new(path), text);
         let robot = Motion::robot_path_in_toml(path, text).map_err(explain)?;
-        let robot = self.text(&beside(Path::new(path), &robot), Named::InFile, Kind::Robot)?;
+        let text = self.text(&beside(Path::new(path), &robot), Named::InFile, Kind::Robot);
+        let robot = text.wrap_err_with(|| names(Path::new(path), &robot))?;
         Ok(MotionTexts { motion, robot })
     }
 

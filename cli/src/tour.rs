@@ -17,6 +17,8 @@ use std::sync::Arc;
 
 /// Timeout for a selected motion to begin, in addition to the duration of the current motion and the transition, µs.
 const SLACK_US: u64 = 5_000_000;
+/// Simulated time between checks for Ctrl-C while a loop goes round, µs.
+const PORTION_US: u64 = 500_000;
 
 /// How a library is played.
 pub struct Options<'a> {
@@ -118,6 +120,9 @@ fn walk(
         here = node;
         played.push(node);
     }
+    if interrupt::requested() {
+        output::say("interrupted: back to SAFE");
+    }
     session.return_to_safe().into_diagnostic()?;
     bar.finish_and_clear();
     if here != safe {
@@ -176,7 +181,12 @@ fn go(
     if library.clip(ClipId(to.0)).is_some_and(|clip| clip.looping) {
         // What is selected next begins at the end of the last round.
         let rounds = f64::from(cycles) - 0.5;
-        session.run_for(seconds(rounds * clip_s(ClipId(to.0)))).into_diagnostic()?;
+        let mut left_us = seconds(rounds * clip_s(ClipId(to.0)));
+        while left_us > 0 && !interrupt::requested() {
+            let portion_us = left_us.min(PORTION_US);
+            session.run_for(portion_us).into_diagnostic()?;
+            left_us -= portion_us;
+        }
     }
     Ok(())
 }

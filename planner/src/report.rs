@@ -188,7 +188,7 @@ impl Report {
         for coarser in &solve.refinements {
             text += &format!("\n{coarser}");
         }
-        if solve.diagnosis.is_some() {
+        if solve.diagnosis.is_some() || solve.status == crate::plan::Status::Interrupted {
             // What would become of it if it were played is no news.
             return text;
         }

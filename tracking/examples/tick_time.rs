@@ -5,7 +5,7 @@
 use cpu_time::ThreadTime;
 use fastrand::Rng;
 use nalgebra::{Isometry3, Rotation3, Vector3};
-use rollwalk_multibody::{State, Tree};
+use rollwalk_multibody::{Standing, State, Tree};
 use rollwalk_robot::{GRAVITY_M_S2, Robot};
 use rollwalk_tracking::model::Costs;
 use rollwalk_tracking::tasks::Weights;
@@ -29,9 +29,11 @@ fn measure(robot: &Robot, ticks: usize) {
     let tree = Tree::new(robot).with_spinning_wheels(|_| 1e-6).with_armature();
     let feet = robot.end_effectors.len();
     let part_n = tree.total_mass_kg() * GRAVITY_M_S2 / feet as f64;
+    // States are about the nominal one, whose body is at the origin: the ground is below it.
+    let body_m = Standing::new(&tree).expect("no wheel lies flat").frames.link_origins[0].z;
     let mut reference = Reference {
         time_s: 0.0,
-        world_from_ground: Isometry3::identity(),
+        world_from_ground: Isometry3::translation(0.0, 0.0, -body_m),
         state: State::nominal(&tree),
         acceleration: vec![0.0; tree.dofs()],
         stands: vec![true; feet],

@@ -296,6 +296,10 @@ fn set(args: &Set) -> miette::Result<Exit> {
             without.join(", ")
         ));
     }
+    // A script that takes a limit for set would go on without one.
+    if set == 0 {
+        return Ok(Exit::NotDone);
+    }
     output::print(&format!(
         "{set} value(s) set, until the next power cycle; `gains save` keeps them"
     ))?;

@@ -64,7 +64,10 @@ fn check(check: &Check) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&check.robot)?;
     let buses = BusLoads::new(&robot).into_diagnostic()?;
     let standing = StandingReport::new(&robot);
-    let mut warnings = standing.as_ref().map_or(Vec::new(), |s| s.warnings().to_vec());
+    let flat = || {
+        vec!["a wheel lies flat in the nominal pose: check `axis_in_link` of the wheels, and `nominal_rad` of the joints that turn them".to_owned()]
+    };
+    let mut warnings = standing.as_ref().map_or_else(flat, |s| s.warnings().to_vec());
     warnings.extend(buses.warnings());
     if check.json {
         let mass_kg = robot.total_mass_kg();

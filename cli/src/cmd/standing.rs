@@ -9,6 +9,8 @@ use std::fmt::Write;
 
 /// Share of its torque limit above which a joint is too weak: on two of four legs, as in a trot, it needs twice as much.
 const SHARE_MAX: f64 = 0.6;
+/// How far a joint may yield as the robot stands, rad; one that yields further hardly carries it, or its stiffness is in N·m per degree.
+const YIELDS_MAX_RAD: f64 = 0.25;
 /// Closest pairs of shapes in the table.
 const PAIRS_SHOWN: usize = 5;
 
@@ -156,6 +158,14 @@ impl StandingReport {
                 100.0 * joint.share,
                 joint.torque_max_nm,
                 100.0 * SHARE_MAX
+            ));
+        }
+        for joint in self.joints.iter().filter(|joint| joint.yields_rad.abs() > YIELDS_MAX_RAD) {
+            let part = joint.yields_rad.abs() / YIELDS_MAX_RAD;
+            warnings.push(format!(
+                "joint `{}` yields by {:.2} rad as the robot stands: `kp_nm_rad` is too small by a factor of {part:.1} at least; N·m per degree times 57.3 is N·m/rad",
+                joint.name,
+                joint.yields_rad.abs(),
             ));
         }
         let margin_mm = 1e3 * self.clearance_margin_m;

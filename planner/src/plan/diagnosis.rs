@@ -126,8 +126,15 @@ impl fmt::Display for Diagnosis {
                 Verdict::Stuck => "where it got stuck, these constraints conflict:",
             }
         )?;
-        for culprit in &self.culprits {
-            writeln!(f, "  {culprit}")?;
+        for (index, culprit) in self.culprits.iter().enumerate() {
+            // One constraint can pull in several ways; what is said twice is said with its field.
+            let same = |other: &Culprit| {
+                let key = |it: &Culprit| (it.constraint, it.subject.clone(), it.time_s);
+                other.field.is_some() && key(other) == key(culprit)
+            };
+            if culprit.field.is_some() || !self.culprits[..index].iter().any(same) {
+                writeln!(f, "  {culprit}")?;
+            }
         }
         // One piece of advice for each kind of constraint: a request, a limit, the build of the robot.
         let mut parts: Vec<&Culprit> = Vec::new();
@@ -172,6 +179,33 @@ mod tests {
             advice: String::new(),
         };
         culprit.to_string()
+    }
+
+    #[test]
+    fn a_constraint_that_pulls_twice_is_shown_with_its_field() {
+        let culprit = |part, field: Option<&str>, worst| Culprit {
+            constraint: Family::ContactPoint,
+            part,
+            subject: Some("front_left".to_owned()),
+            time_s: [0.04, 0.35],
+            worst,
+            unit: "m".to_owned(),
+            share: 0.5,
+            field: field.map(str::to_owned),
+            given: field.map(|_| 0.5),
+            would_do: field.map(|_| 0.7),
+            advice: "help".to_owned(),
+        };
+        let shown = |culprits: Vec<Culprit>| {
+            let diagnosis = Diagnosis { verdict: Verdict::Stuck, culprits };
+            diagnosis.to_string().matches("contact point of front_left").count()
+        };
+        let kind = Family::ContactPoint.kind();
+        let named = || culprit(kind, Some("duration_s"), 1.6e-4);
+        assert_eq!(shown(vec![named(), culprit(kind, None, 1.6e-4)]), 1);
+        assert_eq!(shown(vec![culprit(kind, None, 1.6e-4)]), 1);
+        let other = Culprit { time_s: [0.5, 0.6], ..culprit(kind, None, 1.6e-4) };
+        assert_eq!(shown(vec![named(), other]), 2);
     }
 
     #[test]

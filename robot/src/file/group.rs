@@ -6,7 +6,11 @@
 
 use super::fields::{byte, named, vector};
 use crate::document::Table;
+use crate::rules;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// Where a limb or a joint is.
+pub(super) const ORIGIN: &str = "origin_in_parent_m";
 
 /// A limb: a template placed on a link.
 #[derive(Debug)]
@@ -27,12 +31,21 @@ impl<'d> Limb<'d> {
             name: named(&mut table, "limb"),
             template: table.string("template").unwrap_or_default(),
             parent: table.string("parent").unwrap_or_default(),
-            origin_m: vector(&table, "origin_in_parent_m"),
+            origin_m: vector(&table, ORIGIN),
             mirrored: table.choice("side", &["left", "right"]) == Some(1),
             bus: byte(&table, "bus"),
             first_id: byte(&table, "first_id"),
             table,
         };
+        if !rules::is_a_length(&limb.origin_m) {
+            // Rules see the sum of this and what the template adds, and would point there.
+            limb.table.fault(
+                ORIGIN,
+                format_args!("is {}", rules::show(&limb.origin_m)),
+                "here",
+                rules::LENGTH_HELP,
+            );
+        }
         limb.table.done();
         limb
     }

@@ -7,7 +7,7 @@ use super::buses;
 use super::fields::{
     axis, byte, data_sheet, drag, mass, named, number, rpy, soft_material, vector,
 };
-use super::group::{Group, Limb};
+use super::group::{Group, Limb, ORIGIN};
 use super::parts::{self, MassProperties};
 use super::places::{Places, Source};
 use super::shapes::shape;
@@ -19,7 +19,7 @@ use crate::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use crate::solid::Solid;
 use nalgebra::{Isometry3, Translation3, Vector3};
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::ops::RangeInclusive;
 
 /// Name in templates of the link that the limb is placed on.
@@ -89,6 +89,9 @@ pub(super) fn robot<'d>(
             document.fault(span, message, label, help);
         }
     }
+    if document.is_clean() {
+        limbs.iter().for_each(|limb| reader.check_place(limb));
+    }
     document.is_clean().then_some((reader.robot, reader.parts, reader.places))
 }
 
@@ -107,6 +110,8 @@ struct Reader<'r, 'd> {
     /// Parts of every link.
     parts: Vec<Vec<Solid>>,
     places: Places<'d>,
+    /// Limbs with a joint on the link that they are placed on.
+    placed: HashSet<String>,
     /// Faults of names that nothing carries: place, message, label and help.
     unresolved: RefCell<Vec<(Span, String, String, String)>>,
 }
@@ -126,7 +131,19 @@ impl<'r, 'd> Reader<'r, 'd> {
             },
             parts: Vec::new(),
             places: Places::new(root),
+            placed: HashSet::new(),
             unresolved: RefCell::default(),
+        }
+    }
+
+    /// A fault where the place of a limb has no effect.
+    fn check_place(&self, limb: &Limb<'d>) {
+        if !self.placed.contains(&limb.name) {
+            let help = format!(
+                "give the first joint of the template `{}` the parent \"{MOUNT}\": that is where the limb is placed",
+                limb.template
+            );
+            limb.table.fault(ORIGIN, "is used by no joint", "not used", help);
         }
     }
 
@@ -176,13 +193,14 @@ impl<'r, 'd> Reader<'r, 'd> {
         let name = named(&mut table, "joint");
         let parent = table.string("parent").unwrap_or_default();
         let child = table.string("child").unwrap_or_default();
-        let origin_m = vector(&table, "origin_in_parent_m");
+        let origin_m = vector(&table, ORIGIN);
         let rpy_rad = rpy(&table);
         let axis = axis(&table, "axis_in_joint");
         let [position_min_rad, position_max_rad, nominal_rad] =
             ["position_min_rad", "position_max_rad", "nominal_rad"].map(|key| number(&table, key));
         let (parent, mount_m) = match group.limb {
             Some(limb) if parent == MOUNT => {
+                self.placed.insert(limb.name.clone());
                 (self.link_index(&limb.table, "parent", &limb.parent), limb.origin_m)
             }
             limb => {

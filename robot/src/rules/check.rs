@@ -11,6 +11,9 @@ use std::fmt;
 
 /// Lengths and offsets of a robot that fits on a desk or in a hall, m.
 pub(crate) const LENGTH_MAX_M: f64 = 10.0;
+/// What is right for a vector that [`is_a_length`] refuses.
+pub(crate) const LENGTH_HELP: &str =
+    "each coordinate is within ±10 m; millimetres need dividing by 1000";
 /// Largest radius of a capsule, m.
 pub(super) const RADIUS_MAX_M: f64 = 1.0;
 /// Most items of a kind: a controller has 24 channels, and what they move is hardly more. Bounds the time of all rules.
@@ -102,7 +105,8 @@ impl Check<'_> {
     fn name(&mut self, name: &str, taken: bool) {
         let fits = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
         if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(fits) {
-            let help = format!("names have 1 to {MAX_NAME} letters, digits, `_` or `-`");
+            let help =
+                format!("names have 1 to {MAX_NAME} letters a to z or A to Z, digits, `_` or `-`");
             self.violated("name", format_args!("cannot be \"{name}\""), help);
         } else if taken {
             self.violated("name", "is used twice", "give every item of a kind its own name");
@@ -110,11 +114,8 @@ impl Check<'_> {
     }
 
     pub(super) fn vector(&mut self, field: &'static str, vector: &Vector3<f64>) {
-        if !vector.iter().all(|value| value.abs() <= LENGTH_MAX_M) {
-            let help = format!(
-                "each coordinate is within ±{LENGTH_MAX_M} m; millimetres need dividing by 1000"
-            );
-            self.violated(field, format_args!("is {}", show(vector)), help);
+        if !is_a_length(vector) {
+            self.violated(field, format_args!("is {}", show(vector)), LENGTH_HELP);
         }
     }
 
@@ -221,7 +222,12 @@ pub(super) enum Bound {
     Above(f64),
 }
 
+/// Whether every coordinate is one of a robot.
+pub(crate) fn is_a_length(vector: &Vector3<f64>) -> bool {
+    vector.iter().all(|value| value.abs() <= LENGTH_MAX_M)
+}
+
 /// A vector as robot files have it.
-pub(super) fn show(vector: &Vector3<f64>) -> String {
+pub(crate) fn show(vector: &Vector3<f64>) -> String {
     format!("[{}, {}, {}]", vector.x, vector.y, vector.z)
 }

@@ -104,12 +104,24 @@ impl Check<'_> {
         let mm = "; N·mm need dividing by 1000";
         self.range("torque_max_nm", motor.torque_max_nm, positive, TORQUE_MAX_NM, "N·m", mm);
         if let Some(line) = &motor.torque_speed {
+            let stall_nm = line.stall_torque_nm;
+            self.range("stall_torque_nm", stall_nm, positive, 1000.0, "N·m", mm);
+            let free_rad_s = line.no_load_speed_rad_s;
+            self.range("no_load_speed_rad_s", free_rad_s, positive, 1000.0, "rad/s", rpm);
             // The line bounds what the motor can do: limits beyond its ends are no limits.
-            let stall = Bound::AtLeast(motor.torque_max_nm);
-            self.range("stall_torque_nm", line.stall_torque_nm, stall, 1000.0, "N·m", "");
-            let free = Bound::AtLeast(motor.speed_max_rad_s);
-            let speed = line.no_load_speed_rad_s;
-            self.range("no_load_speed_rad_s", speed, free, 1000.0, "rad/s", "");
+            if motor.torque_max_nm > stall_nm {
+                let help =
+                    format!("the motor stalls at {stall_nm} N·m: allowed is at most that{mm}");
+                let problem = format_args!("is {} N·m", motor.torque_max_nm);
+                self.violated("torque_max_nm", problem, help);
+            }
+            if motor.speed_max_rad_s > free_rad_s {
+                let help = format!(
+                    "the motor turns no faster than its `no_load_speed_rad_s`, {free_rad_s} rad/s{rpm}"
+                );
+                let problem = format_args!("is {} rad/s", motor.speed_max_rad_s);
+                self.violated("speed_max_rad_s", problem, help);
+            }
         }
         self.range(
             "kp_nm_rad",

@@ -194,7 +194,7 @@ fn names_that_are_unknown_or_taken() {
         "name = \"tiny robot\"",
         "name = \"tiny robot\"",
         "cannot be \"tiny robot\"",
-        "letters, digits",
+        "digits, `_` or `-`",
     );
     // Where it is wrong, and not at all the parts that it names.
     for (from, to, words) in [
@@ -209,6 +209,24 @@ fn names_that_are_unknown_or_taken() {
         let found = faults(from, to);
         assert!(found.len() == 1 && found[0].1.contains(words), "{found:#?}");
     }
+}
+
+#[test]
+fn a_limb_is_placed_where_its_origin_says() {
+    let far = "origin_in_parent_m = [200, 130, 0]";
+    let found = faults(
+        "origin_in_parent_m = [-0.1, 0.1, 0.0]\nside = \"left\"",
+        &format!("{far}\nside = \"left\""),
+    );
+    assert!(found.len() == 1 && found[0].1.contains("[200, 130, 0]"), "{found:#?}");
+    assert!(found[0].2.contains("millimetres"), "{found:#?}");
+    let text =
+        ROBOT.replacen("origin_in_parent_m = [-0.1, 0.1, 0.0]\nside", &format!("{far}\nside"), 1);
+    let line = text[..text.find(far).unwrap()].lines().count() + 1;
+    assert_eq!(found[0].0, line, "{found:#?}");
+    let unused = faults("parent = \"mount\"", "parent = \"body\"");
+    assert!(unused.iter().all(|fault| fault.1.contains("is used by no joint")), "{unused:#?}");
+    assert!(!unused.is_empty() && unused[0].2.contains("`leg`"), "{unused:#?}");
 }
 
 #[test]

@@ -16,6 +16,7 @@ use crate::{Exit, files, inputs};
 use clap::ValueEnum;
 use conductor::Conductor;
 use miette::{IntoDiagnostic, miette};
+use rollwalk_bus::port::Live;
 use rollwalk_host::listener;
 use rollwalk_host::operator::Operator;
 use rollwalk_host::session::SessionError;
@@ -32,7 +33,7 @@ use std::path::PathBuf;
 /// Control in closed loop: play motions on a robot, or track a plan for another simulator.
 ///
 /// With a library file and --bus it is the robot's host: it plans the library's motions and transitions, arms the robot, and plays the motions of --play one after the
-/// other, from SAFE to SAFE. The controller sends what it measures up to 120 times a second, and the program answers with a setpoint and a torque for every motor. All limits
+/// other, from SAFE to SAFE. The controller sends what it measures 120 times a second, or as --rate says, and the program answers with a setpoint and a torque for every motor. All limits
 /// and watchdogs of the controller stay in force: without answers the robot holds still, and after a second and a quarter it is let down where it is. The robot needs an IMU, motors that take
 /// torques, and the same library in its flash. Ctrl-C completes the cycle that has begun, and takes the robot home; a second one ends the program at once.
 ///
@@ -145,6 +146,8 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let library = inputs::Source::Disk.library(&args.file)?;
     check(&library.robot)?;
     route::check(&library, &args.play)?;
+    // Planning may take minutes: what is wrong with the bus is said before.
+    drop(open(link)?);
     let Some(plans) = planning::plan_all(&library, false)? else { return Ok(Exit::Interrupted) };
     let built = plans.pack(&library)?;
     let legs = route::legs(&library, &plans, &args.play)?;
@@ -155,13 +158,17 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let mut conductor = Conductor::new(sequence, robot, wheels, tracking(rate_hz), id);
     let catalog = Packed::new(robot.clone(), built.bytes)?.catalog();
     let peer = link.peer()?;
-    let mut bus = link.live().map_err(cannot_open)?;
+    let mut bus = open(link)?;
     if listener::find_host(&mut bus, link.node).is_ok_and(|listener| listener.has_host()) {
         return Ok(ended(link, &SessionError::HasHost { node: link.node.number() }));
     }
     let mut operator = Operator::new(peer, Some(catalog.config_hash));
     operator.set_catalog(Some(catalog));
     Ok(live::run(link, bus, operator, &mut conductor))
+}
+
+fn open(link: &LinkArgs) -> miette::Result<Live> {
+    link.live().map_err(cannot_open)
 }
 
 /// When ticks act, until the latency is measured: an answer is usually a sample late, of measurements that are a sample old.
@@ -177,7 +184,10 @@ fn tracking(rate_hz: u32) -> Tracking {
 }
 
 /// Checks that a robot measures what a tick needs, and that its motors can do what it wants.
-fn check(robot: &Robot) -> miette::Result<()> {
+///
+/// # Errors
+/// The first that cannot.
+pub(super) fn check(robot: &Robot) -> miette::Result<()> {
     if let Some(wheel) = robot.end_effectors.iter().find(|of| of.contact.freewheels()) {
         return Err(no_encoder(robot, &wheel.name));
     }

@@ -12,6 +12,8 @@ use rollwalk_protocol::wire::{State, Status};
 const SLACK_US: u64 = 5_000_000;
 /// Interval between checks for Ctrl-C while a motion plays, µs.
 const PORTION_US: u64 = 100_000;
+/// How long before the end of a loop what follows is asked for, s: longer than a status and a command take.
+const LEAD_S: f64 = 0.25;
 
 /// Plays all motions, one after the other, and waits for the end of each. If another program is the host, the last one
 /// continues after this program has ended.
@@ -70,13 +72,17 @@ fn wait_for(
     })
 }
 
-/// Waits until a motion that ends has ended; gives a loop its time.
+/// Waits until a motion that ends has ended; gives a loop its time, to the end of the round in which it is over.
 fn finish(session: &mut LiveSession, chosen: &Chosen, motion: &Motion) -> Result<(), SessionError> {
     let round = f64::from(motion.frames) / f64::from(RATE_HZ);
     let node = chosen.motion.map(|(node, _)| node);
-    if motion.looping || chosen.seconds.is_some() {
-        let duration_us = micros(chosen.seconds.unwrap_or(round));
-        return run_for(session, duration_us, node.filter(|_| motion.looping));
+    if motion.looping {
+        let frame = session.status().map_or(0, |status| status.frame);
+        let duration = loop_s(chosen.seconds.unwrap_or(round), frame);
+        return run_for(session, micros(duration), node);
+    }
+    if let Some(seconds) = chosen.seconds {
+        return run_for(session, micros(seconds), None);
     }
     let last = motion.frames.saturating_sub(1);
     wait_also_while_paused(
@@ -95,6 +101,12 @@ fn finish(session: &mut LiveSession, chosen: &Chosen, motion: &Motion) -> Result
             }
         },
     )
+}
+
+/// How long to wait in a loop that is to play for `seconds` and is at `frame`. It is left at the end of a round; what follows is asked for before
+/// that, or the loop would go round once more.
+fn loop_s(seconds: f64, frame: u16) -> f64 {
+    (seconds - f64::from(frame) / f64::from(RATE_HZ) - LEAD_S).max(0.0)
 }
 
 /// Pauses by other programs.
@@ -171,4 +183,21 @@ fn run_for(
 
 fn micros(seconds: f64) -> u64 {
     (seconds * 1e6) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_follows_a_loop_is_asked_for_within_its_last_round() {
+        // 96 frames a round: 1.6 s.
+        for (seconds, rounds) in [(1.6, 1.0), (1.7, 1.0), (3.2, 2.0), (4.0, 3.0)] {
+            for frame in [0, 3, 12] {
+                let asked_s = f64::from(frame) / 60.0 + loop_s(seconds, frame);
+                assert_eq!((asked_s / 1.6).ceil(), rounds, "{seconds} s from frame {frame}");
+            }
+        }
+        assert_eq!(loop_s(0.1, 12), 0.0);
+    }
 }

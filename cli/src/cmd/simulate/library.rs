@@ -5,7 +5,7 @@ use crate::files::Rotation;
 use crate::output::Table;
 use crate::packed::Packed;
 use crate::terrain::Support;
-use crate::tour::{self, Options};
+use crate::tour::{self, Options, Played};
 use crate::{Exit, interrupt, output};
 use miette::miette;
 use rollwalk_physics::world::{Totals, Way};
@@ -71,7 +71,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let packed = Packed::read(&args.what, args.robot.as_deref())?;
     let ground = args.ground.under(Support::Ground, &packed.robot)?;
     interrupt::listen();
-    let played = tour::play(
+    let Played { rig, travels, session_s, stopped, .. } = tour::play(
         &packed,
         Options {
             ground: ground.as_ref(),
@@ -80,11 +80,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             cycles: args.cycles,
             world_log: args.world_log.begin(&packed.robot, Rotation::OFF)?,
         },
-    );
-    let played = played?;
-    if interrupt::requested() {
-        return Ok(Exit::Interrupted);
-    }
+    )?;
     let catalog = packed.catalog();
     let row = |travel: &Travel| Row {
         name: catalog.clip(travel.clip.0).unwrap_or_default(),
@@ -92,18 +88,21 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         way: travel.way(),
         totals: travel.totals(),
     };
-    let falls = played.rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();
+    let falls = rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();
     let document = Document {
         robot: packed.robot.name.clone(),
-        session_s: played.session_s,
-        travels: played.travels.iter().map(row).collect(),
+        session_s,
+        travels: travels.iter().map(row).collect(),
         falls: falls.iter().map(FallRow::from).collect(),
-        stopped: played.stopped.as_ref().map(ToString::to_string),
+        stopped: stopped.as_ref().map(ToString::to_string),
     };
     if args.json {
         output::print_json(&document)?;
     } else {
         output::print(&describe(&document))?;
+    }
+    if interrupt::requested() {
+        return Ok(Exit::Interrupted);
     }
     let holds = document.falls.is_empty() && document.stopped.is_none();
     Ok(if holds { Exit::Ok } else { Exit::DoesNotHold })

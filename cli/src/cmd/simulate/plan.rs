@@ -1,6 +1,7 @@
 //! A plan without bus and controller, compared with what becomes of it.
 
 use super::Args;
+use crate::cmd::control;
 use crate::files::Rotation;
 use crate::{Exit, inputs, interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -57,6 +58,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             ..Mismatch::default()
         },
     };
+    if args.tracking
+        && let Err(unfit) = control::check(&plan.robot)
+    {
+        output::say_warnings(&[format!("on the robot this is not possible: {unfit}")]);
+    }
     interrupt::listen();
     let bar = ProgressBar::new(1000).with_style(
         ProgressStyle::with_template("{spinner} {wide_bar} {percent} %")
