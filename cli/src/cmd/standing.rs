@@ -161,9 +161,8 @@ impl StandingReport {
             ));
         }
         for joint in self.joints.iter().filter(|joint| joint.yields_rad.abs() > YIELDS_MAX_RAD) {
-            let part = joint.yields_rad.abs() / YIELDS_MAX_RAD;
             warnings.push(format!(
-                "joint `{}` yields by {:.2} rad as the robot stands: `kp_nm_rad` is too small by a factor of {part:.1} at least; N·m per degree times 57.3 is N·m/rad",
+                "joint `{}` yields by {:.2} rad as the robot stands, which is too much to carry it: a larger `kp_nm_rad`; a value in N·m per degree has to be multiplied by 57.3",
                 joint.name,
                 joint.yields_rad.abs(),
             ));

@@ -126,14 +126,12 @@ impl fmt::Display for Diagnosis {
                 Verdict::Stuck => "where it got stuck, these constraints conflict:",
             }
         )?;
-        for (index, culprit) in self.culprits.iter().enumerate() {
-            // One constraint can pull in several ways; what is said twice is said with its field.
-            let same = |other: &Culprit| {
-                let key = |it: &Culprit| (it.constraint, it.subject.clone(), it.time_s);
-                other.field.is_some() && key(other) == key(culprit)
-            };
-            if culprit.field.is_some() || !self.culprits[..index].iter().any(same) {
-                writeln!(f, "  {culprit}")?;
+        let shown: Vec<String> = self.culprits.iter().map(ToString::to_string).collect();
+        for (culprit, text) in self.culprits.iter().zip(&shown) {
+            // Of two that read the same up to the field, only the one with its field.
+            let longer = |other: &String| other.len() > text.len() && other.starts_with(text);
+            if culprit.field.is_some() || !shown.iter().any(longer) {
+                writeln!(f, "  {text}")?;
             }
         }
         // One piece of advice for each kind of constraint: a request, a limit, the build of the robot.
@@ -182,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constraint_that_pulls_twice_is_shown_with_its_field() {
+    fn of_two_culprits_that_read_the_same_the_one_with_a_field_is_shown() {
         let culprit = |part, field: Option<&str>, worst| Culprit {
             constraint: Family::ContactPoint,
             part,
@@ -203,6 +201,8 @@ mod tests {
         let kind = Family::ContactPoint.kind();
         let named = || culprit(kind, Some("duration_s"), 1.6e-4);
         assert_eq!(shown(vec![named(), culprit(kind, None, 1.6e-4)]), 1);
+        assert_eq!(shown(vec![culprit(kind, None, 1.6e-4), named()]), 1);
+        assert_eq!(shown(vec![named(), culprit(kind, None, 9e-4)]), 2);
         assert_eq!(shown(vec![culprit(kind, None, 1.6e-4)]), 1);
         let other = Culprit { time_s: [0.5, 0.6], ..culprit(kind, None, 1.6e-4) };
         assert_eq!(shown(vec![named(), other]), 2);

@@ -75,8 +75,11 @@ impl fmt::Display for Conclusion<'_> {
                 f.write_str("does not hold, the plan was changed since it converged: ")?;
                 worst(f, false)
             }
-            // The nearest point without costs.
-            Judgement::NotConverged if *worst_level <= ACCEPTED_LEVEL => write!(
+            // The point is that of the feasibility probe.
+            Judgement::NotConverged
+                if matches!(status, Status::Infeasible | Status::Stalled)
+                    && *worst_level <= ACCEPTED_LEVEL =>
+            write!(
                 f,
                 "did not converge ({status}): without costs all constraints can be met, and with them the solver gets stuck"
             ),

@@ -90,7 +90,12 @@ pub(super) fn robot<'d>(
         }
     }
     if document.is_clean() {
-        limbs.iter().for_each(|limb| reader.check_place(limb));
+        for limb in &limbs {
+            let template = templates.get(limb.template.as_str());
+            if template.is_some_and(|table| !table.tables("joint").is_empty()) {
+                reader.check_place(limb);
+            }
+        }
     }
     document.is_clean().then_some((reader.robot, reader.parts, reader.places))
 }
@@ -138,7 +143,7 @@ impl<'r, 'd> Reader<'r, 'd> {
 
     /// A fault where the place of a limb has no effect.
     fn check_place(&self, limb: &Limb<'d>) {
-        if !self.placed.contains(&limb.name) {
+        if !self.placed.contains(&limb.name) && limb.origin_m != Vector3::zeros() {
             let help = format!(
                 "give the first joint of the template `{}` the parent \"{MOUNT}\": that is where the limb is placed",
                 limb.template

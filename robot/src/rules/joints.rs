@@ -109,15 +109,16 @@ impl Check<'_> {
             let free_rad_s = line.no_load_speed_rad_s;
             self.range("no_load_speed_rad_s", free_rad_s, positive, 1000.0, "rad/s", rpm);
             // The line bounds what the motor can do: limits beyond its ends are no limits.
-            if motor.torque_max_nm > stall_nm {
-                let help =
-                    format!("the motor stalls at {stall_nm} N·m: allowed is at most that{mm}");
+            if (f64::MIN_POSITIVE..motor.torque_max_nm).contains(&stall_nm) {
+                let help = format!(
+                    "at most `stall_torque_nm`, {stall_nm} N·m: lower this, or correct that"
+                );
                 let problem = format_args!("is {} N·m", motor.torque_max_nm);
                 self.violated("torque_max_nm", problem, help);
             }
-            if motor.speed_max_rad_s > free_rad_s {
+            if (f64::MIN_POSITIVE..motor.speed_max_rad_s).contains(&free_rad_s) {
                 let help = format!(
-                    "the motor turns no faster than its `no_load_speed_rad_s`, {free_rad_s} rad/s{rpm}"
+                    "at most `no_load_speed_rad_s`, {free_rad_s} rad/s: lower this, or correct that{rpm}"
                 );
                 let problem = format_args!("is {} rad/s", motor.speed_max_rad_s);
                 self.violated("speed_max_rad_s", problem, help);

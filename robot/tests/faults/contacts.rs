@@ -55,10 +55,10 @@ fn a_torque_speed_line_has_two_ends_beyond_the_limits() {
     // The same data sheet serves several motors; each says so.
     let weak = fault("stall_torque_nm = 1.0\nno_load_speed_rad_s = 8.0");
     assert!(weak[0].1.contains("`torque_max_nm` is 2 N·m"), "{weak:?}");
-    assert!(weak[0].2.contains("stalls at 1 N·m"), "{weak:?}");
+    assert!(weak[0].2.contains("`stall_torque_nm`, 1 N·m"), "{weak:?}");
     let slow = fault("stall_torque_nm = 3.0\nno_load_speed_rad_s = 4.0");
     assert!(slow[0].1.contains("`speed_max_rad_s` is 5 rad/s"), "{slow:?}");
-    assert!(slow[0].2.contains("4 rad/s; 1 rev/min is"), "{slow:?}");
+    assert!(slow[0].2.contains("`no_load_speed_rad_s`, 4 rad/s"), "{slow:?}");
 }
 
 #[test]

@@ -146,8 +146,12 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let library = inputs::Source::Disk.library(&args.file)?;
     check(&library.robot)?;
     route::check(&library, &args.play)?;
-    // Planning may take minutes: what is wrong with the bus is said before.
-    drop(open(link)?);
+    let peer = link.peer()?;
+    let host = SessionError::HasHost { node: link.node.number() };
+    // Planning may take minutes, in which another host may come: what is wrong already is said before.
+    if has_host(&mut open(link)?, link) {
+        return Ok(ended(link, &host));
+    }
     let Some(plans) = planning::plan_all(&library, false)? else { return Ok(Exit::Interrupted) };
     let built = plans.pack(&library)?;
     let legs = route::legs(&library, &plans, &args.play)?;
@@ -157,10 +161,9 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let id = identity(&built.bytes).expect("it was just built");
     let mut conductor = Conductor::new(sequence, robot, wheels, tracking(rate_hz), id);
     let catalog = Packed::new(robot.clone(), built.bytes)?.catalog();
-    let peer = link.peer()?;
     let mut bus = open(link)?;
-    if listener::find_host(&mut bus, link.node).is_ok_and(|listener| listener.has_host()) {
-        return Ok(ended(link, &SessionError::HasHost { node: link.node.number() }));
+    if has_host(&mut bus, link) {
+        return Ok(ended(link, &host));
     }
     let mut operator = Operator::new(peer, Some(catalog.config_hash));
     operator.set_catalog(Some(catalog));
@@ -169,6 +172,10 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
 
 fn open(link: &LinkArgs) -> miette::Result<Live> {
     link.live().map_err(cannot_open)
+}
+
+fn has_host(bus: &mut Live, link: &LinkArgs) -> bool {
+    listener::find_host(bus, link.node).is_ok_and(|listener| listener.has_host())
 }
 
 /// When ticks act, until the latency is measured: an answer is usually a sample late, of measurements that are a sample old.

@@ -14,6 +14,8 @@ const SLACK_US: u64 = 5_000_000;
 const PORTION_US: u64 = 100_000;
 /// How long before the end of a loop what follows is asked for, s: longer than a status and a command take.
 const LEAD_S: f64 = 0.25;
+/// Part of a round by which what is asked for may exceed whole rounds, for seconds that were rounded.
+const OF_A_ROUND: f64 = 0.01;
 
 /// Plays all motions, one after the other, and waits for the end of each. If another program is the host, the last one
 /// continues after this program has ended.
@@ -41,7 +43,8 @@ pub fn play(
             Some((node, motion)) => {
                 wait_for(session, chosen, node, ack.value)?;
                 output::say(format_args!("playing {}", motion.name));
-                finish(session, chosen, motion)?;
+                // A loop that plays goes on: there is nothing to wait for.
+                finish(session, chosen, motion, speed_64ths, ack.value == 0)?;
             }
             // Its duration is unknown without a catalog.
             None => {
@@ -73,12 +76,21 @@ fn wait_for(
 }
 
 /// Waits until a motion that ends has ended; gives a loop its time, to the end of the round in which it is over.
-fn finish(session: &mut LiveSession, chosen: &Chosen, motion: &Motion) -> Result<(), SessionError> {
+fn finish(
+    session: &mut LiveSession,
+    chosen: &Chosen,
+    motion: &Motion,
+    speed_64ths: i8,
+    played_before: bool,
+) -> Result<(), SessionError> {
     let round = f64::from(motion.frames) / f64::from(RATE_HZ);
     let node = chosen.motion.map(|(node, _)| node);
     if motion.looping {
         let frame = session.status().map_or(0, |status| status.frame);
-        let duration = loop_s(chosen.seconds.unwrap_or(round), frame);
+        let frame_s = 64.0 / (f64::from(RATE_HZ) * f64::from(speed_64ths));
+        let round_s = f64::from(motion.frames) * frame_s;
+        let playing = Loop { round_s, at_s: f64::from(frame) * frame_s, played_before };
+        let duration = playing.wait_s(chosen.seconds.unwrap_or(round_s));
         return run_for(session, micros(duration), node);
     }
     if let Some(seconds) = chosen.seconds {
@@ -103,10 +115,24 @@ fn finish(session: &mut LiveSession, chosen: &Chosen, motion: &Motion) -> Result
     )
 }
 
-/// How long to wait in a loop that is to play for `seconds` and is at `frame`. It is left at the end of a round; what follows is asked for before
-/// that, or the loop would go round once more.
-fn loop_s(seconds: f64, frame: u16) -> f64 {
-    (seconds - f64::from(frame) / f64::from(RATE_HZ) - LEAD_S).max(0.0)
+/// Playback of a loop, in seconds at the speed at which it is played.
+struct Loop {
+    /// Duration of a round.
+    round_s: f64,
+    /// Position within the present round.
+    at_s: f64,
+    /// Whether it played before it was asked for.
+    played_before: bool,
+}
+
+impl Loop {
+    /// How long to wait before what follows is asked for: shortly before the end of the round in which `wanted_s` are over, or the loop would go
+    /// round once more.
+    fn wait_s(&self, wanted_s: f64) -> f64 {
+        let begun_s = if self.played_before { self.at_s } else { 0.0 };
+        let rounds = ((begun_s + wanted_s) / self.round_s - OF_A_ROUND).ceil();
+        (rounds * self.round_s - self.at_s - LEAD_S).max(0.0)
+    }
 }
 
 /// Pauses by other programs.
@@ -190,14 +216,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_follows_a_loop_is_asked_for_within_its_last_round() {
-        // 96 frames a round: 1.6 s.
-        for (seconds, rounds) in [(1.6, 1.0), (1.7, 1.0), (3.2, 2.0), (4.0, 3.0)] {
-            for frame in [0, 3, 12] {
-                let asked_s = f64::from(frame) / 60.0 + loop_s(seconds, frame);
-                assert_eq!((asked_s / 1.6).ceil(), rounds, "{seconds} s from frame {frame}");
+    fn what_follows_a_loop_is_asked_for_in_the_last_round_that_was_wanted() {
+        let round_s = 1.6;
+        for (wanted_s, rounds) in [(1.6, 1.0), (1.7, 2.0), (3.2, 2.0), (4.0, 3.0)] {
+            for at_s in [0.0, 0.05, 0.2] {
+                let new = Loop { round_s, at_s, played_before: false };
+                let asked_s = at_s + new.wait_s(wanted_s);
+                assert_eq!((asked_s / round_s).ceil(), rounds, "{wanted_s} s from {at_s} s");
             }
         }
-        assert_eq!(loop_s(0.1, 12), 0.0);
+        // One that plays already goes on for so long from now: from 1.15 s to the end of the second round.
+        let old = Loop { round_s, at_s: 1.15, played_before: true };
+        assert!((old.wait_s(round_s) - (3.2 - 1.15 - LEAD_S)).abs() < 1e-9);
+        let short = Loop { round_s: 0.2, at_s: 0.1, played_before: false };
+        assert_eq!(short.wait_s(0.2), 0.0);
     }
 }

@@ -94,7 +94,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         session_s,
         travels: travels.iter().map(row).collect(),
         falls: falls.iter().map(FallRow::from).collect(),
-        stopped: stopped.as_ref().map(ToString::to_string),
+        stopped: match stopped {
+            Some(why) => Some(why.to_string()),
+            None => interrupt::requested().then(|| "interrupted".to_owned()),
+        },
     };
     if args.json {
         output::print_json(&document)?;
