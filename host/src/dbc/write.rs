@@ -4,7 +4,7 @@ use super::{Coding, Database, Message, Order, Presence, Signal};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-/// Keyword of the format for an unspecified node.
+/// Name that the DBC format reserves for an unspecified node; it is not a placeholder of ours.
 const ANY_NODE: &str = "Vector__XXX";
 
 pub(super) fn dbc(database: &Database) -> String {

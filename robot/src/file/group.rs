@@ -43,7 +43,7 @@ impl<'d> Limb<'d> {
                 ORIGIN,
                 format_args!("is {}", rules::show(&limb.origin_m)),
                 "here",
-                rules::LENGTH_HELP,
+                rules::length_help(),
             );
         }
         limb.table.done();

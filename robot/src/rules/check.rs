@@ -12,8 +12,9 @@ use std::fmt;
 /// Lengths and offsets of a robot that fits on a desk or in a hall, m.
 pub(crate) const LENGTH_MAX_M: f64 = 10.0;
 /// What is right for a vector that [`is_a_length`] refuses.
-pub(crate) const LENGTH_HELP: &str =
-    "each coordinate is within ±10 m; millimetres need dividing by 1000";
+pub(crate) fn length_help() -> String {
+    format!("each coordinate is within ±{LENGTH_MAX_M} m; millimetres need dividing by 1000")
+}
 /// Largest radius of a capsule, m.
 pub(super) const RADIUS_MAX_M: f64 = 1.0;
 /// Most items of a kind: a controller has 24 channels, and what they move is hardly more. Bounds the time of all rules.
@@ -115,7 +116,7 @@ impl Check<'_> {
 
     pub(super) fn vector(&mut self, field: &'static str, vector: &Vector3<f64>) {
         if !is_a_length(vector) {
-            self.violated(field, format_args!("is {}", show(vector)), LENGTH_HELP);
+            self.violated(field, format_args!("is {}", show(vector)), length_help());
         }
     }
 

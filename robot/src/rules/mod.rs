@@ -12,7 +12,7 @@ mod links;
 mod upright;
 
 use check::Check;
-pub(crate) use check::{ITEMS_MAX, LENGTH_HELP, LENGTH_MAX_M, is_a_length, show, violations};
+pub(crate) use check::{ITEMS_MAX, LENGTH_MAX_M, is_a_length, length_help, show, violations};
 
 use std::fmt;
 

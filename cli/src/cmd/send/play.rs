@@ -14,8 +14,8 @@ const SLACK_US: u64 = 5_000_000;
 const PORTION_US: u64 = 100_000;
 /// How long before the end of a loop what follows is asked for, s: longer than a status and a command take.
 const LEAD_S: f64 = 0.25;
-/// Part of a round by which what is asked for may exceed whole rounds, for seconds that were rounded.
-const OF_A_ROUND: f64 = 0.01;
+/// Tolerance on the requested number of rounds: with rounds of 1.6 s, 3.21 s is two rounds and not three.
+const ROUNDS_TOLERANCE: f64 = 0.01;
 
 /// Plays all motions, one after the other, and waits for the end of each. If another program is the host, the last one
 /// continues after this program has ended.
@@ -43,7 +43,7 @@ pub fn play(
             Some((node, motion)) => {
                 wait_for(session, chosen, node, ack.value)?;
                 output::say(format_args!("playing {}", motion.name));
-                // A loop that plays goes on: there is nothing to wait for.
+                // The controller acknowledges a loop that already plays with a delay of 0.
                 finish(session, chosen, motion, speed_64ths, ack.value == 0)?;
             }
             // Its duration is unknown without a catalog.
@@ -130,7 +130,7 @@ impl Loop {
     /// round once more.
     fn wait_s(&self, wanted_s: f64) -> f64 {
         let begun_s = if self.played_before { self.at_s } else { 0.0 };
-        let rounds = ((begun_s + wanted_s) / self.round_s - OF_A_ROUND).ceil();
+        let rounds = ((begun_s + wanted_s) / self.round_s - ROUNDS_TOLERANCE).ceil();
         (rounds * self.round_s - self.at_s - LEAD_S).max(0.0)
     }
 }
