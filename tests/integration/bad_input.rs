@@ -15,6 +15,9 @@ fn a_missing_file_names_its_neighbours_and_what_to_type() {
     desk.run(&["report", "plan.json"]).fails(1, &["no plan", "plan.json", "rollwalk plan"]);
     desk.run(&["library", "inspect", "a.rwl"])
         .fails(1, &["no motion library", "a.rwl", "rollwalk library build"]);
+    desk.edit("motions/walk.toml", "../robots/agilebot.toml", "../robots/agile.toml");
+    let named = "motions/walk.toml names `../robots/agile.toml`";
+    desk.run(&["plan", "motions/walk.toml", "-o", "x"]).fails(1, &[named, "no robot file"]);
 }
 
 #[test]

@@ -20,7 +20,9 @@ fn what_cannot_be_controlled_is_refused_before_anything_is_sent() {
     run(&["motions/walk.toml", "--play", "walk"]).fails(1, &["walk.toml", "motion file"]);
     run(&["motions/pup_library.toml", "--play", "walk"]).fails(1, &["takes no torque"]);
     run(&["motions/swizzlebot_library.toml", "--play", "forward"]).fails(1, &["turns freely"]);
-    run(&[library, "--play", "walk"]).fails(1, &["no simulated robot"]);
+    let alone = run(&[library, "--play", "walk"]);
+    assert!(!alone.stderr.contains("planned"), "{}", alone.stderr);
+    alone.fails(1, &["no simulated robot"]);
 }
 
 /// On the ground, and home again; then with another library in its flash.

@@ -1,8 +1,11 @@
 //! The robot on the simulated ground: a plan by itself, and a library behind the bus.
 
 use crate::desk_with_shipped_files;
-use crate::simulated::{Robot, on};
+use crate::simulated::{Robot, desk_with_library_file, on};
+use rollwalk_tests::{Outcome, signal};
 use serde_json::Value;
+use std::io::{BufRead, BufReader, Read};
+use std::process::Stdio;
 
 #[test]
 fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
@@ -34,6 +37,30 @@ fn terrain_and_pushes_are_given_to_a_plan() {
         .fails(1, &["motions/walk.toml is a motion file, not a terrain file"]);
     simulate(&["--terrain", "none.toml"]).fails(1, &["there is no terrain file"]);
     desk.run(&["plan", "kerb.toml", "-o", "x.json"]).fails(1, &["kerb.toml is a terrain file"]);
+}
+
+/// In the first of many rounds of a loop: home again, and what was played until then is told.
+#[test]
+fn ctrl_c_ends_the_tour_through_a_library() {
+    let desk = desk_with_library_file();
+    desk.edit("rest.toml", "at_rest", "periodic");
+    let library = "legbot.rwl";
+    desk.run(&["library", "build", "legbot.toml", "-o", library]).succeeds();
+    let mut command = desk.command(&["simulate", library, "--cycles", "10000", "--json"]);
+    let mut program =
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    let mut said = BufReader::new(program.stderr.take().expect("a pipe"));
+    let mut line = String::new();
+    while !line.contains("armed") {
+        line.clear();
+        assert_ne!(said.read_line(&mut line).expect("UTF-8"), 0, "it ended before it armed");
+    }
+    signal(&program, "INT");
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).expect("UTF-8");
+    let outcome = Outcome::from(program.wait_with_output().expect("it ends"));
+    assert!(rest.contains("back to SAFE") && rest.contains("disarmed"), "{rest}");
+    outcome.succeeds_with(130, &["\"stopped\": \"interrupted\""]);
 }
 
 #[test]

@@ -89,6 +89,11 @@ fn all_gains_are_those_that_there_are() {
     on(&desk, &socket, &args).fails(5, &["--kp 20 N·m/rad: it has no such value"]);
     let args = ["gains", "set", "0", "--torque-limit", "0.01"];
     on(&desk, &socket, &args).fails(5, &["--torque-limit 0.01 N·m is too little: at least"]);
+    // A car has wheels only.
+    let socket = format!("sim:{}", desk.path("car.sock").display());
+    let _car = Robot::on_ground(&desk, "robots/car.toml", &socket);
+    on(&desk, &socket, &["gains", "set", "all", "--kp", "20"])
+        .fails(5, &["they have no such value: front_left", "nothing was set"]);
 }
 
 #[test]

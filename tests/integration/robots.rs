@@ -51,6 +51,17 @@ fn what_speaks_against_a_robot_is_warned_of() {
     }
     let report = json(&desk.run(&["robot", "check", file, "--json"]).succeeds());
     assert!(report["standing"]["warnings"].as_array().unwrap().len() >= 8);
+    // As if it were N·m per degree; and a wheel on its side.
+    desk.edit(file, "kp_nm_rad = 100.0", "kp_nm_rad = 1.7");
+    let soft = desk.run(&["robot", "check", file]).stderr;
+    assert!(soft.contains("yields by") && soft.contains("multiplied by 57.3"), "{soft}");
+    desk.edit(
+        "robots/car.toml",
+        "axis_in_link = [0.0, 1.0, 0.0]",
+        "axis_in_link = [0.0, 0.0, 1.0]",
+    );
+    let flat = desk.run(&["robot", "check", "robots/car.toml"]).stderr;
+    assert!(flat.contains("warning: a wheel lies flat in the nominal pose"), "{flat}");
 }
 
 #[test]

@@ -298,6 +298,7 @@ fn set(args: &Set) -> miette::Result<Exit> {
     }
     // A script that takes a limit for set would go on without one.
     if set == 0 {
+        output::say("nothing was set");
         return Ok(Exit::NotDone);
     }
     output::print(&format!(

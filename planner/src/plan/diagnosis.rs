@@ -123,7 +123,8 @@ impl fmt::Display for Diagnosis {
                 Verdict::Contradiction => "these constraints contradict each other:",
                 Verdict::FarOff =>
                     "no solution near: even without costs these constraints stay far beyond their levels:",
-                Verdict::Stuck => "where it got stuck, these constraints conflict:",
+                Verdict::Stuck =>
+                    "where it got stuck, these constraints pull against each other or against the costs:",
             }
         )?;
         let shown: Vec<String> = self.culprits.iter().map(ToString::to_string).collect();

@@ -193,7 +193,7 @@ fn tracking(rate_hz: u32) -> Tracking {
 /// Checks that a robot measures what a tick needs, and that its motors can do what it wants.
 ///
 /// # Errors
-/// The first that cannot.
+/// The first wheel without an encoder, or the first channel whose bus carries no torques or gains.
 pub(super) fn check(robot: &Robot) -> miette::Result<()> {
     if let Some(wheel) = robot.end_effectors.iter().find(|of| of.contact.freewheels()) {
         return Err(no_encoder(robot, &wheel.name));

@@ -11,7 +11,7 @@ use miette::{IntoDiagnostic, miette};
 use play::play;
 use rollwalk_host::describe::state_name;
 use rollwalk_host::session::SessionError;
-use rollwalk_protocol::wire::State;
+use rollwalk_protocol::wire::{State, Status};
 use wanted::{Chosen, Wanted, choose};
 
 /// Maximum time of a return to SAFE, µs; at a small part of the planned speed it takes long.
@@ -161,7 +161,7 @@ fn go_home(session: &mut LiveSession) -> Result<(), SessionError> {
     let mut home = session.disarm();
     // Leaving a robot that is still on its way would latch a lost host.
     while let Err(SessionError::TookTooLong { status, .. }) = &home
-        && status.state == State::Returning
+        && is_on_its_way(status)
     {
         output::say("the robot is still on its way home");
         home = session.wait_for_state(State::Disarmed, HOME_US);
@@ -170,6 +170,12 @@ fn go_home(session: &mut LiveSession) -> Result<(), SessionError> {
         output::say("disarmed");
     }
     home
+}
+
+/// Whether a robot comes to be disarmed by itself: SAFE, damped, torque off.
+fn is_on_its_way(status: &Status) -> bool {
+    let lets_down = matches!(status.state, State::Damped | State::TorqueOff);
+    status.state == State::Returning || lets_down && status.faults.is_empty()
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use super::wanted::Chosen;
 use crate::link::LiveSession;
 use crate::{interrupt, output};
+use rollwalk_bus::link::LinkBus;
 use rollwalk_host::catalog::Motion;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::library::RATE_HZ;
@@ -10,10 +11,12 @@ use rollwalk_protocol::wire::{State, Status};
 
 /// Maximum wait for a motion to start, beyond the controller's estimate, µs.
 const SLACK_US: u64 = 5_000_000;
-/// Interval between checks for Ctrl-C while a motion plays, µs.
-const PORTION_US: u64 = 100_000;
+/// Interval between checks for Ctrl-C while a motion plays, s.
+const PORTION_S: f64 = 0.1;
 /// How long before the end of a loop what follows is asked for, s: longer than a status and a command take.
 const LEAD_S: f64 = 0.25;
+/// The same in frames: the controller has to know before it looks ahead to the first frame of another round.
+const LEAD_FRAMES: f64 = 4.0;
 /// Tolerance on the requested number of rounds: with rounds of 1.6 s, 3.21 s is two rounds and not three.
 const ROUNDS_TOLERANCE: f64 = 0.01;
 
@@ -33,9 +36,8 @@ pub fn play(
             break;
         }
         let ack = session.select_at(chosen.code, speed_64ths)?;
-        let begins_us = u64::from(ack.value) * 1_000_000 / u64::from(RATE_HZ);
+        let begins_s = f64::from(ack.value) / f64::from(RATE_HZ);
         if left == 0 && !holds {
-            let begins_s = begins_us as f64 * 1e-6;
             output::say(format_args!("{} begins in {begins_s:.2} s", chosen.name()));
             break;
         }
@@ -49,7 +51,7 @@ pub fn play(
             // Its duration is unknown without a catalog.
             None => {
                 output::say(format_args!("playing {}", chosen.name()));
-                run_for(session, begins_us + micros(chosen.seconds.unwrap_or(5.0)), None)?;
+                run_for(session, begins_s + chosen.seconds.unwrap_or(5.0))?;
             }
         }
     }
@@ -86,15 +88,20 @@ fn finish(
     let round = f64::from(motion.frames) / f64::from(RATE_HZ);
     let node = chosen.motion.map(|(node, _)| node);
     if motion.looping {
-        let frame = session.status().map_or(0, |status| status.frame);
         let frame_s = 64.0 / (f64::from(RATE_HZ) * f64::from(speed_64ths));
+        let at_s = |status: &Status| f64::from(status.frame) * frame_s;
+        let begun_s = session.status().as_ref().map_or(0.0, at_s);
         let round_s = f64::from(motion.frames) * frame_s;
-        let playing = Loop { round_s, at_s: f64::from(frame) * frame_s, played_before };
-        let duration = playing.wait_s(chosen.seconds.unwrap_or(round_s));
-        return run_for(session, micros(duration), node);
+        let wanted_s = chosen.seconds.unwrap_or(round_s);
+        let mut playing = Loop::new(round_s, begun_s, wanted_s, played_before);
+        let lead_s = LEAD_S.max(LEAD_FRAMES * frame_s);
+        return run_while(session, node, |status, passed_s| {
+            playing.pass(passed_s, status.map(at_s));
+            playing.left_s() - lead_s
+        });
     }
     if let Some(seconds) = chosen.seconds {
-        return run_for(session, micros(seconds), None);
+        return run_for(session, seconds);
     }
     let last = motion.frames.saturating_sub(1);
     wait_also_while_paused(
@@ -119,19 +126,33 @@ fn finish(
 struct Loop {
     /// Duration of a round.
     round_s: f64,
-    /// Position within the present round.
-    at_s: f64,
-    /// Whether it played before it was asked for.
-    played_before: bool,
+    /// Position, of all rounds since the first that was seen.
+    position_s: f64,
+    /// Position of the end of the round in which the wanted time is over.
+    end_s: f64,
 }
 
 impl Loop {
-    /// How long to wait before what follows is asked for: shortly before the end of the round in which `wanted_s` are over, or the loop would go
-    /// round once more.
-    fn wait_s(&self, wanted_s: f64) -> f64 {
-        let begun_s = if self.played_before { self.at_s } else { 0.0 };
-        let rounds = ((begun_s + wanted_s) / self.round_s - ROUNDS_TOLERANCE).ceil();
-        (rounds * self.round_s - self.at_s - LEAD_S).max(0.0)
+    /// A loop that is at `at_s` of a round. One that `played_before` is wanted from there on, another one from its beginning.
+    fn new(round_s: f64, at_s: f64, wanted_s: f64, played_before: bool) -> Self {
+        let begun_s = if played_before { at_s } else { 0.0 };
+        let rounds = ((begun_s + wanted_s) / round_s - ROUNDS_TOLERANCE).ceil();
+        Self { round_s, position_s: at_s, end_s: rounds * round_s }
+    }
+
+    /// Time has passed on this clock, and the controller says where in the round it is. Its clock is the one that counts, and is off by less than
+    /// half a round between two looks.
+    fn pass(&mut self, passed_s: f64, at_s: Option<f64>) {
+        self.position_s += passed_s;
+        if let Some(at_s) = at_s {
+            let rounds = ((self.position_s - at_s) / self.round_s).round();
+            self.position_s = rounds * self.round_s + at_s;
+        }
+    }
+
+    /// Time left.
+    fn left_s(&self) -> f64 {
+        self.end_s - self.position_s
     }
 }
 
@@ -175,20 +196,36 @@ fn wait_also_while_paused(
     }
 }
 
-/// Lets the robot play for a duration without pauses; ends early on Ctrl-C, and when the robot stops by itself. A motion that
-/// `repeats`, by its node, does not end by itself: a robot that leaves it was sent home, or elsewhere, by another program.
-fn run_for(
+/// Lets the robot play for a duration, pauses not counted.
+fn run_for(session: &mut LiveSession, duration_s: f64) -> Result<(), SessionError> {
+    let mut left_s = duration_s;
+    run_while(session, None, |_, passed_s| {
+        left_s -= passed_s;
+        left_s
+    })
+}
+
+/// Lets the robot play while time is left: `left_s` is given the newest status and how long the robot played since the last call, pauses not
+/// counted. Ends early on Ctrl-C, and when the robot stops by itself. A motion that `repeats`, by its node, does not end by itself: a robot that
+/// leaves it was sent home, or elsewhere, by another program.
+fn run_while(
     session: &mut LiveSession,
-    duration_us: u64,
     repeats: Option<usize>,
+    mut left_s: impl FnMut(Option<&Status>, f64) -> f64,
 ) -> Result<(), SessionError> {
-    let (mut left_us, mut pauses) = (duration_us, Pauses::default());
-    while left_us > 0 && !interrupt::requested() {
-        let portion_us = left_us.min(PORTION_US);
-        session.run_for(portion_us)?;
-        if !pauses.check(session.status().as_ref()) {
-            left_us -= portion_us;
+    let (mut passed_s, mut pauses) = (0.0, Pauses::default());
+    while !interrupt::requested() {
+        let status = session.status();
+        let left_s = left_s(status.as_ref(), passed_s);
+        if left_s <= 0.0 {
+            break;
         }
+        let before_us = session.bus().now_us();
+        session.run_for(micros(left_s.min(PORTION_S)))?;
+        // A wait may be longer than it was asked to be.
+        let waited_us = session.bus().now_us().saturating_sub(before_us);
+        let paused = pauses.check(session.status().as_ref());
+        passed_s = if paused { 0.0 } else { waited_us as f64 * 1e-6 };
         if let (Some(node), Some(status)) = (repeats, session.status())
             && matches!(status.state, State::Playing | State::Ready | State::Returning)
             && status.clip.map(usize::from) != Some(node)
@@ -215,20 +252,43 @@ fn micros(seconds: f64) -> u64 {
 mod tests {
     use super::*;
 
+    /// Round in which a loop is left, if the controller's clock runs at `rate` of this one and what it says is `old_s` old.
+    fn left_in_round(wanted_s: f64, at_s: f64, rate: f64, old_s: f64, lead_s: f64) -> f64 {
+        let round_s = 1.6;
+        let mut playing = Loop::new(round_s, at_s, wanted_s, false);
+        let (mut truth_s, mut passed_s) = (at_s, 0.0);
+        loop {
+            let said_s = (truth_s - old_s).max(0.0) % round_s;
+            playing.pass(passed_s, Some(said_s));
+            let left_s = playing.left_s() - lead_s;
+            if left_s <= 0.0 {
+                return (truth_s / round_s).ceil();
+            }
+            passed_s = left_s.clamp(0.01, PORTION_S);
+            truth_s += rate * passed_s;
+        }
+    }
+
     #[test]
     fn what_follows_a_loop_is_asked_for_in_the_last_round_that_was_wanted() {
-        let round_s = 1.6;
-        for (wanted_s, rounds) in [(1.6, 1.0), (1.7, 2.0), (3.2, 2.0), (4.0, 3.0)] {
-            for at_s in [0.0, 0.05, 0.2] {
-                let new = Loop { round_s, at_s, played_before: false };
-                let asked_s = at_s + new.wait_s(wanted_s);
-                assert_eq!((asked_s / round_s).ceil(), rounds, "{wanted_s} s from {at_s} s");
+        for (wanted_s, rounds) in [(1.6, 1.0), (1.7, 2.0), (3.2, 2.0), (4.0, 3.0), (480.0, 300.0)] {
+            for (at_s, rate, old_s) in
+                [(0.0, 1.0, 0.0), (0.05, 1.0, 0.05), (0.2, 0.5, 0.05), (0.0, 1.02, 0.1)]
+            {
+                let left = left_in_round(wanted_s, at_s, rate, old_s, LEAD_S);
+                assert_eq!(left, rounds, "{wanted_s} s from {at_s} s at {rate}");
             }
         }
-        // One that plays already goes on for so long from now: from 1.15 s to the end of the second round.
-        let old = Loop { round_s, at_s: 1.15, played_before: true };
-        assert!((old.wait_s(round_s) - (3.2 - 1.15 - LEAD_S)).abs() < 1e-9);
-        let short = Loop { round_s: 0.2, at_s: 0.1, played_before: false };
-        assert_eq!(short.wait_s(0.2), 0.0);
+    }
+
+    #[test]
+    fn a_loop_that_plays_already_goes_on_for_so_long_from_now() {
+        // From 1.15 s to the end of the second round.
+        let mut old = Loop::new(1.6, 1.15, 1.6, true);
+        assert!((old.left_s() - (3.2 - 1.15)).abs() < 1e-9);
+        // Without a new status, time alone counts; a pause does not.
+        old.pass(1.0, None);
+        old.pass(0.0, Some(0.55));
+        assert!((old.left_s() - (3.2 - 2.15)).abs() < 1e-9);
     }
 }

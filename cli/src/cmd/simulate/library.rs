@@ -81,6 +81,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             world_log: args.world_log.begin(&packed.robot, Rotation::OFF)?,
         },
     )?;
+    let interrupted = interrupt::requested();
     let catalog = packed.catalog();
     let row = |travel: &Travel| Row {
         name: catalog.clip(travel.clip.0).unwrap_or_default(),
@@ -96,7 +97,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         falls: falls.iter().map(FallRow::from).collect(),
         stopped: match stopped {
             Some(why) => Some(why.to_string()),
-            None => interrupt::requested().then(|| "interrupted".to_owned()),
+            None => interrupted.then(|| "interrupted".to_owned()),
         },
     };
     if args.json {
@@ -104,7 +105,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     } else {
         output::print(&describe(&document))?;
     }
-    if interrupt::requested() {
+    if interrupted {
         return Ok(Exit::Interrupted);
     }
     let holds = document.falls.is_empty() && document.stopped.is_none();
