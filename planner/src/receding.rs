@@ -24,6 +24,7 @@ mod gait;
 mod measured;
 mod schedule;
 mod start;
+mod trim;
 
 pub use course::{Course, CourseError, Frame, Stretch};
 pub use error::HorizonError;

@@ -79,6 +79,20 @@ impl SteeringArgs {
         if let Some(plan) = &plan {
             check_gait(library, plan, &robot)?;
         }
+        let feet: Vec<_> = robot
+            .end_effectors
+            .iter()
+            .filter(|of| !of.contact.rolls())
+            .map(|of| &*of.name)
+            .collect();
+        if plan.is_none() && !feet.is_empty() {
+            return Err(miette!(
+                help = "--gait PLAN.json gives it a gait: a plan with ends = \"periodic\"",
+                "{} cannot drive with all its end effectors on the ground, because `{}` cannot roll",
+                robot.name,
+                feet.join("`, `")
+            ));
+        }
         let gait = plan.as_ref().map(Gait::of).transpose().into_diagnostic()?;
         let speed_m_s = self.speed.or(plan.as_ref().and_then(mean_speed_m_s)).unwrap_or(SPEED_M_S);
         let fastest = Fastest { speed_m_s, turn_rad_s: self.turn };

@@ -29,7 +29,9 @@ pub struct Weights {
     /// and foot leave the ground together. Too low, and the force is missing; too high, and swings are too fast.
     pub lift_off_slip: f64,
     /// Pull of the body's velocity towards the wanted one where a motion is steered (m/s and rad/s). Too low, and the robot
-    /// follows late; too high, and it does so with its feet at the limits of friction.
+    /// follows late, and falls short where its legs have to leave their posture for it: with a tenth, a robot on point feet walked at 40 %
+    /// of its speed. Too high, and it follows with its feet at the limits of friction: with ten times as much, 7 of 100 plans of a walk that is pushed by
+    /// 0.5 m/s are not accepted.
     pub steering: f64,
     /// Smallest normal force of a foot in stance, as a fraction of its even share of the weight.
     pub least_normal_force: f64,
@@ -48,7 +50,7 @@ impl Default for Weights {
             wheel_speed: 1e-6,
             wheel_smoothness: 0.1,
             lift_off_slip: 1.0,
-            steering: 1e-2,
+            steering: 0.1,
             least_normal_force: 0.1,
             friction_use: 0.8,
         }

@@ -5,6 +5,7 @@
 //! motion library; `docs/receding-horizon.md` tells when that is enough.
 
 use super::measured::over_ground;
+use super::trim::Trim;
 use super::{Gait, Horizon, HorizonError, HorizonOptions, Measured, Steering};
 use crate::plan::Placement;
 use crate::solve::Progress;
@@ -24,6 +25,7 @@ pub struct Course {
     begins: State,
     /// The plan in use, where it lies, and its first sample.
     plan: Option<(WholeBody, Isometry3<f64>, u64)>,
+    trim: Trim,
     /// Samples in a stretch.
     stretch_samples: u64,
     /// Samples and frames so far.
@@ -108,7 +110,8 @@ impl Course {
             ..State::nominal(&horizon.tree)
         };
         let stretch_samples = (stretch_s / interval_s - 1e-9).ceil().max(1.0) as u64;
-        Ok(Self { horizon, begins, plan: None, stretch_samples, samples: 0, frames: 0 })
+        let trim = Trim::default();
+        Ok(Self { horizon, begins, plan: None, trim, stretch_samples, samples: 0, frames: 0 })
     }
 
     /// Time of a stretch, s.
@@ -144,7 +147,8 @@ impl Course {
             }
         };
         let measured = Measured { state: &state, touches: &stands };
-        let found = self.horizon.plan(measured, self.samples, steering, progress)?;
+        let asked = self.trim.apply(steering);
+        let found = self.horizon.plan(measured, self.samples, asked, progress)?;
         let accepted = found.is_accepted();
         if accepted {
             self.plan = Some((WholeBody::new(&found.plan), found.world_from_plan, self.samples));
@@ -180,6 +184,9 @@ impl Course {
         let per_s = 1.0 / self.stretch_s();
         let velocity =
             [cos * dx + sin * dy, cos * dy - sin * dx, turned].map(|change| change * per_s);
+        if accepted {
+            self.trim.see(steering, velocity, self.stretch_s());
+        }
         let iterations = found.plan.solve.iterations;
         Ok(Stretch { frames, iterations, accepted, velocity, place })
     }
@@ -274,6 +281,29 @@ mod tests {
         let frames: usize = all.iter().map(|stretch| stretch.frames.len()).sum();
         assert_eq!(frames, (all.len() as f64 * course.stretch_s() * 60.0).round() as usize);
         check_frames(&robot, &all);
+    }
+
+    /// Its legs have to leave their posture for every step.
+    #[test]
+    fn a_robot_on_point_feet_walks_as_fast_as_it_is_steered() {
+        let text = include_str!("../../../robots/legbot.toml");
+        let robot = Robot::from_toml("legbot.toml", text).expect("it ships");
+        let text = include_str!("../../../motions/legbot_walk.toml");
+        let motion = Motion::from_toml("legbot_walk.toml", text, &robot).expect("it ships");
+        let options = Options { refine: false, ..Options::default() };
+        let plan = optimise(&robot, &motion, &options, &mut on());
+        let speed_m_s = plan.end_placement.offset_m[0] / motion.duration_s;
+        let walk = Gait::of(&plan).expect("it repeats");
+        let horizon =
+            HorizonOptions { duration_s: motion.duration_s.max(1.0), ..HorizonOptions::default() };
+        let mut course = Course::new(&robot, &nominal(&robot), walk.interval_s(), 0.15, horizon)
+            .expect("it is long enough");
+        course.change_gait(walk).expect("of the same robot");
+        let forward = Steering { forward_m_s: speed_m_s, ..Steering::default() };
+        let walked = steered(&mut course, &[(forward, 100)]);
+        assert!(walked.iter().all(|stretch| stretch.accepted));
+        let mean_m_s = walked[60..].iter().map(|of| of.velocity[0]).sum::<f64>() / 40.0;
+        assert!((0.88..1.05).contains(&(mean_m_s / speed_m_s)), "{mean_m_s} of {speed_m_s}");
     }
 
     #[test]

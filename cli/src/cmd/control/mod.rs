@@ -58,7 +58,7 @@ pub struct Args {
     /// Play this motion of the library, so many cycles; once for each, in the order in which they are played.
     #[arg(long, value_name = "MOTION:CYCLES")]
     play: Vec<Play>,
-    /// Ticks per second, on a robot 40 to 960 [default: on a robot 120, else 500].
+    /// Ticks per second [default: on a robot 120, else 500]. On a robot 60 to 960, the control rate of its controller (120 on our boards) or a whole part of it.
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(30..=10_000))]
     rate: Option<u32>,
     /// Time from a measurement until the motors act on the answer, in milliseconds, beyond a tick; on a robot it is measured.
@@ -82,8 +82,8 @@ const LATENCY_MAX_MS: f64 = 50.0;
 /// Ticks a second for a simulator of others, and samples a second of a robot.
 const RATE_HZ: u32 = 500;
 const SAMPLES_HZ: u32 = 120;
-/// Slower, a robot falls before it is answered; more no controller takes.
-const SAMPLES_RANGE_HZ: RangeInclusive<u32> = 40..=960;
+/// Slower, robots fall now and then, because answers act 50 ms after what they answer; more no controller takes.
+const SAMPLES_RANGE_HZ: RangeInclusive<u32> = 60..=960;
 
 fn latency_ms(text: &str) -> Result<f64, String> {
     inputs::number_within(text, 0.0..=LATENCY_MAX_MS)
@@ -140,7 +140,9 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let rate_hz = args.rate.unwrap_or(SAMPLES_HZ);
     if !SAMPLES_RANGE_HZ.contains(&rate_hz) {
         return Err(miette!(
-            "--rate {rate_hz}: a robot is controlled with 40 to 960 samples a second"
+            "--rate {rate_hz}: a robot is controlled with {} to {} samples a second",
+            SAMPLES_RANGE_HZ.start(),
+            SAMPLES_RANGE_HZ.end()
         ));
     }
     let library = inputs::Source::Disk.library(&args.file)?;

@@ -82,7 +82,10 @@ pub fn legs<'p>(
         let repeats = plans.motions[to].plan.motion.ends == Ends::Periodic;
         let (times, cycles) = if repeats { (1, *cycles) } else { (*cycles, 1) };
         for _ in 0..times {
-            way(plans, at, to, &mut edges).ok_or_else(|| apart(library, at, to))?;
+            // A robot that stands in SAFE stays there, and a loop goes round again: no way leads away and back.
+            if at != to || !(repeats || to == safe) {
+                way(plans, at, to, &mut edges).ok_or_else(|| apart(library, at, to))?;
+            }
             edges.push(Edge::Motion(to, cycles));
             at = to;
         }

@@ -358,6 +358,11 @@ fn ways_lead_along_the_graph() {
     let twice = "stand, stand to drive_1m, drive_1m, drive_1m to stand, stand, stand to drive_1m, drive_1m, \
                  drive_1m to stand, stand";
     assert_eq!(names(&["drive_1m:2"]).unwrap(), twice);
+    // Standing is standing, and a loop goes round again.
+    assert_eq!(names(&["stand:2"]).unwrap(), "stand, stand, stand");
+    let again = "stand, stand, stand to walk, walk, walk, walk to stand, stand";
+    assert_eq!(names(&["stand", "walk", "walk:2"]).unwrap(), again);
+    planned.conductor(&["stand:2", "walk", "walk:2"], 120);
     let unknown = names(&["run"]).unwrap_err();
     assert_eq!(unknown.to_string(), "agilebot has no motion `run`");
 }

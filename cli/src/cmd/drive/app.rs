@@ -16,7 +16,7 @@ use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{Deadman, Intent, Leaving, Operator, Weight};
 use rollwalk_pilot::{After, END_US, Phase, Pilot, Steered, Tally};
 use rollwalk_planner::receding::Steering;
-use rollwalk_protocol::wire::State;
+use rollwalk_protocol::wire::{State, Status};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::io;
@@ -151,7 +151,7 @@ impl<'a> App<'a> {
             let steering = time_s.map_or(Steering::default(), |time_s| steps::at(steps, time_s));
             let has_ended = match begun_us {
                 Some(_) => self.steered.pilot.phase() == Phase::Off,
-                None => now_us > START_US,
+                None => now_us > START_US || self.is_stopped(now_us),
             };
             if over_us.is_none() {
                 is_whole = !has_ended && time_s.is_some_and(|time_s| time_s >= until_s);
@@ -183,6 +183,13 @@ impl<'a> App<'a> {
             }
             self.operated.hear();
         }
+    }
+
+    /// Whether the robot has stopped, so that it cannot be armed until it is cleared.
+    fn is_stopped(&self, now_us: u64) -> bool {
+        let view = self.operated.operator.view(now_us);
+        let stopped = |status: Status| matches!(status.state, State::EStopped | State::TorqueOff);
+        view.link.contact && view.status.is_some_and(stopped)
     }
 
     /// Prints a line of a drive without a terminal.
@@ -307,6 +314,9 @@ impl<'a> App<'a> {
             return Ending { words, exit: Exit::NotDone };
         };
         words += &format!("left; the robot is {}", state_name(status.state));
+        if matches!(status.state, State::EStopped | State::TorqueOff) {
+            words += ": `rollwalk clear` it before it is armed";
+        }
         let is_home = matches!(status.state, State::Disarmed | State::Boot | State::SelfTest);
         let exit = match is_home && status.faults.is_empty() {
             true if interrupt::requested() => Exit::Interrupted,

@@ -91,6 +91,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let Prepared { route, fastest, catalog } =
         args.steering.prepare(&args.library, args.robot.as_deref())?;
+    steps::check_speeds(&args.steer, fastest).map_err(|why| miette!("{why}"))?;
     let gamepad =
         args.gamepad.as_deref().map(|device| Gamepad::open(device, args.mapping.as_deref()));
     let gamepad = gamepad.transpose()?;
