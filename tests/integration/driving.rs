@@ -1,7 +1,7 @@
 //! A robot that is steered from the command line, over a simulated bus; and what `rollwalk drive` refuses.
 
 use crate::desk_with_shipped_files;
-use crate::simulated::{Robot, in_time, on};
+use crate::simulated::{Robot, desk_with_library_file, in_time, on};
 
 #[test]
 fn what_cannot_be_driven_is_refused_before_anything_is_sent() {
@@ -24,6 +24,22 @@ fn what_cannot_be_driven_is_refused_before_anything_is_sent() {
     run(&order).fails(1, &["1 s comes after the one at 2 s", "in the order of their times"]);
     run(&["a.rwl", "--steer", "1:0.1,0"]).fails(2, &["AT:FORWARD,LEFT,TURN", "1:0.1,0"]);
     run(&["a.rwl", "--steer", "1:0,0,0"]).fails(2, &["--until"]);
+}
+
+/// Its point feet need a gait; and one that is stopped has to be cleared first.
+#[test]
+fn a_robot_that_cannot_be_steered_as_it_is_is_refused_at_once() {
+    let desk = desk_with_library_file();
+    desk.run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.run(&["plan", "motions/legbot_walk.toml", "-o", "walk.json"]).succeeds();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let _robot = Robot::start(&desk, &bus);
+    let drive = ["drive", "legbot.rwl", "--steer", "1:0.05,0,0", "--until", "3"];
+    on(&desk, &bus, &drive).fails(1, &["legbot cannot drive", "cannot roll", "--gait PLAN.json"]);
+    on(&desk, &bus, &["flash", "legbot.rwl"]).succeeds();
+    on(&desk, &bus, &["estop"]).succeeds();
+    on(&desk, &bus, &[&drive[..], &["--gait", "walk.json"]].concat())
+        .fails(5, &["nothing was planned", "`rollwalk clear` it before it is armed"]);
 }
 
 /// On the ground, and home again.

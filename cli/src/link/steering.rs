@@ -9,7 +9,7 @@ use rollwalk_pilot::{Fastest, Route};
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::receding::Gait;
 use rollwalk_protocol::config::MAX_CHANNELS;
-use rollwalk_robot::Robot;
+use rollwalk_robot::{Contact, Robot};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -79,18 +79,15 @@ impl SteeringArgs {
         if let Some(plan) = &plan {
             check_gait(library, plan, &robot)?;
         }
-        let feet: Vec<_> = robot
-            .end_effectors
-            .iter()
-            .filter(|of| !of.contact.rolls())
-            .map(|of| &*of.name)
-            .collect();
+        let stays = |contact: &Contact| !contact.rolls() || contact.rolls_with_link();
+        let feet = robot.end_effectors.iter().filter(|of| stays(&of.contact));
+        let feet: Vec<_> = feet.map(|of| &*of.name).collect();
         if plan.is_none() && !feet.is_empty() {
             return Err(miette!(
                 help = "--gait PLAN.json gives it a gait: a plan with ends = \"periodic\"",
-                "{} cannot drive with all its end effectors on the ground, because `{}` cannot roll",
+                "{} cannot drive with all its end effectors on the ground, because these feet, or wheels that are fixed to their links, cannot roll: {}",
                 robot.name,
-                feet.join("`, `")
+                feet.join(", ")
             ));
         }
         let gait = plan.as_ref().map(Gait::of).transpose().into_diagnostic()?;

@@ -285,7 +285,7 @@ mod tests {
 
     /// Its legs have to leave their posture for every step.
     #[test]
-    fn a_robot_on_point_feet_walks_as_fast_as_it_is_steered() {
+    fn a_robot_that_cannot_roll_walks_as_fast_as_it_is_steered() {
         let text = include_str!("../../../robots/legbot.toml");
         let robot = Robot::from_toml("legbot.toml", text).expect("it ships");
         let text = include_str!("../../../motions/legbot_walk.toml");

@@ -176,7 +176,7 @@ fn a_robot_walks_as_it_is_steered_and_stops() {
     let way = go_on(&mut walker, forward(0.1), 32);
     assert!((way.x / 0.16 - 1.0).abs() < 0.1 && way.y.abs() < 0.01, "{way:?}");
     walker.horizon.change_gait(stand, walker.at).unwrap();
-    go_on(&mut walker, Steering::default(), 32);
+    go_on(&mut walker, Steering::default(), 48);
     let fastest = walker.state.velocity.iter().fold(0.0f64, |fastest, v| fastest.max(v.abs()));
     assert!(fastest < 0.02 && walker.touches.iter().all(|touches| *touches), "{fastest}");
 }

@@ -188,8 +188,7 @@ impl<'a> App<'a> {
     /// Whether the robot has stopped, so that it cannot be armed until it is cleared.
     fn is_stopped(&self, now_us: u64) -> bool {
         let view = self.operated.operator.view(now_us);
-        let stopped = |status: Status| matches!(status.state, State::EStopped | State::TorqueOff);
-        view.link.contact && view.status.is_some_and(stopped)
+        view.link.contact && view.status.as_ref().is_some_and(has_to_be_cleared)
     }
 
     /// Prints a line of a drive without a terminal.
@@ -314,7 +313,7 @@ impl<'a> App<'a> {
             return Ending { words, exit: Exit::NotDone };
         };
         words += &format!("left; the robot is {}", state_name(status.state));
-        if matches!(status.state, State::EStopped | State::TorqueOff) {
+        if has_to_be_cleared(&status) {
             words += ": `rollwalk clear` it before it is armed";
         }
         let is_home = matches!(status.state, State::Disarmed | State::Boot | State::SelfTest);
@@ -325,4 +324,9 @@ impl<'a> App<'a> {
         };
         Ending { words, exit }
     }
+}
+
+/// Without faults a robot whose torque is off comes to be disarmed by itself.
+fn has_to_be_cleared(status: &Status) -> bool {
+    status.state == State::EStopped || status.state == State::TorqueOff && !status.faults.is_empty()
 }

@@ -1,7 +1,6 @@
 //! Steering that is known beforehand: `--steer AT:FORWARD,LEFT,TURN`.
 
 use crate::inputs::number_within;
-use rollwalk_pilot::Fastest;
 use rollwalk_planner::receding::Steering;
 use std::str::FromStr;
 
@@ -43,29 +42,6 @@ impl FromStr for Step {
 pub fn at(steps: &[Step], time_s: f64) -> Steering {
     let begun = steps.iter().rev().find(|step| step.at_s <= time_s);
     begun.map(|step| step.steering).unwrap_or_default()
-}
-
-/// Checks that no step is faster than the robot is steered.
-///
-/// # Errors
-/// The first step that is, in words.
-pub fn check_speeds(steps: &[Step], fastest: Fastest) -> Result<(), String> {
-    for Step { at_s, steering } in steps {
-        let most = fastest.limit(*steering);
-        for (what, asked, most, unit, option) in [
-            ("forward", steering.forward_m_s, most.forward_m_s, "m/s", "--speed"),
-            ("to the left", steering.left_m_s, most.left_m_s, "m/s", "--speed"),
-            ("turning", steering.turn_rad_s, most.turn_rad_s, "rad/s", "--turn"),
-        ] {
-            if asked != most {
-                return Err(format!(
-                    "--steer at {at_s} s: {asked} {unit} {what} is faster than the robot is steered, {} {unit}: {option} says how fast",
-                    most.abs()
-                ));
-            }
-        }
-    }
-    Ok(())
 }
 
 /// Checks that steps follow one another, and that each begins before the end of the drive, s.
@@ -120,20 +96,5 @@ mod tests {
         assert_eq!(check(&steps, 4.0), Ok(()));
         assert!(check(&steps, 3.0).unwrap_err().contains("--steer at 3 s would never begin"));
         assert!(check(&[steps[1], steps[0]], 4.0).unwrap_err().contains("order of their times"));
-    }
-
-    #[test]
-    fn steps_are_no_faster_than_the_robot_is_steered() {
-        let fastest = Fastest { speed_m_s: 0.2, turn_rad_s: 0.4 };
-        let checked = |text: &str| check_speeds(&[text.parse().unwrap()], fastest);
-        assert_eq!(checked("1:0.2,-0.2,0.4"), Ok(()));
-        for (fast, says) in [
-            ("1:5,0,0", "5 m/s forward is faster than the robot is steered, 0.2 m/s: --speed"),
-            ("1:0,-0.3,0", "-0.3 m/s to the left"),
-            ("1:0,0,2", "2 rad/s turning is faster than the robot is steered, 0.4 rad/s: --turn"),
-        ] {
-            let why = checked(fast).unwrap_err();
-            assert!(why.contains(says), "{why}");
-        }
     }
 }
