@@ -1,31 +1,32 @@
-//! Trim of the steering of a [`Course`](super::Course), as of a boat that drifts: how much more has to be wanted so that the robot comes to what is wanted.
+//! Correction of the steering command of a [`Course`](super::Course): integral control of the planned velocity.
 //!
-//! Velocities are approached by cost, and legs that have to leave their posture for every step are held back by theirs: LegBot
-//! walks at 62 % of what is wanted. The part that is missing is integrated, slowly enough that the sway of a gait hardly counts, and against a velocity
-//! that follows the wanted one as late as robots do, so that a new command does not wind it up.
+//! A horizon tracks the commanded velocity by a cost, in balance with the posture cost. Legs that leave their posture in every step therefore
+//! walk too slowly: LegBot at 62 % of the command. An integrator per axis scales the command up. Its time constant is longer than a gait
+//! cycle, so that the sway of the gait averages out. Its error is taken against a first-order lag of the command, so that it does not wind
+//! up after a step of the command.
 
 use super::Steering;
 
-/// Time in which the part that is missing is taken back, s.
+/// Integral time, s.
 const TAKES_S: f64 = 2.0;
-/// Time in which a robot comes to a new velocity, s.
+/// Time constant of the lag with which velocity follows a command, s.
 const FOLLOWS_S: f64 = 0.4;
-/// Velocity below which nothing is trimmed, m/s and rad/s.
+/// Smallest command that is corrected, m/s and rad/s: the error is divided by it.
 const LEAST: f64 = 0.02;
-/// Range of the trim: more than this, and something else holds the robot back.
+/// Range of the correction, as a fraction of the command: it bounds the windup of a robot that is blocked.
 const RANGE: (f64, f64) = (-0.3, 1.5);
 
-/// Trim of forward, left and turn.
+/// Correction of forward velocity, velocity to the left and yaw rate.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Trim {
-    /// What is added, as a part of what is wanted.
+    /// Correction of each axis, as a fraction of the command.
     part: [f64; 3],
-    /// The velocity that is expected.
+    /// Command of each axis after the lag, m/s and rad/s.
     expected: [f64; 3],
 }
 
 impl Trim {
-    /// Steering with the trim.
+    /// The corrected command.
     pub fn apply(&self, wanted: Steering) -> Steering {
         let [forward, left, turn] = self.part.map(|part| 1.0 + part);
         Steering {
@@ -35,7 +36,7 @@ impl Trim {
         }
     }
 
-    /// The robot came to a velocity in a stretch, on the mean.
+    /// Updates the correction with the mean planned velocity of a stretch: forward, left, m/s, and yaw rate, rad/s.
     pub fn see(&mut self, wanted: Steering, velocity: [f64; 3], stretch_s: f64) {
         let wanted = [wanted.forward_m_s, wanted.left_m_s, wanted.turn_rad_s];
         for (c, wanted) in wanted.into_iter().enumerate() {
@@ -54,7 +55,7 @@ impl Trim {
 mod tests {
     use super::*;
 
-    /// Velocity of a robot that comes to a part of what is asked for, with its lag, after a time.
+    /// Final and largest velocity of a first-order robot whose steady-state gain is `part`.
     fn comes_to(part: f64, wanted: f64, duration_s: f64) -> (f64, f64) {
         let (stretch_s, mut trim, mut velocity, mut most) = (0.15, Trim::default(), 0.0, 0.0_f64);
         let wanted = Steering { forward_m_s: wanted, ..Steering::default() };

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 ///
 /// A motion library (LIB.rwl) plays as on the robot: it is flashed to the firmware over the simulated bus, and every
 /// transition of its motion graph is played. The table tells the way of each motion; the exit code is 3 if the robot falls or
-/// is stopped. Ctrl-C brings it back to SAFE, and the table has what was played until then.
+/// is stopped. On Ctrl-C the robot returns to SAFE and is disarmed, and the table lists the motions played so far.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
