@@ -224,7 +224,7 @@ impl Horizon {
         };
         let wanted = [steering.forward_m_s, steering.left_m_s, steering.turn_rad_s];
         let of_interval = |i: usize| {
-            let sway = self.schedule.gait.sway[self.schedule.phase(at + i as i64)];
+            let sway = self.sway(at + i as i64);
             [0, 1, 2].map(|c| wanted[c] + sway[c])
         };
         let steering = (0..self.samples - 1).map(of_interval).collect();
@@ -238,6 +238,17 @@ impl Horizon {
         let (unknowns, solve) = self.solve(&problem, &motion.stance, start, progress);
         let plan = write_plan(&problem, &motion, &unknowns, solve);
         Ok(HorizonPlan { plan, world_from_plan })
+    }
+
+    /// Sway of the gait on the interval after a sample ([`Gait`]).
+    fn sway(&self, at: i64) -> [f64; 3] {
+        self.schedule.gait.sway[self.schedule.phase(at)]
+    }
+
+    /// Its mean over some intervals.
+    fn mean_sway(&self, at: u64, intervals: u64) -> [f64; 3] {
+        let all: Vec<_> = (at..at + intervals).map(|at| self.sway(at as i64)).collect();
+        [0, 1, 2].map(|c| all.iter().map(|sway| sway[c]).sum::<f64>() / intervals as f64)
     }
 
     /// Solves the problem.

@@ -35,7 +35,7 @@ use miette::miette;
 use names::Names;
 use rollwalk::generated::{self, Shell};
 use rollwalk::link::names::NamesArgs;
-use rollwalk::link::steering::SteeringArgs;
+use rollwalk::link::steering::{GIVE_GAIT, SteeringArgs};
 use rollwalk::link::{LinkArgs, cannot_open, ended};
 use rollwalk::{Exit, end, exit, interrupt, output};
 use rollwalk_host::listener;
@@ -120,6 +120,14 @@ fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
         }
         None => None,
     };
+    // The library names the motions of a robot that cannot be driven, too.
+    let prepared = prepared.filter(|prepared| {
+        let goes = prepared.check_goes();
+        if let Err(why) = &goes {
+            output::say(format_args!("no ~/drive and no cmd_vel: {why}\n  {GIVE_GAIT}"));
+        }
+        goes.is_ok()
+    });
     interrupt::listen();
     let mut bus = cli.link.live().map_err(cannot_open)?;
     let node = cli.link.node;

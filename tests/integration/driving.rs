@@ -26,7 +26,7 @@ fn what_cannot_be_driven_is_refused_before_anything_is_sent() {
     run(&["a.rwl", "--steer", "1:0,0,0"]).fails(2, &["--until"]);
 }
 
-/// Its point feet need a gait; and one that is stopped has to be cleared first.
+/// Its wheels are fixed to its links, so that it needs a gait; and one that is stopped has to be cleared first.
 #[test]
 fn a_robot_that_cannot_be_steered_as_it_is_is_refused_at_once() {
     let desk = desk_with_library_file();

@@ -4,8 +4,10 @@ Run by `cargo xtask nightly --only ros2`, which sets ROLLWALK, ROLLWALK_SIM and 
 """
 
 import os
+import pathlib
 import signal
 import subprocess
+import tempfile
 import time
 import unittest
 
@@ -154,6 +156,35 @@ class Node(bench.Bench):
             return '"TorqueOff"' in heard and '"HostLost"' in heard
 
         ros.wait_for(is_stopped, "the robot without its host", PLAYED_S)
+
+
+class Feet(bench.Bench):
+    """LegBot, whose wheels are fixed to its links, and its node without a gait."""
+
+    ROBOT = "robots/legbot.toml"
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.LIBRARY = pathlib.Path(folder.name) / "library.toml"
+        robot = bench.ROOT / cls.ROBOT
+        motion = f'name = "stand"\nrobot = "{robot}"\nends = "at_rest"\nduration_s = 0.5\n[footfalls]\nall = "stance"\n'
+        cls.LIBRARY.with_name("stand.toml").write_text(motion)
+        cls.LIBRARY.write_text(
+            f'name = "legbot"\nrobot = "{robot}"\nsafe = "stand"\n'
+            '[[motion]]\nname = "stand"\nfile = "stand.toml"\ncode = 1\n'
+        )
+        super().setUpClass()
+
+    def test_what_cannot_be_driven_plays_its_motions(self):
+        self.await_text(self.state, "Disarmed")
+        self.done("arm")
+        self.await_text(self.state, "Ready")
+        ros.wait_for(lambda: self.play.get_matched_subscriptions(), "the node listens")
+        self.play.write(ros.String("stand"))
+        self.await_text(self.motion, "stand")
+        self.done("disarm")
 
 
 if __name__ == "__main__":

@@ -22,10 +22,10 @@ pub struct SteeringArgs {
     /// Periodic plan (JSON) in whose gait the robot walks while it is steered.
     #[arg(long, value_name = "PLAN.json")]
     pub gait: Option<PathBuf>,
-    /// Fastest speed that the robot is steered to, m/s [default: that of the gait, or 0.2].
+    /// Fastest speed that keys, sticks or velocities of ROS 2 ask for, m/s [default: that of the gait, or 0.2].
     #[arg(long, value_name = "M/S", value_parser = fast)]
     speed: Option<f64>,
-    /// Fastest turn that the robot is steered to, rad/s.
+    /// Fastest turn that they ask for, rad/s.
     #[arg(long, value_name = "RAD/S", default_value_t = 0.4, value_parser = fast)]
     turn: f64,
     /// Longest time to plan, in milliseconds; the best plan so far counts then, if it meets the constraints.
@@ -46,6 +46,30 @@ pub struct Prepared {
     /// Names of the library whose SAFE pose it begins in.
     pub catalog: Catalog,
 }
+
+impl Prepared {
+    /// Whether the robot can go anywhere: without a gait all end effectors have to roll.
+    ///
+    /// # Errors
+    /// Those that cannot, in words.
+    pub fn check_goes(&self) -> Result<(), String> {
+        let Route { robot, gait, .. } = &self.route;
+        let stays = |contact: &Contact| !contact.rolls() || contact.rolls_with_link();
+        let feet = robot.end_effectors.iter().filter(|of| stays(&of.contact));
+        let feet: Vec<_> = feet.map(|of| &*of.name).collect();
+        if gait.is_some() || feet.is_empty() {
+            return Ok(());
+        }
+        Err(format!(
+            "{} cannot drive with all its end effectors on the ground, because these feet, or wheels that are fixed to their links, cannot roll: {}",
+            robot.name,
+            feet.join(", ")
+        ))
+    }
+}
+
+/// What gives a robot that does not roll a gait.
+pub const GIVE_GAIT: &str = "--gait PLAN.json gives it a gait: a plan with ends = \"periodic\"";
 
 impl SteeringArgs {
     /// Reads the files.
@@ -78,17 +102,6 @@ impl SteeringArgs {
         let plan = self.gait.as_deref().map(inputs::plan).transpose()?;
         if let Some(plan) = &plan {
             check_gait(library, plan, &robot)?;
-        }
-        let stays = |contact: &Contact| !contact.rolls() || contact.rolls_with_link();
-        let feet = robot.end_effectors.iter().filter(|of| stays(&of.contact));
-        let feet: Vec<_> = feet.map(|of| &*of.name).collect();
-        if plan.is_none() && !feet.is_empty() {
-            return Err(miette!(
-                help = "--gait PLAN.json gives it a gait: a plan with ends = \"periodic\"",
-                "{} cannot drive with all its end effectors on the ground, because these feet, or wheels that are fixed to their links, cannot roll: {}",
-                robot.name,
-                feet.join(", ")
-            ));
         }
         let gait = plan.as_ref().map(Gait::of).transpose().into_diagnostic()?;
         let speed_m_s = self.speed.or(plan.as_ref().and_then(mean_speed_m_s)).unwrap_or(SPEED_M_S);

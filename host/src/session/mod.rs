@@ -242,6 +242,19 @@ impl<B: LinkBus> Session<B> {
         self.exchange.pump(duration_us, |_| None::<()>).map(|_| ())
     }
 
+    /// Keeps the session alive until the next status, or for this long; returns the status.
+    pub fn next_status(&mut self, longest_us: u64) -> Result<Option<Status>, SessionError> {
+        self.exchange.pump(longest_us, |incoming| match incoming {
+            Incoming::Status(status) => Some(status),
+            _ => None,
+        })
+    }
+
+    /// The error of a controller that sends no status.
+    pub fn silent(&self) -> SessionError {
+        self.exchange.silent("status")
+    }
+
     /// Waits until the controller reports a state. Ends early in a state that the robot does not leave towards it by
     /// itself.
     pub fn wait_for_state(&mut self, state: State, timeout_us: u64) -> Result<(), SessionError> {
@@ -278,7 +291,7 @@ impl<B: LinkBus> Session<B> {
                 let waited_s = timeout_us as f64 * 1e-6;
                 Err(SessionError::TookTooLong { waited_for, waited_s, status })
             }
-            (None, None) => Err(self.exchange.silent("status")),
+            (None, None) => Err(self.silent()),
         }
     }
 

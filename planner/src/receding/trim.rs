@@ -1,16 +1,17 @@
 //! Correction of the steering command of a [`Course`](super::Course): integral control of the planned velocity.
 //!
-//! A horizon tracks the commanded velocity by a cost, in balance with the posture cost. Legs that leave their posture in every step therefore
-//! walk too slowly: LegBot at 62 % of the command. An integrator per axis scales the command up. Its time constant is longer than a gait
-//! cycle, so that the sway of the gait averages out. Its error is taken against a first-order lag of the command, so that it does not wind
-//! up after a step of the command.
+//! A horizon tracks the commanded velocity by a cost, in balance with the posture cost: legs that leave their posture in every step walk too
+//! slowly. An integrator per axis scales the command up. It integrates only while the command is held and the response to its last change has settled, and a rejected plan halves its
+//! state: transients do not wind it up, and it does not insist on what cannot be planned. Each gait has its own.
 
 use super::Steering;
 
 /// Integral time, s.
-const TAKES_S: f64 = 2.0;
-/// Time constant of the lag with which velocity follows a command, s.
-const FOLLOWS_S: f64 = 0.4;
+const INTEGRAL_S: f64 = 1.0;
+/// Time for which a command has to be held before its error is integrated, s: longer than robots take to follow one, the start of a gait included.
+const SETTLES_S: f64 = 1.5;
+/// Largest change of a held command, as a fraction of it.
+const HELD: f64 = 0.1;
 /// Smallest command that is corrected, m/s and rad/s: the error is divided by it.
 const LEAST: f64 = 0.02;
 /// Range of the correction, as a fraction of the command: it bounds the windup of a robot that is blocked.
@@ -21,8 +22,10 @@ const RANGE: (f64, f64) = (-0.3, 1.5);
 pub(super) struct Trim {
     /// Correction of each axis, as a fraction of the command.
     part: [f64; 3],
-    /// Command of each axis after the lag, m/s and rad/s.
-    expected: [f64; 3],
+    /// The command since its last change, m/s and rad/s.
+    held: [f64; 3],
+    /// Time since that change, s.
+    held_s: f64,
 }
 
 impl Trim {
@@ -36,18 +39,29 @@ impl Trim {
         }
     }
 
-    /// Updates the correction with the mean planned velocity of a stretch: forward, left, m/s, and yaw rate, rad/s.
-    pub fn see(&mut self, wanted: Steering, velocity: [f64; 3], stretch_s: f64) {
+    /// Updates the correction with the mean planned velocity of a stretch less the sway of the gait: forward, left, m/s, and yaw rate,
+    /// rad/s.
+    pub fn update(&mut self, wanted: Steering, velocity: [f64; 3], stretch_s: f64) {
         let wanted = [wanted.forward_m_s, wanted.left_m_s, wanted.turn_rad_s];
-        for (c, wanted) in wanted.into_iter().enumerate() {
-            let follows = 1.0 - (-stretch_s / FOLLOWS_S).exp();
-            self.expected[c] += follows * (wanted - self.expected[c]);
+        let mut axes = wanted.iter().zip(&self.held);
+        if axes.any(|(wanted, held)| (wanted - held).abs() > LEAST.max(HELD * wanted.abs())) {
+            (self.held, self.held_s) = (wanted, 0.0);
+        }
+        self.held_s += stretch_s;
+        if self.held_s <= SETTLES_S {
+            return;
+        }
+        for ((part, wanted), velocity) in self.part.iter_mut().zip(wanted).zip(velocity) {
             if wanted.abs() > LEAST {
-                let missing = (self.expected[c] - velocity[c]) / wanted;
-                let part = self.part[c] + stretch_s / TAKES_S * missing;
-                self.part[c] = part.clamp(RANGE.0, RANGE.1);
+                let error = (wanted - velocity) / wanted;
+                *part = (*part + stretch_s / INTEGRAL_S * error).clamp(RANGE.0, RANGE.1);
             }
         }
+    }
+
+    /// The plan for the corrected command was rejected.
+    pub fn reject(&mut self) {
+        self.part = self.part.map(|part| 0.5 * part);
     }
 }
 
@@ -55,32 +69,85 @@ impl Trim {
 mod tests {
     use super::*;
 
-    /// Final and largest velocity of a first-order robot whose steady-state gain is `part`.
-    fn comes_to(part: f64, wanted: f64, duration_s: f64) -> (f64, f64) {
-        let (stretch_s, mut trim, mut velocity, mut most) = (0.15, Trim::default(), 0.0, 0.0_f64);
-        let wanted = Steering { forward_m_s: wanted, ..Steering::default() };
-        for _ in 0..(duration_s / stretch_s) as usize {
-            let asked = trim.apply(wanted).forward_m_s;
-            velocity += (1.0 - (-stretch_s / FOLLOWS_S).exp()) * (part * asked - velocity);
-            most = most.max(velocity.abs());
-            trim.see(wanted, [velocity, 0.0, 0.0], stretch_s);
+    const STRETCH_S: f64 = 0.15;
+
+    /// A robot whose forward velocity follows commands with a first-order lag.
+    struct Plant {
+        lag_s: f64,
+        /// Velocity that it comes to, as a fraction of the command.
+        gain: f64,
+        velocity_m_s: f64,
+        trim: Trim,
+    }
+
+    impl Plant {
+        fn new(lag_s: f64, gain: f64) -> Self {
+            Self { lag_s, gain, velocity_m_s: 0.0, trim: Trim::default() }
         }
-        (velocity, most)
+
+        /// Steers it for some time. Returns the smallest and the largest velocity.
+        fn steer(&mut self, wanted_m_s: f64, duration_s: f64) -> (f64, f64) {
+            let wanted = Steering { forward_m_s: wanted_m_s, ..Steering::default() };
+            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            for _ in 0..(duration_s / STRETCH_S).round() as usize {
+                let goal = self.gain * self.trim.apply(wanted).forward_m_s;
+                self.velocity_m_s +=
+                    (1.0 - (-STRETCH_S / self.lag_s).exp()) * (goal - self.velocity_m_s);
+                (least, most) = (least.min(self.velocity_m_s), most.max(self.velocity_m_s));
+                self.trim.update(wanted, [self.velocity_m_s, 0.0, 0.0], STRETCH_S);
+            }
+            (least, most)
+        }
     }
 
     #[test]
-    fn what_is_missing_is_made_up_for_within_bounds() {
-        for wanted in [0.2, -0.2] {
-            let (velocity, most) = comes_to(0.6, wanted, 30.0);
-            assert!((velocity / wanted - 1.0).abs() < 0.02 && most < 0.21, "{velocity} {most}");
-            // One that follows is not driven beyond what is wanted, one that is blocked not without end.
-            let (velocity, most) = comes_to(1.0, wanted, 30.0);
-            assert!((velocity / wanted - 1.0).abs() < 1e-6 && most < 0.2001, "{velocity} {most}");
-            assert!(comes_to(0.1, wanted, 300.0).1 < 0.051);
+    fn a_steady_state_error_is_corrected_within_bounds() {
+        for lag_s in [0.1, 0.4, 0.8] {
+            for wanted in [0.2, -0.2] {
+                let mut slow = Plant::new(lag_s, 0.6);
+                let (least, most) = slow.steer(wanted, 30.0);
+                assert!((slow.velocity_m_s / wanted - 1.0).abs() < 0.02, "{}", slow.velocity_m_s);
+                assert!(least.abs().max(most.abs()) < 0.21, "{lag_s}: {least} {most}");
+            }
+            let mut fast = Plant::new(lag_s, 1.2);
+            fast.steer(0.2, 30.0);
+            assert!((fast.velocity_m_s - 0.2).abs() < 0.002, "{}", fast.velocity_m_s);
+            // One that is blocked is not driven without end.
+            assert!(Plant::new(lag_s, 0.1).steer(0.2, 300.0).1 < 0.051);
         }
+    }
+
+    #[test]
+    fn a_change_of_the_command_does_not_wind_up() {
+        for lag_s in [0.1, 0.4, 0.6] {
+            let mut plant = Plant::new(lag_s, 1.0);
+            for wanted in [0.2, 0.04, 0.2, -0.2, 0.0, 0.4] {
+                plant.steer(wanted, 6.0);
+                let part = plant.trim.part[0];
+                assert!(part.abs() < 0.12, "{lag_s} s, {wanted} m/s: {part}");
+            }
+            // A stick that is tapped, and one that moves all the time.
+            let mut plant = Plant::new(lag_s, 1.0);
+            for k in 0..50 {
+                plant.steer(if k % 2 == 0 { 0.2 } else { 0.0 }, 1.05);
+            }
+            for k in 0..50 {
+                plant.steer(0.1 + 0.02 * f64::from(k % 5), 0.3);
+            }
+            assert_eq!(plant.trim.part[0], 0.0);
+        }
+    }
+
+    #[test]
+    fn small_commands_are_left_alone_and_a_rejected_plan_halves_the_correction() {
         let small = Steering { left_m_s: 0.01, ..Steering::default() };
         let mut trim = Trim::default();
-        (0..100).for_each(|_| trim.see(small, [0.0; 3], 0.15));
+        (0..100).for_each(|_| trim.update(small, [0.0; 3], STRETCH_S));
         assert_eq!(trim.apply(small), small);
+        let turn = Steering { turn_rad_s: 0.3, ..Steering::default() };
+        (0..100).for_each(|_| trim.update(turn, [0.0; 3], STRETCH_S));
+        assert_eq!(trim.apply(turn).turn_rad_s, 2.5 * 0.3);
+        trim.reject();
+        assert_eq!(trim.apply(turn).turn_rad_s, 1.75 * 0.3);
     }
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Vector3};
 use rollwalk_multibody::State;
+use rollwalk_multibody::euler::JOINTS;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::receding::{
@@ -176,9 +177,12 @@ fn a_robot_walks_as_it_is_steered_and_stops() {
     let way = go_on(&mut walker, forward(0.1), 32);
     assert!((way.x / 0.16 - 1.0).abs() < 0.1 && way.y.abs() < 0.01, "{way:?}");
     walker.horizon.change_gait(stand, walker.at).unwrap();
-    go_on(&mut walker, Steering::default(), 48);
-    let fastest = walker.state.velocity.iter().fold(0.0f64, |fastest, v| fastest.max(v.abs()));
-    assert!(fastest < 0.02 && walker.touches.iter().all(|touches| *touches), "{fastest}");
+    go_on(&mut walker, Steering::default(), 32);
+    let fastest = |part: &[f64]| part.iter().fold(0.0f64, |fastest, v| fastest.max(v.abs()));
+    let (body, joints) = walker.state.velocity.as_slice().split_at(JOINTS);
+    // Joints return to their posture more slowly than the body stops: at 0.026 rad/s here, and at 0.008 another 0.8 s later.
+    assert!(fastest(body) < 0.002 && fastest(joints) < 0.03, "{body:?} {joints:?}");
+    assert!(walker.touches.iter().all(|touches| *touches));
 }
 
 #[test]

@@ -206,7 +206,7 @@ impl<'p> Conductor<'p> {
             (Phase::Beginning, State::Ready) if now_us < self.again_us => {}
             (Phase::Beginning, State::Ready) => {
                 let text = format!(
-                    "the controller takes no setpoints in closed loop at {} samples a second: its control rate is the most, 120 on our boards",
+                    "the controller takes no setpoints in closed loop at {} samples a second. If its control rate is lower (120 on our boards), give that with --rate; a controller that has an owner's key takes none",
                     self.tracking.rate_hz
                 );
                 operator.say(now_us, Weight::Warning, text);

@@ -10,7 +10,7 @@ mod tests;
 use crate::cmd::console::app::{terminal_gone, watch};
 use crate::gamepad::reader::Gamepad;
 use crate::inputs::number_within;
-use crate::link::steering::{Prepared, SteeringArgs};
+use crate::link::steering::{GIVE_GAIT, Prepared, SteeringArgs};
 use crate::link::{LinkArgs, cannot_open, ended};
 use crate::{Exit, interrupt, output};
 use app::{App, Ending};
@@ -61,7 +61,7 @@ pub struct Args {
     /// Button mapping (TOML, docs/gamepad.md), for a gamepad without a shipped one.
     #[arg(long, value_name = "FILE", requires = "gamepad")]
     mapping: Option<PathBuf>,
-    /// Steer without a terminal: velocity from a time on, forward and to the left in m/s, turning to the left in rad/s. A horizon that cannot be planned for it makes the robot halt; --speed and --turn limit keys and sticks only.
+    /// Steer without a terminal: velocity from a time on, forward and to the left in m/s, turning to the left in rad/s. A horizon that cannot be planned for it makes the robot halt; --speed and --turn do not limit it.
     #[arg(
         long,
         value_name = "AT:FORWARD,LEFT,TURN",
@@ -89,8 +89,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             "driving needs a terminal for keys, and this is none"
         ));
     }
-    let Prepared { route, fastest, catalog } =
-        args.steering.prepare(&args.library, args.robot.as_deref())?;
+    let prepared = args.steering.prepare(&args.library, args.robot.as_deref())?;
+    prepared.check_goes().map_err(|why| miette!(help = GIVE_GAIT, "{why}"))?;
+    let Prepared { route, fastest, catalog } = prepared;
     let gamepad =
         args.gamepad.as_deref().map(|device| Gamepad::open(device, args.mapping.as_deref()));
     let gamepad = gamepad.transpose()?;

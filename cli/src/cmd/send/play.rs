@@ -11,8 +11,10 @@ use rollwalk_protocol::wire::{State, Status};
 
 /// Maximum wait for a motion to start, beyond the controller's estimate, µs.
 const SLACK_US: u64 = 5_000_000;
-/// Interval between checks for Ctrl-C while a motion plays, s.
+/// Longest interval between checks for Ctrl-C while a motion plays, s.
 const PORTION_S: f64 = 0.1;
+/// Time without a status after which the controller counts as silent, s.
+const SILENT_S: f64 = 2.0;
 /// How long before the end of a loop what follows is asked for, s: longer than a status and a command take.
 const LEAD_S: f64 = 0.25;
 /// The same in frames: the controller has to know before it looks ahead to the first frame of another round.
@@ -87,16 +89,20 @@ fn finish(
 ) -> Result<(), SessionError> {
     let round = f64::from(motion.frames) / f64::from(RATE_HZ);
     let node = chosen.motion.map(|(node, _)| node);
+    // A later frame is reported as the last one, and then time alone counts.
+    let is_known = |status: &&Status| {
+        status.clip.map(usize::from) == node && status.frame < Status::LAST_FRAME
+    };
     if motion.looping {
         let frame_s = 64.0 / (f64::from(RATE_HZ) * f64::from(speed_64ths));
         let at_s = |status: &Status| f64::from(status.frame) * frame_s;
-        let begun_s = session.status().as_ref().map_or(0.0, at_s);
+        let begun_s = session.status().as_ref().filter(is_known).map_or(0.0, at_s);
         let round_s = f64::from(motion.frames) * frame_s;
         let wanted_s = chosen.seconds.unwrap_or(round_s);
         let mut playing = Loop::new(round_s, begun_s, wanted_s, played_before);
         let lead_s = LEAD_S.max(LEAD_FRAMES * frame_s);
         return run_while(session, node, |status, passed_s| {
-            playing.pass(passed_s, status.map(at_s));
+            playing.pass(passed_s, status.filter(is_known).map(at_s));
             playing.left_s() - lead_s
         });
     }
@@ -205,40 +211,42 @@ fn run_for(session: &mut LiveSession, duration_s: f64) -> Result<(), SessionErro
     })
 }
 
-/// Lets the robot play while time is left: `left_s` is given the newest status and how long the robot played since the last call, pauses not
-/// counted. Ends early on Ctrl-C, and when the robot stops by itself. A motion that `repeats`, by its node, does not end by itself: a robot that
-/// leaves it was sent home, or elsewhere, by another program.
+/// Lets the robot play while time is left: `left_s` is given a new status, if there is one, and how long the robot played since the last call,
+/// pauses not counted. Ends early on Ctrl-C, when the robot stops by itself, and when the controller is silent. A motion that `repeats`, by its
+/// node, does not end by itself: a robot that leaves it was sent home, or elsewhere, by another program.
 fn run_while(
     session: &mut LiveSession,
     repeats: Option<usize>,
     mut left_s: impl FnMut(Option<&Status>, f64) -> f64,
 ) -> Result<(), SessionError> {
-    let (mut passed_s, mut pauses) = (0.0, Pauses::default());
+    let (mut passed_s, mut silent_s, mut pauses) = (0.0, 0.0, Pauses::default());
+    let mut status = session.status();
     while !interrupt::requested() {
-        let status = session.status();
         let left_s = left_s(status.as_ref(), passed_s);
         if left_s <= 0.0 {
             break;
         }
         let before_us = session.bus().now_us();
-        session.run_for(micros(left_s.min(PORTION_S)))?;
+        status = session.next_status(micros(left_s.min(PORTION_S)))?;
         // A wait may be longer than it was asked to be.
-        let waited_us = session.bus().now_us().saturating_sub(before_us);
-        let paused = pauses.check(session.status().as_ref());
-        passed_s = if paused { 0.0 } else { waited_us as f64 * 1e-6 };
-        if let (Some(node), Some(status)) = (repeats, session.status())
-            && matches!(status.state, State::Playing | State::Ready | State::Returning)
-            && status.clip.map(usize::from) != Some(node)
-        {
-            output::say("another program has ended the motion: nothing more is played");
-            let waited_for = "the end of the motion".into();
-            return Err(SessionError::WentElsewhere { waited_for, status });
+        let waited_s = session.bus().now_us().saturating_sub(before_us) as f64 * 1e-6;
+        silent_s = if status.is_some() { 0.0 } else { silent_s + waited_s };
+        if silent_s > SILENT_S {
+            return Err(session.silent());
         }
-        if let Some(status) = session.status()
-            && matches!(status.state, State::Damped | State::TorqueOff | State::EStopped)
-        {
-            let waited_for = "the end of the motion".into();
-            return Err(SessionError::WentElsewhere { waited_for, status });
+        let paused = pauses.check(session.status().as_ref());
+        passed_s = if paused { 0.0 } else { waited_s };
+        let Some(status) = status else { continue };
+        let waited_for = "the end of the motion".into();
+        match status.state {
+            State::Playing | State::Ready | State::Returning
+                if repeats.is_some() && status.clip.map(usize::from) != repeats =>
+            {
+                output::say("another program has ended the motion: nothing more is played");
+                return Err(SessionError::WentElsewhere { waited_for, status });
+            }
+            State::Playing | State::Ready | State::Returning | State::Paused | State::Aligning => {}
+            _ => return Err(SessionError::WentElsewhere { waited_for, status }),
         }
     }
     Ok(())
