@@ -408,7 +408,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             severity: self.state().severity(faults),
             faults,
             clip: playing.map(|p| p.clip.0),
-            frame: playing.map_or(self.motion.streamed_frames() & Status::LAST_FRAME, |p| p.frame),
+            frame: playing.map_or(self.motion.streamed_frames() & 0xFFF, |p| p.frame),
             counter,
             library: self.storage.library().map_or(0, |library| library.index().id() as u8),
         }

@@ -4,7 +4,7 @@
 //! taken; what it has not taken yet is kept here or waits in its ring (`docs/wire-format.md`, SETPOINT).
 
 use rollwalk_protocol::can::Frame as CanFrame;
-use rollwalk_protocol::wire::{Node, Setpoint, Status};
+use rollwalk_protocol::wire::{Node, Setpoint};
 use std::collections::VecDeque;
 
 /// Frames that are sent ahead of the last known one of the controller, which is up to 3 frames old: 0.12 to 0.17 s. The
@@ -49,9 +49,9 @@ impl Stream {
         self.taken
     }
 
-    /// Takes the count of frames in a STATUS of the state Streaming, modulo 4096 ([`Status::LAST_FRAME`]).
+    /// Takes the count of frames in a STATUS of the state Streaming, modulo 4096.
     pub fn on_status(&mut self, frame: u16) {
-        let more = u64::from(frame).wrapping_sub(self.taken) & u64::from(Status::LAST_FRAME);
+        let more = u64::from(frame).wrapping_sub(self.taken) & 0xFFF;
         // An older STATUS does not count back.
         if more < 0x800 {
             self.taken += more;
@@ -115,7 +115,7 @@ mod tests {
         // The controller's count wraps, and so does the number on the wire.
         let mut all = LEAD as usize;
         for taken in (3..=590).step_by(3) {
-            stream.on_status(taken & Status::LAST_FRAME);
+            stream.on_status(taken & 0xFFF);
             let more = sent(&mut stream);
             assert_eq!(more.first(), Some(&(all as u8, 0)), "{taken}");
             all += more.len() / 3;

@@ -6,6 +6,7 @@ use rollwalk_bus::port::Live;
 use rollwalk_bus::sim;
 use rollwalk_protocol::wire::{FromController, State, Status, ToController};
 use rollwalk_tests::{Desk, Outcome, signal};
+use std::fs;
 use std::os::unix::net::UnixListener;
 use std::process::{Child, Stdio};
 use std::thread::sleep;
@@ -79,6 +80,29 @@ fn ctrl_c_brings_a_robot_home_that_aligns_and_one_that_plays() {
         assert!(outcome.stderr.ends_with("disarmed\n"), "{state:?}: {}", outcome.stderr);
         let status = wait_for(&mut listener(&desk), State::Disarmed);
         assert!(status.faults.is_empty(), "{state:?}: {status:?}");
+    }
+}
+
+/// While it plays, and while it is paused.
+#[test]
+fn a_controller_that_falls_silent_is_not_waited_for() {
+    let desk = desk_with_library_file();
+    for paused in [false, true] {
+        let (robot, bus) = robot(&desk);
+        let mut link = listener(&desk);
+        let send = start(&desk, &bus, &["send", "--arm", "rest:60"]);
+        wait_for(&mut link, State::Playing);
+        if paused {
+            on(&desk, &bus, &["pause"]).succeeds();
+            wait_for(&mut link, State::Paused);
+        }
+        drop(link);
+        robot.signal("STOP");
+        let outcome = Outcome::from(send.wait_with_output().expect("it ends"));
+        outcome.fails(5, &["does not answer (status)", "the robot was not brought home"]);
+        // One that is stopped is killed, but its socket stays.
+        drop(robot);
+        let _ = fs::remove_file(desk.path("robot.sock"));
     }
 }
 

@@ -96,6 +96,11 @@ impl Robot {
         command.output().expect("the robot starts").into()
     }
 
+    /// Sends a signal to it.
+    pub fn signal(&self, name: &str) {
+        signal(&self.0, name);
+    }
+
     /// Ends it as Ctrl-C does.
     pub fn stop(&mut self) {
         signal(&self.0, "INT");

@@ -131,6 +131,7 @@ impl Course {
     pub fn change_gait(&mut self, gait: Gait) -> Result<(), HorizonError> {
         let name = gait.motion.name.clone();
         self.horizon.change_gait(gait, self.samples)?;
+        self.trims.entry(name.clone()).or_default().restart();
         self.gait = name;
         Ok(())
     }
@@ -292,6 +293,28 @@ mod tests {
         let frames: usize = all.iter().map(|stretch| stretch.frames.len()).sum();
         assert_eq!(frames, (all.len() as f64 * course.stretch_s() * 60.0).round() as usize);
         check_frames(&robot, &all);
+    }
+
+    /// In between it stands, in another gait, which sees the command of zero.
+    #[test]
+    fn a_stick_that_is_tapped_does_not_wind_up_the_correction_of_the_walk() {
+        let robot = agilebot();
+        let text = include_str!("../../../motions/walk.toml");
+        let motion = Motion::from_toml("walk.toml", text, &robot).expect("it ships");
+        let options = Options { refine: false, ..Options::default() };
+        let walk = Gait::of(&optimise(&robot, &motion, &options, &mut on())).expect("it repeats");
+        let stand = Gait::standing(&robot, walk.interval_s()).expect("a spacing");
+        let horizon = HorizonOptions { duration_s: 1.6, ..HorizonOptions::default() };
+        let mut course = Course::new(&robot, &nominal(&robot), walk.interval_s(), 0.2, horizon)
+            .expect("it is long enough");
+        let forward = Steering { forward_m_s: 0.1, ..Steering::default() };
+        for _ in 0..4 {
+            course.change_gait(walk.clone()).expect("of the same robot");
+            steered(&mut course, &[(forward, 6)]);
+            course.change_gait(stand.clone()).expect("of the same robot");
+            steered(&mut course, &[(Steering::default(), 6)]);
+        }
+        assert_eq!(course.trims[&walk.motion.name].apply(forward), forward);
     }
 
     /// Its legs have to leave their posture for every step.

@@ -44,7 +44,7 @@ impl Trim {
     pub fn update(&mut self, wanted: Steering, velocity: [f64; 3], stretch_s: f64) {
         let wanted = [wanted.forward_m_s, wanted.left_m_s, wanted.turn_rad_s];
         let mut axes = wanted.iter().zip(&self.held);
-        if axes.any(|(wanted, held)| (wanted - held).abs() > LEAST.max(HELD * wanted.abs())) {
+        if axes.any(|(wanted, held)| (wanted - held).abs() > HELD * wanted.abs().max(LEAST)) {
             (self.held, self.held_s) = (wanted, 0.0);
         }
         self.held_s += stretch_s;
@@ -62,6 +62,12 @@ impl Trim {
     /// The plan for the corrected command was rejected.
     pub fn reject(&mut self) {
         self.part = self.part.map(|part| 0.5 * part);
+        self.restart();
+    }
+
+    /// The robot follows its command anew, from another gait.
+    pub fn restart(&mut self) {
+        self.held_s = 0.0;
     }
 }
 
@@ -132,7 +138,7 @@ mod tests {
                 plant.steer(if k % 2 == 0 { 0.2 } else { 0.0 }, 1.05);
             }
             for k in 0..50 {
-                plant.steer(0.1 + 0.02 * f64::from(k % 5), 0.3);
+                plant.steer(0.02 + 0.01 * f64::from(k % 5), 0.3);
             }
             assert_eq!(plant.trim.part[0], 0.0);
         }

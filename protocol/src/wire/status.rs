@@ -97,7 +97,7 @@ pub struct Status {
     pub faults: FaultBits,
     /// Clip being played: motions, then transitions, as in the library.
     pub clip: Option<u8>,
-    /// Frame of that clip, to [`Self::LAST_FRAME`]; while streaming the frames played so far, modulo 4096.
+    /// Frame of that clip, 0 to 4095; while streaming the frames played so far, modulo 4096.
     pub frame: u16,
     /// 0 to 15, one more (and around) with each status message.
     pub counter: u8,
@@ -106,15 +106,12 @@ pub struct Status {
 }
 
 impl Status {
-    /// Last frame of a clip that a status reports: later ones are reported as this one.
-    pub const LAST_FRAME: u16 = 0xFFF;
-
     /// `[crc8][state 4 low bits, severity 4 high bits][faults u16][clip u8, 255 none]
-    /// [frame 12 low bits, counter 4 high bits: u16][library u8]`. A frame above [`Self::LAST_FRAME`] is
-    /// sent as that.
+    /// [frame 12 low bits, counter 4 high bits: u16][library u8]`. A frame above 4095 is sent as
+    /// 4095.
     pub fn encode(self, from: Node) -> Frame {
         let [f0, f1] = self.faults.0.to_le_bytes();
-        let place = self.frame.min(Self::LAST_FRAME) | u16::from(self.counter & 0xF) << 12;
+        let place = self.frame.min(0xFFF) | u16::from(self.counter & 0xF) << 12;
         let [p0, p1] = place.to_le_bytes();
         let head = self.state.code() | self.severity.code() << 4;
         STATUS.seal(from, [0, head, f0, f1, self.clip.unwrap_or(NONE), p0, p1, self.library])
@@ -129,7 +126,7 @@ impl Status {
             severity: Severity::from_code(head >> 4).ok_or(DecodeError::BadValue)?,
             faults: FaultBits(u16::from_le_bytes([f0, f1])),
             clip: (clip != NONE).then_some(clip),
-            frame: place & Self::LAST_FRAME,
+            frame: place & 0xFFF,
             counter: (place >> 12) as u8,
             library,
         };

@@ -115,11 +115,14 @@ fn arm_and_play(
         }
     };
     session.bus_mut().ignore_interrupts();
-    let home = if outcome.as_ref().is_err_and(is_down) {
-        see_down(session);
-        Ok(())
-    } else {
-        go_home(session)
+    let home = match outcome.as_ref().err().and_then(elsewhere) {
+        Some(State::EStopped | State::TorqueOff | State::Damped) => {
+            see_down(session);
+            Ok(())
+        }
+        // It has restarted, or another program has disarmed it.
+        Some(State::Disarmed | State::Boot | State::SelfTest) => Ok(()),
+        _ => go_home(session),
     };
     let exit = match outcome {
         Ok(()) if interrupt::requested() => Exit::Interrupted,
@@ -136,13 +139,12 @@ fn arm_and_play(
     }
 }
 
-/// Whether something has stopped the robot or lets it down: there is no way home from there.
-fn is_down(error: &SessionError) -> bool {
-    matches!(
-        error,
-        SessionError::WentElsewhere { status, .. }
-            if matches!(status.state, State::EStopped | State::TorqueOff | State::Damped)
-    )
+/// State of a robot that has left what was waited for. From some there is no way home.
+fn elsewhere(error: &SessionError) -> Option<State> {
+    match error {
+        SessionError::WentElsewhere { status, .. } => Some(status.state),
+        _ => None,
+    }
 }
 
 /// Stays connected until a stopped robot is disarmed: leaving earlier would add a lost host to its faults. The error

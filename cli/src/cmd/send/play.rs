@@ -89,20 +89,17 @@ fn finish(
 ) -> Result<(), SessionError> {
     let round = f64::from(motion.frames) / f64::from(RATE_HZ);
     let node = chosen.motion.map(|(node, _)| node);
-    // A later frame is reported as the last one, and then time alone counts.
-    let is_known = |status: &&Status| {
-        status.clip.map(usize::from) == node && status.frame < Status::LAST_FRAME
-    };
+    let is_it = |status: &&Status| status.clip.map(usize::from) == node;
     if motion.looping {
         let frame_s = 64.0 / (f64::from(RATE_HZ) * f64::from(speed_64ths));
         let at_s = |status: &Status| f64::from(status.frame) * frame_s;
-        let begun_s = session.status().as_ref().filter(is_known).map_or(0.0, at_s);
+        let begun_s = session.status().as_ref().filter(is_it).map_or(0.0, at_s);
         let round_s = f64::from(motion.frames) * frame_s;
         let wanted_s = chosen.seconds.unwrap_or(round_s);
         let mut playing = Loop::new(round_s, begun_s, wanted_s, played_before);
         let lead_s = LEAD_S.max(LEAD_FRAMES * frame_s);
         return run_while(session, node, |status, passed_s| {
-            playing.pass(passed_s, status.filter(is_known).map(at_s));
+            playing.pass(passed_s, status.filter(is_it).map(at_s));
             playing.left_s() - lead_s
         });
     }
@@ -180,6 +177,37 @@ impl Pauses {
     }
 }
 
+/// What a program that waits hears from the controller.
+#[derive(Default)]
+struct Hearing {
+    pauses: Pauses,
+    /// Time since the last status, s.
+    silent_s: f64,
+}
+
+impl Hearing {
+    /// Waits for the next status, and returns it and for how long the robot played, s; pauses do not count.
+    ///
+    /// # Errors
+    /// Errors of the session, or the controller is silent.
+    fn next(
+        &mut self,
+        session: &mut LiveSession,
+        longest_s: f64,
+    ) -> Result<(Option<Status>, f64), SessionError> {
+        let before_us = session.bus().now_us();
+        let status = session.next_status(micros(longest_s))?;
+        // A wait may be longer than it was asked to be.
+        let waited_s = session.bus().now_us().saturating_sub(before_us) as f64 * 1e-6;
+        self.silent_s = if status.is_some() { 0.0 } else { self.silent_s + waited_s };
+        if self.silent_s > SILENT_S {
+            return Err(session.silent());
+        }
+        let is_paused = self.pauses.check(session.status().as_ref());
+        Ok((status, if is_paused { 0.0 } else { waited_s }))
+    }
+}
+
 /// Waits for a status. Time spent paused does not count towards the timeout: a paused robot must not move because of
 /// one.
 fn wait_also_while_paused(
@@ -188,16 +216,19 @@ fn wait_also_while_paused(
     longest_us: u64,
     mut reached: impl FnMut(&Status) -> Option<bool>,
 ) -> Result<(), SessionError> {
-    let mut pauses = Pauses::default();
+    let (waited_s, mut played_s, mut hearing) = (longest_us as f64 * 1e-6, 0.0, Hearing::default());
     loop {
-        let waited = session.wait_until(what, longest_us, |status| {
-            pauses.check(Some(status));
-            reached(status)
-        });
-        let paused = session.status().is_some_and(|status| status.state == State::Paused);
-        match waited {
-            Err(SessionError::TookTooLong { .. }) if paused => {}
-            waited => return waited,
+        let (status, passed_s) = hearing.next(session, PORTION_S)?;
+        played_s += passed_s;
+        let Some(status) = status else { continue };
+        let waited_for = what.into();
+        match reached(&status) {
+            Some(true) => return Ok(()),
+            Some(false) => return Err(SessionError::WentElsewhere { waited_for, status }),
+            None if played_s > waited_s => {
+                return Err(SessionError::TookTooLong { waited_for, waited_s, status });
+            }
+            None => {}
         }
     }
 }
@@ -219,23 +250,18 @@ fn run_while(
     repeats: Option<usize>,
     mut left_s: impl FnMut(Option<&Status>, f64) -> f64,
 ) -> Result<(), SessionError> {
-    let (mut passed_s, mut silent_s, mut pauses) = (0.0, 0.0, Pauses::default());
+    let (mut passed_s, mut hearing) = (0.0, Hearing::default());
     let mut status = session.status();
     while !interrupt::requested() {
         let left_s = left_s(status.as_ref(), passed_s);
         if left_s <= 0.0 {
             break;
         }
-        let before_us = session.bus().now_us();
-        status = session.next_status(micros(left_s.min(PORTION_S)))?;
-        // A wait may be longer than it was asked to be.
-        let waited_s = session.bus().now_us().saturating_sub(before_us) as f64 * 1e-6;
-        silent_s = if status.is_some() { 0.0 } else { silent_s + waited_s };
-        if silent_s > SILENT_S {
-            return Err(session.silent());
+        (status, passed_s) = hearing.next(session, left_s.min(PORTION_S))?;
+        // After a stall of this program the time that has passed is that to the newest.
+        while let Some(newer) = session.next_status(0)? {
+            status = Some(newer);
         }
-        let paused = pauses.check(session.status().as_ref());
-        passed_s = if paused { 0.0 } else { waited_s };
         let Some(status) = status else { continue };
         let waited_for = "the end of the motion".into();
         match status.state {
