@@ -1,8 +1,9 @@
 //! Correction of the steering command of a [`Course`](super::Course): integral control of the planned velocity.
 //!
 //! A horizon tracks the commanded velocity by a cost, in balance with the posture cost: legs that leave their posture in every step walk too
-//! slowly. An integrator per axis scales the command up. It integrates only while the command is held and the response to its last change has settled, and a rejected plan halves its
-//! state: transients do not wind it up, and it does not insist on what cannot be planned. Each gait has its own.
+//! slowly. An integrator per axis scales the command up. It integrates only
+//! while the command is held and the response to its last change has settled, and a rejected plan halves its state: transients do not wind
+//! it up, and it does not insist on what cannot be planned. Each gait has its own.
 
 use super::Steering;
 
@@ -65,7 +66,7 @@ impl Trim {
         self.restart();
     }
 
-    /// The robot follows its command anew, from another gait.
+    /// Starts the settling time again: the gait has changed.
     pub fn restart(&mut self) {
         self.held_s = 0.0;
     }

@@ -139,7 +139,7 @@ fn arm_and_play(
     }
 }
 
-/// State of a robot that has left what was waited for. From some there is no way home.
+/// The state that the robot was in when a wait ended because it could no longer succeed.
 fn elsewhere(error: &SessionError) -> Option<State> {
     match error {
         SessionError::WentElsewhere { status, .. } => Some(status.state),
