@@ -13,7 +13,7 @@ use rollwalk_protocol::wire::{State, Status};
 const SLACK_US: u64 = 5_000_000;
 /// Longest interval between checks for Ctrl-C while a motion plays, s.
 const PORTION_S: f64 = 0.1;
-/// Time without a status after which the controller counts as silent, s: it sends one every 50 ms, and a busy computer may read late.
+/// Time without a status after which the controller counts as silent, s: many times `STATUS_PERIOD_MS`, because a busy computer reads late.
 const SILENT_S: f64 = 2.0;
 /// How long before the end of a loop what follows is asked for, s: longer than a status and a command take.
 const LEAD_S: f64 = 0.25;
