@@ -104,6 +104,10 @@ describe("robots in Foxglove", { skip: program && simulator ? false : "STUDIO_RO
   test("a port that is taken is refused with what to do", async () => {
     const port = address.split(":").at(-1);
     const other = spawn(simulator, ["robots/agilebot.toml", "--bus", `${bus}.other`, "--foxglove", port], { cwd: root });
-    await assert.rejects(said(other, /Ctrl-C/), /cannot serve Foxglove on 127\.0\.0\.1[\s\S]*--foxglove PORT/);
+    try {
+      await assert.rejects(said(other, /Ctrl-C/), /cannot serve Foxglove on 127\.0\.0\.1[\s\S]*--foxglove PORT/);
+    } finally {
+      other.kill();
+    }
   });
 });

@@ -2,24 +2,26 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { dirname, join } from "node:path";
+import { createInterface } from "node:readline";
 import { fileURLToPath } from "node:url";
 
 export const program = process.env.STUDIO_ROLLWALK;
 export const simulator = process.env.STUDIO_SIM;
 export const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
 
-/** Waits until a program has said what matches. */
+/** Waits until a line of a program matches: data may end within a line, in the middle of an address. */
 export function said(child, wanted) {
   let text = "";
   return new Promise((resolve, reject) => {
     for (const stream of [child.stdout, child.stderr]) {
-      stream.on("data", (data) => {
-        text += data;
-        const found = wanted.exec(text);
+      createInterface({ input: stream }).on("line", (line) => {
+        text += `${line}\n`;
+        const found = wanted.exec(line);
         if (found) resolve(found[0]);
       });
     }
-    child.on("exit", () => reject(new assert.AssertionError({ message: `the program ended: ${text}` })));
+    // After its streams have closed: all lines have come.
+    child.on("close", () => reject(new assert.AssertionError({ message: `the program ended: ${text}` })));
   });
 }
 
