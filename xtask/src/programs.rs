@@ -10,8 +10,8 @@ use std::time::Instant;
 const END_TO_END: &str = "integration";
 /// Those of them whose simulated robots have deadlines in real time, which other programs beside them would make them miss.
 const REAL_TIME: &str = "::in_real_time_";
-/// Tests in real time at a time.
-const REAL_TIME_THREADS: &str = "--test-threads=3";
+/// Tests in real time at a time. With three of them on two cores streams of setpoints come too late, and are repeated.
+const REAL_TIME_THREADS: &str = "--test-threads=2";
 /// Other tests of [`END_TO_END`] at a time: most wait for robots that play in real time.
 const END_TO_END_THREADS: &str = "--test-threads=4";
 

@@ -319,6 +319,7 @@ mod tests {
 
     /// Its legs have to leave their posture for every step.
     #[test]
+    #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
     fn a_robot_that_cannot_roll_walks_as_fast_as_it_is_steered() {
         let text = include_str!("../../../robots/legbot.toml");
         let robot = Robot::from_toml("legbot.toml", text).expect("it ships");

@@ -118,6 +118,7 @@ fn long_walk() -> Plan {
 }
 
 #[test]
+#[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn a_walk_too_far_names_the_distance_and_the_legs() {
     let (robot, motion) = walk(|motion| motion.goal.forward_m = Some(1.5));
     let diagnosis = impossible(&plan(&robot, &motion), &long_walk());
@@ -237,6 +238,7 @@ fn a_roll_that_misses_by_little_is_told_so_soon_and_how_far_it_gets() {
 }
 
 #[test]
+#[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn targets_that_exclude_each_other_are_both_named() {
     let robot = robot(include_str!("../../../robots/agilebot.toml"));
     let text = include_str!("../../../motions/drive_1m.toml");

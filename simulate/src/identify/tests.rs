@@ -194,6 +194,7 @@ fn gentle(robot: &Robot) -> Recording {
 }
 
 #[test]
+#[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn what_a_run_does_not_tell_stays_as_it_is() {
     let robot = agilebot();
     let mut model = Model::new(&robot);

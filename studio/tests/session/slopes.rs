@@ -31,6 +31,7 @@ fn find<'v>(list: &'v Value, name: &str) -> &'v Value {
 }
 
 #[test]
+#[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn slopes_say_what_a_slider_does_to_the_optimum() {
     let original = Page::default().text(ROBOT);
     let (mut page, files) = planned(&original);

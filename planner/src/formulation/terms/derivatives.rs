@@ -107,6 +107,7 @@ fn every_term_matches_finite_differences_on_every_robot() {
 
 /// The other shipped robots take turns with the kinds of ends: each is checked once.
 #[test]
+#[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn every_term_matches_finite_differences_on_the_other_shipped_robots() {
     let mut seen = vec![0; Family::ALL.len()];
     for (robot, ends) in test_robots::others().iter().zip(ENDS.into_iter().cycle()) {
