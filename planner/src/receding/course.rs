@@ -208,6 +208,7 @@ impl Course {
 mod tests {
     use super::*;
     use crate::motion::Motion;
+    use crate::plan::Plan;
     use crate::{Options, optimise};
 
     fn on() -> impl FnMut(&Progress) -> ControlFlow<()> {
@@ -217,6 +218,24 @@ mod tests {
     fn agilebot() -> Robot {
         let text = include_str!("../../../robots/agilebot.toml");
         Robot::from_toml("agilebot.toml", text).expect("it ships")
+    }
+
+    /// AgileBot's shipped walk, from its own samples alone.
+    fn walk(robot: &Robot) -> Gait {
+        let text = include_str!("../../../motions/walk.toml");
+        let motion = Motion::from_toml("walk.toml", text, robot).expect("it ships");
+        Gait::of(&planned(robot, &motion)).expect("it repeats")
+    }
+
+    fn planned(robot: &Robot, motion: &Motion) -> Plan {
+        let options = Options { refine: false, ..Options::default() };
+        optimise(robot, motion, &options, &mut on())
+    }
+
+    /// A course in stretches of 0.2 s, from the nominal posture.
+    fn from_nominal(robot: &Robot, interval_s: f64, duration_s: f64) -> Course {
+        let horizon = HorizonOptions { duration_s, ..HorizonOptions::default() };
+        Course::new(robot, &nominal(robot), interval_s, 0.2, horizon).expect("it is long enough")
     }
 
     fn nominal(robot: &Robot) -> Vec<f64> {
@@ -254,15 +273,10 @@ mod tests {
     #[test]
     fn a_course_begins_at_its_posture_walks_as_it_is_steered_and_comes_to_rest() {
         let robot = agilebot();
-        let text = include_str!("../../../motions/walk.toml");
-        let motion = Motion::from_toml("walk.toml", text, &robot).expect("it ships");
-        let options = Options { refine: false, ..Options::default() };
-        let walk = Gait::of(&optimise(&robot, &motion, &options, &mut on())).expect("it repeats");
+        let walk = walk(&robot);
         let interval_s = walk.interval_s();
-        let horizon = HorizonOptions { duration_s: 1.6, ..HorizonOptions::default() };
         let posture = nominal(&robot);
-        let mut course =
-            Course::new(&robot, &posture, interval_s, 0.2, horizon).expect("it is long enough");
+        let mut course = from_nominal(&robot, interval_s, 1.6);
         let mut all = steered(&mut course, &[(Steering::default(), 2)]);
         for (angle, nominal) in all[0].frames[0].values.iter().zip(&posture) {
             assert!((angle - nominal).abs() < 1e-6, "{angle} {nominal}"); // on its contacts
@@ -299,14 +313,9 @@ mod tests {
     #[test]
     fn a_stick_that_is_tapped_does_not_wind_up_the_correction_of_the_walk() {
         let robot = agilebot();
-        let text = include_str!("../../../motions/walk.toml");
-        let motion = Motion::from_toml("walk.toml", text, &robot).expect("it ships");
-        let options = Options { refine: false, ..Options::default() };
-        let walk = Gait::of(&optimise(&robot, &motion, &options, &mut on())).expect("it repeats");
+        let walk = walk(&robot);
         let stand = Gait::standing(&robot, walk.interval_s()).expect("a spacing");
-        let horizon = HorizonOptions { duration_s: 1.6, ..HorizonOptions::default() };
-        let mut course = Course::new(&robot, &nominal(&robot), walk.interval_s(), 0.2, horizon)
-            .expect("it is long enough");
+        let mut course = from_nominal(&robot, walk.interval_s(), 1.6);
         let forward = Steering { forward_m_s: 0.1, ..Steering::default() };
         for _ in 0..4 {
             course.change_gait(walk.clone()).expect("of the same robot");
@@ -325,8 +334,7 @@ mod tests {
         let robot = Robot::from_toml("legbot.toml", text).expect("it ships");
         let text = include_str!("../../../motions/legbot_walk.toml");
         let motion = Motion::from_toml("legbot_walk.toml", text, &robot).expect("it ships");
-        let options = Options { refine: false, ..Options::default() };
-        let plan = optimise(&robot, &motion, &options, &mut on());
+        let plan = planned(&robot, &motion);
         let speed_m_s = plan.end_placement.offset_m[0] / motion.duration_s;
         let walk = Gait::of(&plan).expect("it repeats");
         let horizon =
@@ -345,8 +353,7 @@ mod tests {
     #[test]
     fn without_plans_the_last_one_goes_on_to_its_end() {
         let robot = agilebot();
-        let options = HorizonOptions { duration_s: 1.0, ..HorizonOptions::default() };
-        let mut course = Course::new(&robot, &nominal(&robot), 0.1, 0.2, options).expect("long");
+        let mut course = from_nominal(&robot, 0.1, 1.0);
         let forward = Steering { forward_m_s: 0.15, ..Steering::default() };
         steered(&mut course, &[(forward, 3)]);
         // Stopped before the first iteration is over, from a state that is far from what is wanted.

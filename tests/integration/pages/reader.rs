@@ -3,16 +3,14 @@
 use super::command::{exported, words};
 use super::document::Document;
 use crate::desk_with_shipped_files;
-use rollwalk_tests::{Desk, checkout};
-use std::process::{Child, Command, Output, Stdio};
+use crate::simulated::once_more_when_late;
+use rollwalk_tests::{Desk, Outcome, checkout};
+use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 /// Commands that go on until their user ends them: understood, not run.
 const ENDED_BY_THEIR_USER: [&str; 4] = ["console", "drive", "monitor", "studio"];
-
-/// Exit code of a command whose robot did not do all: it missed a deadline, for one.
-const NOT_DONE: i32 = 5;
 
 /// The reader.
 pub struct Reader {
@@ -72,12 +70,12 @@ impl Reader {
             "rollwalk" => {
                 let refused = refusal(line);
                 let outcome = if refused.is_some() { self.once(args) } else { self.in_time(args) };
-                let said = String::from_utf8_lossy(&outcome.stderr);
+                let (code, said) = (outcome.code, &outcome.stderr);
                 let is_right = match refused {
-                    None => outcome.status.success(),
-                    Some(words) => !outcome.status.success() && said.contains(words),
+                    None => code == 0,
+                    Some(words) => code != 0 && said.contains(words),
                 };
-                assert!(is_right, "{place}: {}\n{said}", outcome.status);
+                assert!(is_right, "{place}: exit code {code}\n{said}");
                 self.commands += 1;
             }
             "rollwalk-sim" => self.start(place, args),
@@ -91,22 +89,14 @@ impl Reader {
         }
     }
 
-    /// Runs a command. On a computer that is busy with other tests, one that streams setpoints may miss a deadline: once more then.
-    fn in_time(&self, args: &[String]) -> Output {
-        for _ in 0..4 {
-            let outcome = self.once(args);
-            if outcome.status.code() != Some(NOT_DONE) {
-                return outcome;
-            }
-            eprintln!("once more: {}", String::from_utf8_lossy(&outcome.stderr));
-            sleep(Duration::from_secs(3));
-            self.once(&["clear", "--bus", "sim"].map(String::from));
-        }
-        self.once(args)
+    /// Runs a command that may stream setpoints in real time.
+    fn in_time(&self, args: &[String]) -> Outcome {
+        let clear = ["clear", "--bus", "sim"].map(String::from);
+        once_more_when_late(|| self.once(args), || self.once(&clear))
     }
 
-    fn once(&self, args: &[String]) -> Output {
-        self.command(args).output().expect("the command starts")
+    fn once(&self, args: &[String]) -> Outcome {
+        self.command(args).output().expect("the command starts").into()
     }
 
     fn command(&self, args: &[String]) -> Command {
@@ -132,7 +122,7 @@ impl Reader {
         self.robot = Some(command.spawn().expect("the robot starts"));
         let start = Instant::now();
         let discover = ["discover", "--bus", "sim"].map(String::from);
-        while !self.once(&discover).status.success() {
+        while self.once(&discover).code != 0 {
             assert!(start.elapsed() < Duration::from_secs(60), "{place}: no answer");
             sleep(Duration::from_millis(20));
         }
