@@ -1,33 +1,16 @@
 //! The `rollwalk` command line: joins planner, library, bus and simulated robot, and owns what those
 //! must not touch: files, the terminal, the clock and Ctrl-C.
 //!
-//! One file per subcommand in `cli/src/cmd`, each with its arguments and a `run`. Results go to stdout,
-//! progress to stderr; how a run ends is an [`Exit`]. [`sim`] is the other binary, `rollwalk-sim`. The program of `ros2/` reaches robots with
-//! the same options and in the same way, by [`link`].
+//! One file per subcommand in `cli/src/cmd`, each with its arguments and a `run`; `apps` runs the programs that lie beside.
+//! [`sim`] is the other binary, `rollwalk-sim`. What programs share is in `rollwalk-terminal`.
 
-mod choices;
+mod apps;
+mod buses;
 mod cmd;
-#[cfg(test)]
-mod examples;
-pub mod exit;
-mod files;
 mod gamepad;
-pub mod generated;
-mod inputs;
-pub mod interrupt;
-mod keys;
-mod kind;
-pub mod link;
 mod live;
-pub mod output;
-mod packed;
 mod picture;
-mod planning;
 mod played;
-mod problem;
-mod progress;
-mod shards;
-mod shipped;
 mod signing;
 pub mod sim;
 mod studio;
@@ -37,9 +20,8 @@ mod tour;
 mod words;
 mod world_log;
 
-pub use exit::Exit;
-
 use clap::{CommandFactory, FromArgMatches, Parser};
+use rollwalk_terminal::{end, with_common_help};
 use std::process::ExitCode;
 
 /// Make robots with legs and wheels move.
@@ -57,22 +39,7 @@ struct Cli {
 
 /// The command line; the long help of every subcommand ends with the exit codes.
 pub fn command_line() -> clap::Command {
-    fn with_exit_codes(command: clap::Command) -> clap::Command {
-        let examples = command.get_after_long_help().map(|text| format!("{text}\n\n"));
-        let help = examples.unwrap_or_default() + exit::HELP;
-        command.after_long_help(help).mut_subcommands(with_exit_codes)
-    }
-    with_exit_codes(with_negative_numbers(Cli::command()))
-}
-
-/// Lets all arguments take negative numbers. Those that are not allowed are then refused with the range that is, not as options
-/// that do not exist.
-fn with_negative_numbers(command: clap::Command) -> clap::Command {
-    let arg = |arg: clap::Arg| {
-        let takes_values = arg.get_action().takes_values();
-        arg.allow_negative_numbers(takes_values)
-    };
-    command.mut_args(arg).mut_subcommands(with_negative_numbers)
+    with_common_help(Cli::command())
 }
 
 /// Parses the command line and runs it.
@@ -83,27 +50,30 @@ pub fn main() -> ExitCode {
     end(cli.command.run(&mut command_line()))
 }
 
-/// Says why a run failed; how it ended, for the shell.
-pub fn end(outcome: miette::Result<Exit>) -> ExitCode {
-    match outcome {
-        Ok(exit) => exit.into(),
-        // Whoever read our output has seen enough (`| head`): not an error.
-        Err(report) if report.is::<output::PipeClosed>() => Exit::Ok.into(),
-        Err(report) => match report.downcast_ref() {
-            Some(link::Ended(exit)) => (*exit).into(),
-            None => {
-                output::say_report(&report);
-                Exit::BadInput.into()
-            }
-        },
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use rollwalk_terminal::examples;
+
     #[test]
     fn the_command_line_is_consistent() {
         super::command_line().debug_assert();
+    }
+
+    #[test]
+    fn every_command_has_an_example() {
+        assert_eq!(examples::missing(&super::command_line(), "rollwalk"), [""; 0]);
+    }
+
+    #[test]
+    fn every_example_is_understood() {
+        let (rollwalk, simulator) = (super::command_line(), super::sim::command_line());
+        let examples = [examples::of(&rollwalk), examples::of(&simulator)].concat();
+        assert!(examples.len() > 60, "{} examples", examples.len());
+        for words in examples {
+            let command = if words[0] == "rollwalk-sim" { &simulator } else { &rollwalk };
+            let parsed = command.clone().try_get_matches_from(&words);
+            assert!(parsed.is_ok(), "{}: {}", words.join(" "), parsed.unwrap_err());
+        }
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! Robots as they move, for Foxglove and Lichtblick (`--foxglove`).
 
-use crate::output;
 use clap::Args;
 use miette::miette;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
@@ -9,6 +8,7 @@ use rollwalk_interchange::foxglove::{Figure, Live, Posture};
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_physics::World;
 use rollwalk_robot::{Robot, Solid};
+use rollwalk_terminal::output;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Port on which Foxglove looks for robots.

@@ -2,8 +2,8 @@
 //!
 //! They are programs of the user, not of ours: a renderer of SVG in every build would cost more than it gives.
 
-use crate::interrupt;
 use miette::{IntoDiagnostic, miette};
+use rollwalk_terminal::interrupt;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -1,9 +1,9 @@
 //! What becomes of a plan in the simulated world, in a few words.
 
-use crate::interrupt;
 use miette::IntoDiagnostic;
 use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::{Control, Options, Outcome};
+use rollwalk_terminal::interrupt;
 
 /// Periods of motions that repeat.
 const PERIODS: usize = 5;

@@ -1,9 +1,6 @@
 //! Signatures of motion libraries: key pairs in PEM, as OpenSSL reads and writes them (PKCS #8 and SPKI, RFC 8410), signing and
 //! checking. `rollwalk_protocol::library::SignedFile` is what a signed file looks like.
 
-use crate::files::{self, Output};
-use crate::keys::{random, warn_if_readable_by_others};
-use crate::kind::Kind;
 use ed25519_dalek::pkcs8::spki::der::pem::LineEnding;
 use ed25519_dalek::pkcs8::{
     DecodePrivateKey, DecodePublicKey, EncodePrivateKey, EncodePublicKey, KeypairBytes,
@@ -11,6 +8,9 @@ use ed25519_dalek::pkcs8::{
 use ed25519_dalek::{Signature, Signer, SigningKey, VerifyingKey};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_protocol::library::{FINGERPRINT_LEN, SignedFile, signature_head};
+use rollwalk_terminal::files::{self, Output};
+use rollwalk_terminal::keys::{random, warn_if_readable_by_others};
+use rollwalk_terminal::kind::Kind;
 use sha2::{Digest, Sha256};
 use std::ffi::OsStr;
 use std::fmt;

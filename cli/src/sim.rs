@@ -4,14 +4,11 @@ mod ground;
 mod lag;
 mod memory;
 
-use crate::cmd::buses::BusLoads;
-use crate::files::{Lines, Output, RotationArgs};
-use crate::inputs::Source;
-use crate::link::cannot_open;
+use crate::buses::BusLoads;
 use crate::live::{self, LiveArgs};
+use crate::signing;
 use crate::terrain::{GroundArgs, Support};
 use crate::world_log::{SharedLog, WorldLog, WorldLogArgs};
-use crate::{Exit, end, exit, interrupt, keys, output, signing, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
 use lag::LagWatch;
 use memory::Memory;
@@ -35,6 +32,10 @@ use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::live::{Reopen, controller, motors, whole};
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::store::VerifyingKey;
+use rollwalk_terminal::files::{Lines, Output, RotationArgs};
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::link::cannot_open;
+use rollwalk_terminal::{Exit, end, interrupt, keys, output, with_common_help};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -144,9 +145,7 @@ enum Part {
 
 /// The command line; its long help ends with the exit codes.
 pub fn command_line() -> clap::Command {
-    let command = with_negative_numbers(Cli::command());
-    let long_help = command.get_after_long_help().map(ToString::to_string);
-    command.after_long_help(format!("{}\n\n{}", long_help.unwrap_or_default(), exit::HELP))
+    with_common_help(Cli::command())
 }
 
 /// Parses the command line and runs the robot.

@@ -1,6 +1,5 @@
 //! What a simulated robot stands on, and what pushes it, from the command line.
 
-use crate::inputs::Source;
 use clap::ValueEnum;
 use miette::miette;
 use rollwalk_physics::World;
@@ -9,6 +8,7 @@ use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::push::Shove;
 use rollwalk_physics::world::Parameters;
 use rollwalk_robot::Robot;
+use rollwalk_terminal::inputs::Source;
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -1,9 +1,7 @@
 //! A tour through a library on a simulated robot in virtual time: flash it over the simulated bus, arm, walk over every
 //! transition of the motion graph by command codes, back to SAFE, disarm.
 
-use crate::packed::Packed;
 use crate::world_log::{SharedLog, WorldLog};
-use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
 use rollwalk_host::session::Session;
@@ -13,6 +11,8 @@ use rollwalk_protocol::library::{ClipId, ClipInfo, Library, NodeId, RATE_HZ};
 use rollwalk_protocol::wire::{Parameter, State};
 use rollwalk_sim_host::ground::Travel;
 use rollwalk_sim_host::rig::Rig;
+use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::{interrupt, output};
 use std::sync::Arc;
 
 /// Timeout for a selected motion to begin, in addition to the duration of the current motion and the transition, µs.

@@ -1,6 +1,5 @@
 //! The log of the simulated world (`--world-log`): a table with a line for each of its steps (`docs/world-log.md`).
 
-use crate::files::{self, Lines, Output, Rotation};
 use miette::miette;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_physics::World;
@@ -11,6 +10,7 @@ use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::core::Local;
 use rollwalk_sim_host::rig::{Observer, Rig};
 use rollwalk_simulate::log::{self, Moment};
+use rollwalk_terminal::files::{self, Lines, Output, Rotation};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;

@@ -58,7 +58,7 @@ fn measure(
 }
 
 fn robot(name: &str) -> Robot {
-    let path = format!("{}/../robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let path = format!("{}/../shipped/robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&path).expect("the robot files are beside this crate");
     Robot::from_toml(name, &text).expect("shipped robot files are sound")
 }

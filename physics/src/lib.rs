@@ -28,7 +28,7 @@
 //! use rollwalk_physics::world::Parameters;
 //! use std::sync::Arc;
 //!
-//! let text = std::fs::read_to_string("../robots/test_leg.toml")?;
+//! let text = std::fs::read_to_string("../shipped/robots/test_leg.toml")?;
 //! let robot = rollwalk_robot::Robot::from_toml("test_leg.toml", &text)?;
 //! let ground: Arc<dyn Ground> = Arc::new(Plane::level());
 //! let mut world = World::standing(&robot, &ground, &Parameters::new(&robot));

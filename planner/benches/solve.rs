@@ -44,7 +44,7 @@ impl Measurement for CpuTime {
 }
 
 fn agilebot() -> Robot {
-    let text = include_str!("../../robots/agilebot.toml");
+    let text = include_str!("../../shipped/robots/agilebot.toml");
     Robot::from_toml("agilebot.toml", text).expect("shipped robots are valid")
 }
 
@@ -63,9 +63,9 @@ fn shipped_motions(c: &mut Criterion<CpuTime>) {
     let mut group = c.benchmark_group("solve");
     group.sample_size(10);
     for (name, text) in [
-        ("walk", include_str!("../../motions/walk.toml")),
-        ("drive_1m", include_str!("../../motions/drive_1m.toml")),
-        ("turn_in_place", include_str!("../../motions/turn_in_place.toml")),
+        ("walk", include_str!("../../shipped/motions/walk.toml")),
+        ("drive_1m", include_str!("../../shipped/motions/drive_1m.toml")),
+        ("turn_in_place", include_str!("../../shipped/motions/turn_in_place.toml")),
     ] {
         let motion = motion(name, text, &robot);
         group.bench_function(name, |b| b.iter(|| run(&robot, &motion, 300)));
@@ -75,7 +75,7 @@ fn shipped_motions(c: &mut Criterion<CpuTime>) {
 
 fn samples(c: &mut Criterion<CpuTime>) {
     let robot = agilebot();
-    let drive = motion("drive_1m", include_str!("../../motions/drive_1m.toml"), &robot);
+    let drive = motion("drive_1m", include_str!("../../shipped/motions/drive_1m.toml"), &robot);
     let mut group = c.benchmark_group("ten iterations of rolling");
     group.sample_size(10);
     for samples in [12, 24, 48, 120, 240] {
@@ -95,8 +95,8 @@ fn torques(c: &mut Criterion<CpuTime>) {
     let mut group = c.benchmark_group("torques at 60 Hz");
     group.sample_size(10);
     for (name, text) in [
-        ("walk", include_str!("../../motions/walk.toml")),
-        ("drive_1m", include_str!("../../motions/drive_1m.toml")),
+        ("walk", include_str!("../../shipped/motions/walk.toml")),
+        ("drive_1m", include_str!("../../shipped/motions/drive_1m.toml")),
     ] {
         let motion = motion(name, text, &robot);
         let plan =

@@ -11,7 +11,7 @@
 //! use rollwalk_planner::{Options, motion::Motion, optimise, report::Report};
 //! use std::ops::ControlFlow;
 //!
-//! let read = |path: &str| std::fs::read_to_string(format!("../{path}"));
+//! let read = |path: &str| std::fs::read_to_string(format!("../shipped/{path}"));
 //! let robot = rollwalk_robot::Robot::from_toml("car.toml", &read("robots/car.toml")?)?;
 //! let motion = Motion::from_toml("car_drive.toml", &read("motions/car_drive.toml")?, &robot)?;
 //!

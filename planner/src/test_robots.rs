@@ -12,9 +12,9 @@ use rollwalk_robot::{Actuator, Contact, EndEffector, Robot, RollingDrag, TorqueS
 /// welded wheels, AgileBot with torque-speed lines, SwizzleBot on two inline wheels a leg with drag, SwizzleBot on skates.
 pub fn all() -> Vec<Robot> {
     let [agilebot, swizzlebot, creature3] = [
-        ("agilebot.toml", include_str!("../../robots/agilebot.toml")),
-        ("swizzlebot.toml", include_str!("../../robots/swizzlebot.toml")),
-        ("creature3.toml", include_str!("../../robots/creature3.toml")),
+        ("agilebot.toml", include_str!("../../shipped/robots/agilebot.toml")),
+        ("swizzlebot.toml", include_str!("../../shipped/robots/swizzlebot.toml")),
+        ("creature3.toml", include_str!("../../shipped/robots/creature3.toml")),
     ]
     .map(|(name, text)| Robot::from_toml(name, text).expect("shipped robots are valid"));
     let made =
@@ -26,18 +26,18 @@ pub fn all() -> Vec<Robot> {
 /// The shipped robots that [`all`] leaves out.
 pub fn others() -> Vec<Robot> {
     [
-        ("agilebot_sprint.toml", include_str!("../../robots/agilebot_sprint.toml")),
-        ("anymal_wheels.toml", include_str!("../../robots/anymal_wheels.toml")),
-        ("brainbot.toml", include_str!("../../robots/brainbot.toml")),
-        ("car.toml", include_str!("../../robots/car.toml")),
-        ("car_tilted.toml", include_str!("../../robots/car_tilted.toml")),
-        ("dinobot.toml", include_str!("../../robots/dinobot.toml")),
-        ("legbot.toml", include_str!("../../robots/legbot.toml")),
-        ("skatebot.toml", include_str!("../../robots/skatebot.toml")),
-        ("skaterbot.toml", include_str!("../../robots/skaterbot.toml")),
-        ("swizzlebot2.toml", include_str!("../../robots/swizzlebot2.toml")),
-        ("swizzlebot4.toml", include_str!("../../robots/swizzlebot4.toml")),
-        ("swizzlebot5.toml", include_str!("../../robots/swizzlebot5.toml")),
+        ("agilebot_sprint.toml", include_str!("../../shipped/robots/agilebot_sprint.toml")),
+        ("anymal_wheels.toml", include_str!("../../shipped/robots/anymal_wheels.toml")),
+        ("brainbot.toml", include_str!("../../shipped/robots/brainbot.toml")),
+        ("car.toml", include_str!("../../shipped/robots/car.toml")),
+        ("car_tilted.toml", include_str!("../../shipped/robots/car_tilted.toml")),
+        ("dinobot.toml", include_str!("../../shipped/robots/dinobot.toml")),
+        ("legbot.toml", include_str!("../../shipped/robots/legbot.toml")),
+        ("skatebot.toml", include_str!("../../shipped/robots/skatebot.toml")),
+        ("skaterbot.toml", include_str!("../../shipped/robots/skaterbot.toml")),
+        ("swizzlebot2.toml", include_str!("../../shipped/robots/swizzlebot2.toml")),
+        ("swizzlebot4.toml", include_str!("../../shipped/robots/swizzlebot4.toml")),
+        ("swizzlebot5.toml", include_str!("../../shipped/robots/swizzlebot5.toml")),
     ]
     .map(|(name, text)| Robot::from_toml(name, text).expect("shipped robots are valid"))
     .into()

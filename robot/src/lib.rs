@@ -5,7 +5,7 @@
 //! Frames, units and orders: `docs/conventions.md`.
 //!
 //! ```
-//! let text = std::fs::read_to_string("../robots/pup.toml")?;
+//! let text = std::fs::read_to_string("../shipped/robots/pup.toml")?;
 //! let robot = rollwalk_robot::Robot::from_toml("pup.toml", &text)?;
 //! assert_eq!(robot.joints.len() + robot.end_effectors.len(), 12);
 //!

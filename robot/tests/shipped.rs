@@ -11,7 +11,7 @@ fn shipped(name: &str, text: &str) -> Robot {
 }
 
 fn agilebot() -> Robot {
-    shipped("robots/agilebot.toml", include_str!("../../robots/agilebot.toml"))
+    shipped("robots/agilebot.toml", include_str!("../../shipped/robots/agilebot.toml"))
 }
 
 /// `body_from_link` of every link at the nominal pose: chain of joint frames, written out here
@@ -55,7 +55,7 @@ fn all() -> Vec<(Robot, [usize; 3], std::ops::Range<f64>)> {
             vec![$((
                 shipped(
                     concat!("robots/", $name, ".toml"),
-                    include_str!(concat!("../../robots/", $name, ".toml")),
+                    include_str!(concat!("../../shipped/robots/", $name, ".toml")),
                 ),
                 $counts,
                 $mass,
@@ -96,7 +96,7 @@ fn robots_have_the_counts_of_table_2_1_and_plausible_masses() {
 
 #[test]
 fn every_robot_file_is_looked_at() {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots");
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots");
     let mut files: Vec<_> = std::fs::read_dir(folder)
         .unwrap()
         .map(|entry| entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned())

@@ -6,20 +6,24 @@
 //! assert!(robots.clone().any(|(path, text)| *path == "robots/agilebot.toml" && text.contains("name")));
 //! ```
 
-/// Declares the files, by their path in the checkout.
+/// Declares the files by folder in the checkout, relative to this crate, and by the path under which they ship.
 macro_rules! shipped {
-    ($($path:literal),* $(,)?) => {
-        /// Path in the checkout, and text, of every file, by folder and name.
+    ($($folder:literal: $($path:literal),* $(,)?);* $(;)?) => {
+        /// Path under which a file ships, and its text, by folder and name.
         pub const FILES: &[(&str, &str)] =
-            &[$(($path, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../", $path)))),*];
+            &[$($(($path, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/", $folder, $path)))),*),*];
     };
 }
 
+// The mappings of gamepads are beside the crate that reads them.
 shipped!(
-    "gamepads/xbox.toml",
-    "gamepads/playstation.toml",
+    "../host/": "gamepads/xbox.toml", "gamepads/playstation.toml";
+    "":
+    "designs/agilebot_fast_trot.toml",
     "designs/agilebot_legs.toml",
+    "designs/agilebot_legs_sweep.toml",
     "designs/car_tilted.toml",
+    "designs/table_3_2_sweep.toml",
     "motions/agilebot_library.toml",
     "motions/agilebot_skills_library.toml",
     "motions/anymal_drive.toml",
@@ -93,7 +97,7 @@ shipped!(
     "robots/test_leg.toml",
 );
 
-/// The text of a shipped file, by its path in the checkout.
+/// Text of a shipped file, by its path: `robots/agilebot.toml`.
 pub fn text(path: &str) -> Option<&'static str> {
     FILES.iter().find(|(shipped, _)| *shipped == path).map(|(_, text)| *text)
 }
@@ -106,12 +110,17 @@ mod tests {
     /// What stands in the folders of the checkout is shipped, all of it.
     #[test]
     fn no_robot_and_no_motion_is_left_out() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let mut found = 0;
-        for folder in ["robots", "motions", "motions/table_2_1", "gamepads"] {
-            for entry in fs::read_dir(root.join(folder)).unwrap() {
+        for (folder, place) in [
+            ("robots", "robots"),
+            ("motions", "motions"),
+            ("motions/table_2_1", "motions/table_2_1"),
+            ("designs", "designs"),
+            ("gamepads", "../host/gamepads"),
+        ] {
+            for entry in fs::read_dir(root.join(place)).unwrap() {
                 let name = entry.unwrap().file_name().into_string().unwrap();
-                // The mappings of gamepads are beside the crate that reads them.
                 if name.ends_with(".toml") && name != "Cargo.toml" {
                     let path = format!("{folder}/{name}");
                     assert!(super::text(&path).is_some(), "{path} is not shipped");

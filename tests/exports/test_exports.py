@@ -29,7 +29,7 @@ class Exports(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         for motion in MOTIONS:
-            run("plan", ROOT / f"motions/{motion}.toml", "-o", cls.path(f"{motion}.plan.json"))
+            run("plan", ROOT / f"shipped/motions/{motion}.toml", "-o", cls.path(f"{motion}.plan.json"))
             for ending in ("xml", "mcap", "csv"):
                 run("export", cls.path(f"{motion}.plan.json"), "-o", cls.path(f"{motion}.{ending}"))
 

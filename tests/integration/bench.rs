@@ -1,6 +1,6 @@
 //! `rollwalk bench` on the smallest piece of each table and figure.
 
-use crate::desk;
+use crate::desk_with_programs as desk;
 use rollwalk_tests::{Desk, Outcome};
 use serde_json::Value;
 
@@ -315,7 +315,7 @@ fn shards_of_a_fault_campaign_come_to_the_files_of_the_whole() {
     let engine = ["--engine", "slurm", "--shards", "4", "--dry-run"];
     run("job", &engine).succeeds_with(0, &["next: sbatch --parsable --wait job/slurm.sh"]);
     let job = desk.read_text("job/slurm.sh");
-    let words = " bench fault-campaign --seed 0 --seeds 11 --on stand --scenario estop --scenario delay --loss 30 --out ";
+    let words = "rollwalk-bench fault-campaign --seed 0 --seeds 11 --on stand --scenario estop --scenario delay --loss 30 --out ";
     assert!(job.contains(words) && job.contains("--cores 1 --shards 4"), "{job}");
     bench(&desk, &["samples", "--shard", "1/2"]).fails(1, &["is not done in parts", "table-3-2"]);
 }

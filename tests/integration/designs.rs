@@ -6,7 +6,7 @@ use rollwalk_tests::Desk;
 
 fn desk() -> Desk {
     let desk = desk_with_shipped_files();
-    desk.copy_folder(&checkout().join("designs"), "designs");
+    desk.copy_folder(&checkout().join("shipped/designs"), "designs");
     let text = desk.read_text("designs/agilebot_legs.toml");
     let turn = "  { file = \"../motions/turn_in_place.toml\" },\n";
     let walk = "  { file = \"../motions/walk.toml\" },\n";

@@ -1,11 +1,12 @@
 //! Sweeps over designs: resumed, in shards, by engines.
 
-use crate::{checkout, desk_with_shipped_files};
+use crate::{checkout, copy_shipped_files, desk_with_programs};
 use rollwalk_tests::Desk;
 
 fn desk() -> Desk {
-    let desk = desk_with_shipped_files();
-    desk.copy_folder(&checkout().join("designs"), "designs");
+    let desk = desk_with_programs();
+    copy_shipped_files(&desk);
+    desk.copy_folder(&checkout().join("shipped/designs"), "designs");
     desk
 }
 

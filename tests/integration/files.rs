@@ -189,12 +189,12 @@ fn what_has_no_end_is_no_input() {
         ("../pipe", "it is a pipe"),
         ("../robots", "it is a folder"),
     ] {
-        desk.copy_folder(&rollwalk_tests::checkout().join("motions"), "motions");
+        desk.copy_folder(&rollwalk_tests::checkout().join("shipped/motions"), "motions");
         desk.edit(STAND, "../robots/agilebot.toml", robot);
         fails_soon(&desk, &["plan", STAND, "-o", "x"], &[words]);
     }
     // A shell's `<(program)` is a pipe, too.
-    desk.copy_folder(&rollwalk_tests::checkout().join("motions"), "motions");
+    desk.copy_folder(&rollwalk_tests::checkout().join("shipped/motions"), "motions");
     let program = env!("CARGO_BIN_EXE_rollwalk-under-test");
     let line = format!("cat robots/agilebot.toml | {program} robot check /dev/stdin");
     let piped =

@@ -41,11 +41,23 @@ fn desk() -> Desk {
     Desk::new(env!("CARGO_BIN_EXE_rollwalk-under-test"))
 }
 
+/// A desk with the command line under test and its program for benchmarks.
+fn desk_with_programs() -> Desk {
+    Desk::with_programs(
+        env!("CARGO_BIN_EXE_rollwalk-under-test"),
+        env!("CARGO_BIN_EXE_rollwalk-bench-under-test"),
+    )
+}
+
 /// A desk with the shipped robots and motions beside it, as in a checkout.
 fn desk_with_shipped_files() -> Desk {
     let desk = desk();
-    for folder in ["robots", "motions"] {
-        desk.copy_folder(&checkout().join(folder), folder);
-    }
+    copy_shipped_files(&desk);
     desk
+}
+
+fn copy_shipped_files(desk: &Desk) {
+    for folder in ["robots", "motions"] {
+        desk.copy_folder(&checkout().join("shipped").join(folder), folder);
+    }
 }

@@ -29,7 +29,7 @@ import world  # noqa: E402
 
 FEED_FORWARD = {"none": ["none"], "torque": ["torque"], "offset": ["offset"], "both": ["none", "torque"],
                 "all": ["none", "torque", "offset"]}
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+ROBOTS = Path(__file__).resolve().parents[2] / "shipped/robots"
 
 
 def main(arguments):

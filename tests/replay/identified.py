@@ -20,7 +20,7 @@ import recorded  # noqa: E402
 import robots  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
-ROBOT = ROOT / "robots/agilebot.toml"
+ROBOT = ROOT / "shipped/robots/agilebot.toml"
 FITTED, PREDICTED = ("slalom", "walk", "step_and_drive"), ("step_and_drive", "walk", "trot")
 # The robot sinks into its servos at first: several ways in which its wheels come down then fit about as well, with other gains.
 BEGINS = ("--from", "0.3")
@@ -87,7 +87,7 @@ def run(options, *arguments):
 def log(options, motion):
     """What the drives are commanded in a motion."""
     plan, path = options.output / f"{motion}.json", options.output / f"{motion}.csv"
-    run(options, "plan", ROOT / f"motions/{motion}.toml", "-o", plan)
+    run(options, "plan", ROOT / f"shipped/motions/{motion}.toml", "-o", plan)
     run(options, "simulate", plan, "--cycles", 3, "--no-feed-forward", "--world-log", path)
     return path
 

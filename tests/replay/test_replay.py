@@ -38,7 +38,7 @@ from errors import Unusable  # noqa: E402
 from model import Ground, Model, nominal_poses  # noqa: E402
 from motion import Motion  # noqa: E402
 
-ROBOTS = sorted((Path(__file__).resolve().parents[2] / "robots").glob("*.toml"))
+ROBOTS = sorted((Path(__file__).resolve().parents[2] / "shipped/robots").glob("*.toml"))
 G = 9.80665
 
 

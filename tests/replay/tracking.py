@@ -28,7 +28,7 @@ import world  # noqa: E402
 from errors import Unusable  # noqa: E402
 from sensed import Noise  # noqa: E402
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+ROBOTS = Path(__file__).resolve().parents[2] / "shipped/robots"
 CYCLES = 5
 # Feed-forward of open loop, or feedback of the closed one.
 OPEN = {"servos": "none", "feed-forward": "torque"}

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 from ruamel.yaml import YAML
 
-ROBOTS = pathlib.Path(__file__).resolve().parents[2] / "robots"
+ROBOTS = pathlib.Path(__file__).resolve().parents[2] / "shipped/robots"
 
 
 class Control(unittest.TestCase):

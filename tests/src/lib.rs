@@ -7,6 +7,7 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
+use std::sync::OnceLock;
 use tempfile::TempDir;
 
 /// Sends a signal to a program, as `INT` for Ctrl-C.
@@ -42,6 +43,21 @@ impl Desk {
     pub fn new(binary: &str) -> Self {
         let folder = tempfile::tempdir().expect("temporary folder");
         Self { folder, binary: binary.into() }
+    }
+
+    /// An empty folder, where `rollwalk` will run with `bench`, its program for benchmarks, beside it, as they are installed.
+    pub fn with_programs(rollwalk: &str, bench: &str) -> Self {
+        static FOLDER: OnceLock<TempDir> = OnceLock::new();
+        let folder = FOLDER.get_or_init(|| {
+            // On the file system of the programs, for hard links.
+            let beside = Path::new(rollwalk).parent().expect("a program lies in a folder");
+            let folder = tempfile::tempdir_in(beside).expect("temporary folder");
+            for (program, name) in [(rollwalk, "rollwalk"), (bench, "rollwalk-bench")] {
+                fs::hard_link(program, folder.path().join(name)).expect("a link to a program");
+            }
+            folder
+        });
+        Self::new(&folder.path().join("rollwalk").to_string_lossy())
     }
 
     /// The path of a file in the folder.

@@ -3,9 +3,9 @@
 # nodes of a Slurm of its own on the loopback interface. The tables must have the same bytes. Then a fault campaign by GNU parallel
 # and on Slurm; and what others make of the files (read.py).
 #
-#   split.sh ROLLWALK SWEEP.toml DIR        as root, with GNU parallel, Slurm, MUNGE, and read.py's modules in PYTHONPATH
+#   split.sh ROLLWALK-BENCH SWEEP.toml DIR        as root, with GNU parallel, Slurm, MUNGE, and read.py's modules in PYTHONPATH
 set -eu
-rollwalk=$1 sweep=$2 out=$3
+bench=$1 sweep=$2 out=$3
 
 same() {
     for file in results.csv results.parquet results.svg; do
@@ -15,7 +15,7 @@ same() {
 }
 
 campaign() {
-    "$rollwalk" bench fault-campaign --seeds 30 --loss 3 --out "$@"
+    "$bench" fault-campaign --seeds 30 --loss 3 --out "$@"
 }
 
 same_campaign() {
@@ -27,25 +27,25 @@ same_campaign() {
 rm -rf "$out"
 mkdir -p "$out/state" "$out/munge"
 start=$(date +%s.%N)
-"$rollwalk" design explore "$sweep" -o "$out/whole"
+"$bench" explore "$sweep" -o "$out/whole"
 points=$(($(wc -l < "$out/whole/results.csv") - 1))
 echo "$start $(date +%s.%N) $points $(nproc)" |
     awk '{ printf "%d points, %.1f a second and core, on %d cores\n", $3, $3 / ($2 - $1) / $4, $4 }'
 [ "$points" -ge 1000 ]
 
-timeout -s INT 8 "$rollwalk" design explore "$sweep" -o "$out/broken" && exit 1
-timeout -s KILL 8 "$rollwalk" design explore "$sweep" -o "$out/broken" && exit 1
+timeout -s INT 8 "$bench" explore "$sweep" -o "$out/broken" && exit 1
+timeout -s KILL 8 "$bench" explore "$sweep" -o "$out/broken" && exit 1
 [ ! -e "$out/broken/results.csv" ]
-"$rollwalk" design explore "$sweep" -o "$out/broken"
+"$bench" explore "$sweep" -o "$out/broken"
 same broken
 
-"$rollwalk" design explore "$sweep" -o "$out/parallel" --on parallel --shards 4
+"$bench" explore "$sweep" -o "$out/parallel" --on parallel --shards 4
 same parallel
 campaign "$out/campaign"
 campaign "$out/campaign-parallel" --engine parallel --shards 4
 same_campaign campaign-parallel
 
-"$rollwalk" design explore "$sweep" -o "$out/whole" --on kubernetes --shards 4 --dry-run
+"$bench" explore "$sweep" -o "$out/whole" --on kubernetes --shards 4 --dry-run
 python3 "$(dirname "$0")/read.py" "$out/whole/results.csv" "$out/whole/results.parquet" "$out/whole/kubernetes.yaml"
 
 # MUNGE and Slurm with files of their own: nothing of the machine's configuration is touched.
@@ -85,7 +85,7 @@ export SLURM_CONF="$out/slurm.conf"
 slurmctld -c
 slurmd -N node1
 slurmd -N node2
-"$rollwalk" design explore "$sweep" -o "$out/slurm" --on slurm --shards 4
+"$bench" explore "$sweep" -o "$out/slurm" --on slurm --shards 4
 same slurm
 campaign "$out/campaign-slurm" --engine slurm --shards 4
 same_campaign campaign-slurm

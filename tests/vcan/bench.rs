@@ -47,7 +47,7 @@ pub fn library() -> PathBuf {
 
 /// The demo's robot with its twenty motors.
 fn robot() -> PathBuf {
-    checkout().join("robots/agilebot.toml")
+    checkout().join("shipped/robots/agilebot.toml")
 }
 
 /// Reads programs into the page cache, so that nothing waits for a disk later.

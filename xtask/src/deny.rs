@@ -10,8 +10,8 @@ const WORKSPACES: [&str; 6] = [
     "firmware/boards/mps2-an386/Cargo.toml",
     "firmware/boards/nucleo-g474re/Cargo.toml",
     "firmware/boards/pico2/Cargo.toml",
-    "fuzz/Cargo.toml",
-    "packaging/rollwalk_ros2/Cargo.toml",
+    "tests/fuzz/Cargo.toml",
+    "apps/packaging/rollwalk_ros2/Cargo.toml",
 ];
 
 /// Checks the crates of all workspaces. Without a network by the advisories of an earlier run; cargo-deny refuses those when

@@ -21,8 +21,8 @@ pub fn check() -> Result<(), String> {
     ];
     let path = env::join_paths(paths.iter().flat_map(env::split_paths));
     let path = path.map_err(|error| error.to_string())?;
-    let rollwalk = workspace::optimised_program("tests", "rollwalk-under-test")?;
+    let bench = workspace::optimised_program("apps/bench", "rollwalk-bench")?;
     let out = shell::target_folder().join("sweeps");
-    let mut split = shell::command("tests/sweeps/split.sh", &[&rollwalk.path]);
+    let mut split = shell::command("tests/sweeps/split.sh", &[&bench.path]);
     shell::run(split.arg("tests/sweeps/sweep.toml").arg(out).env("PYTHONPATH", path))
 }

@@ -19,7 +19,7 @@ const READERS: [&str; 5] = [
 pub fn check() -> Result<(), String> {
     let python = Environment::kept("exports", &READERS)?;
     let programs = workspace::programs()?;
-    let consumers = workspace::find(&programs, "interchange", "consumers", true)?;
+    let consumers = workspace::find(&programs, "planner/interchange", "consumers", true)?;
     let mut robots = consumers.tests(&["--ignored", "--nocapture"])?;
     shell::run(robots.env("PYTHON", python.program()))?;
     let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;

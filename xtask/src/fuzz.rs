@@ -1,4 +1,4 @@
-//! Builds and runs the fuzz targets of `fuzz/`, as cargo-fuzz would, without having to install it.
+//! Builds and runs the fuzz targets of `tests/fuzz/`, as cargo-fuzz would, without having to install it.
 //!
 //! libFuzzer needs the compiler's coverage pass, which stable has, and a C++ compiler for itself. No sanitizer: our
 //! code has no unsafe blocks, and Miri checks those of the dependencies. A target that finds a bug names the input and
@@ -28,7 +28,7 @@ const RUSTFLAGS: [&str; 7] = [
     "-Cllvm-args=-simplifycfg-branch-fold-threshold=0",
 ];
 
-/// A fuzz target: a program of `fuzz/src/bin/`.
+/// A fuzz target: a program of `tests/fuzz/src/bin/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Target {
     /// Validation and playback of motion libraries.
@@ -88,7 +88,7 @@ pub fn run(target: Option<Target>, seconds: u32, input: Option<&Path>) -> Result
 /// The findings with their inputs; or the planted bug was not found.
 pub fn check() -> Result<(), String> {
     let fuzz = Fuzz::build()?;
-    let mut clippy = shell::cargo(&["clippy", "--manifest-path", "fuzz/Cargo.toml"]);
+    let mut clippy = shell::cargo(&["clippy", "--manifest-path", "tests/fuzz/Cargo.toml"]);
     clippy.arg("--target-dir").arg(&fuzz.folder).args(["--", "-D", "warnings"]);
     shell::run(&mut clippy)?;
     fuzz.find_planted_bug()?;
@@ -118,7 +118,7 @@ impl Fuzz {
         let folder = shell::target_folder().join("fuzz");
         // With a target named, the flags are for the fuzzed program and not for build scripts.
         let mut build = shell::cargo(&["build", "--release", "--target", &host]);
-        build.args(["--manifest-path", "fuzz/Cargo.toml", "--target-dir"]).arg(&folder);
+        build.args(["--manifest-path", "tests/fuzz/Cargo.toml", "--target-dir"]).arg(&folder);
         build.env("RUSTFLAGS", RUSTFLAGS.join(" ")).env_remove("CARGO_ENCODED_RUSTFLAGS");
         shell::run(&mut build)?;
         Ok(Self { programs: folder.join(host).join("release"), folder })
@@ -177,9 +177,9 @@ impl Fuzz {
     /// Checks that a planted bug is found and reported, and that the reported input repeats it.
     fn find_planted_bug(&self) -> Result<(), String> {
         let name = Target::Planted.name();
-        let artifacts = emptied(&workspace_root().join("fuzz/artifacts").join(&name))?;
+        let artifacts = emptied(&workspace_root().join("tests/fuzz/artifacts").join(&name))?;
         // From an empty corpus, not from the last run's.
-        emptied(&workspace_root().join("fuzz/corpus").join(&name))?;
+        emptied(&workspace_root().join("tests/fuzz/corpus").join(&name))?;
         let (ended_well, log) = self.start(Target::Planted, PLANTED_SECONDS)?;
         let blind = |why: &str| Err(format!("{why}, so the fuzzer is blind:\n{log}"));
         let Some(input) = fuzz_log::artifact(&log).filter(|_| !ended_well) else {
@@ -206,9 +206,9 @@ fn host() -> Result<String, String> {
     host.map(str::to_owned).ok_or_else(|| format!("rustc -vV names no host:\n{version}"))
 }
 
-/// A folder of `fuzz/` that is kept between runs, named as cargo-fuzz does.
+/// A folder of `tests/fuzz/` that is kept between runs, named as cargo-fuzz does.
 fn kept(what: &str, target: &str) -> Result<PathBuf, String> {
-    let folder = workspace_root().join("fuzz").join(what).join(target);
+    let folder = workspace_root().join("tests/fuzz").join(what).join(target);
     std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, &error))?;
     Ok(folder)
 }

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// Library file of the robot that is attacked, AgileBot.
-const LIBRARY_FILE: &str = "motions/agilebot_library.toml";
+const LIBRARY_FILE: &str = "shipped/motions/agilebot_library.toml";
 
 /// Tests the rules. In full it attacks a simulated robot with 100,000 frames and 200 libraries as well, one with a link key
 /// with 20,000, and controllers with a key 120,000 times; and ends commands while they write.

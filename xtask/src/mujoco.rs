@@ -17,7 +17,7 @@ pub fn check(extent: Extent) -> Result<(), String> {
         Extent::Full => "1000",
     };
     let programs = workspace::programs()?;
-    let tests = workspace::find(&programs, "multibody", "multibody", true)?;
+    let tests = workspace::find(&programs, "robot/multibody", "multibody", true)?;
     let path = path()?;
     let mut command = tests.tests(&["--ignored", "--nocapture"])?;
     shell::run(command.env("PYTHONPATH", path).env("MULTIBODY_STATES", states))

@@ -173,7 +173,7 @@ mod tests {
         assert_eq!(affected_by("protocol/src/lib.rs").len(), 4);
         assert_eq!(affected_by("firmware/src/lib.rs"), ["firmware", "simulator"]);
         // The firmware's tests drive them; what runs the firmware does not.
-        assert_eq!(affected_by("drives/src/lib.rs"), ["firmware", "drives"]);
+        assert_eq!(affected_by("firmware/drives/src/lib.rs"), ["firmware", "drives"]);
     }
 
     #[test]

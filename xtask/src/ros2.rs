@@ -53,7 +53,7 @@ fn colcon() -> Result<PathBuf, String> {
     let folder = shell::target_folder().join("colcon");
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let mut build = shell::command(&python.script("colcon").to_string_lossy(), &["build"]);
-    build.arg("--base-paths").arg(shell::workspace_root().join("packaging").join(PACKAGE));
+    build.arg("--base-paths").arg(shell::workspace_root().join("apps/packaging").join(PACKAGE));
     build.args(["--cargo-args", "--locked", "--release"]);
     if let Some(tools) = Path::new(&ament_build).parent().filter(|path| path.is_absolute()) {
         let others = env::var_os("PATH");

@@ -18,8 +18,9 @@ struct Shipped {
     target: Option<&'static str>,
 }
 
-const SHIPPED: [Shipped; 5] = [
+const SHIPPED: [Shipped; 6] = [
     Shipped { workspace: ".", package: "rollwalk", target: None },
+    Shipped { workspace: ".", package: "rollwalk-bench", target: None },
     Shipped { workspace: ".", package: "rollwalk-ros2", target: None },
     Shipped {
         workspace: "firmware/boards/mps2-an386",

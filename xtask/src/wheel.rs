@@ -6,7 +6,7 @@ use crate::{shell, workspace};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// As `python/pyproject.toml` has it.
+/// As `apps/python/pyproject.toml` has it.
 const MATURIN: &str = "maturin==1.16.0";
 /// Compares stubs with what is there (`stubtest`).
 const MYPY: &str = "mypy==2.4.1";
@@ -21,7 +21,7 @@ pub fn check() -> Result<(), String> {
     let wheel = build(&maturin, &folder.join("dist"))?;
     let python = Environment::new(&folder.join("python"), &[MYPY.as_ref(), wheel.as_ref()])?;
     let rollwalk = workspace::optimised_program("tests", "rollwalk-under-test")?;
-    let mut tests = python.module("unittest", &["discover", "-v", "-s", "python/tests"]);
+    let mut tests = python.module("unittest", &["discover", "-v", "-s", "apps/python/tests"]);
     shell::run(tests.env("ROLLWALK", &rollwalk.path))?;
     shell::run(&mut python.module("mypy.stubtest", &["rollwalk"]))
 }
@@ -32,7 +32,7 @@ fn build(maturin: &Environment, dist: &Path) -> Result<PathBuf, String> {
     if dist.exists() {
         fs::remove_dir_all(dist).map_err(failed)?;
     }
-    let build = ["build", "--release", "--locked", "-m", "python/Cargo.toml", "--out"];
+    let build = ["build", "--release", "--locked", "-m", "apps/python/Cargo.toml", "--out"];
     shell::run(maturin.module("maturin", &build).arg(dist))?;
     let mut files = fs::read_dir(dist).map_err(failed)?.filter_map(Result::ok);
     let wheel = files.find(|file| file.path().extension().is_some_and(|ending| ending == "whl"));

@@ -1,8 +1,9 @@
 //! `rollwalk completions SHELL`: prints a completion script.
 
-use crate::generated::{self, Shell};
-use crate::{Exit, sim};
+use crate::sim;
 use clap::ValueEnum;
+use rollwalk_terminal::Exit;
+use rollwalk_terminal::generated::{self, Shell};
 
 /// Print a completion script for your shell.
 #[derive(clap::Args)]

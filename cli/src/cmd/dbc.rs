@@ -1,12 +1,12 @@
 //! `rollwalk dbc`: the frames of a bus as a DBC file, for cantools, SavvyCAN, Wireshark and their like.
 
-use crate::files::Output;
-use crate::inputs::Source;
-use crate::{Exit, output};
 use rollwalk_host::dbc::{ChannelName, Database, RobotNames};
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::{Actuator, Channel, Robot};
+use rollwalk_terminal::files::Output;
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::{Exit, output};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -136,7 +136,8 @@ mod tests {
 
     #[test]
     fn channels_of_agilebot_are_named_in_the_order_of_its_configuration() {
-        let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml"));
+        let path =
+            Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots/agilebot.toml"));
         let robot = Source::Disk.robot(path).unwrap();
         let names = names(&robot);
         let config = robot.controller_config().unwrap();

@@ -1,8 +1,5 @@
 //! `rollwalk discover`: which buses this computer has, and which controllers are on one.
 
-use crate::link::{BUS_ENV, BUS_HELP, Interruptible, cannot_open};
-use crate::output::Table;
-use crate::{Exit, interrupt, output};
 use miette::miette;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::name::BusName;
@@ -11,6 +8,9 @@ use rollwalk_bus::port::Live;
 use rollwalk_host::discover::discover;
 use rollwalk_host::session::Session;
 use rollwalk_protocol::wire::Node;
+use rollwalk_terminal::link::{BUS_ENV, BUS_HELP, Interruptible, cannot_open};
+use rollwalk_terminal::output::Table;
+use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 
 /// Time for controllers to answer, µs.

@@ -1,10 +1,6 @@
 //! `rollwalk doctor`: why a robot does not do what it should, and how to clear it.
 
-use crate::inputs::Source;
-use crate::link::names::NamesArgs;
-use crate::link::{Interruptible, LinkArgs};
-use crate::output::Table;
-use crate::{Exit, interrupt, output, system};
+use crate::system;
 use miette::miette;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::decode::decode;
@@ -14,6 +10,11 @@ use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::{History, Session};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::transport::Hello;
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::link::names::NamesArgs;
+use rollwalk_terminal::link::{Interruptible, LinkArgs};
+use rollwalk_terminal::output::Table;
+use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 
 /// Listening time, µs: twice the interval at which a controller repeats a fault report.

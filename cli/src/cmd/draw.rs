@@ -1,10 +1,11 @@
 //! `rollwalk robot draw`: a robot file as a picture.
 
-use crate::files::{self, Output};
-use crate::inputs::Source;
-use crate::{Exit, picture};
+use crate::picture;
 use miette::miette;
 use rollwalk_planner::plot;
+use rollwalk_terminal::Exit;
+use rollwalk_terminal::files::{self, Output};
+use rollwalk_terminal::inputs::Source;
 use std::path::PathBuf;
 
 /// Draw a robot as it stands, with the names of its joints and end effectors.

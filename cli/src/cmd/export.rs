@@ -1,11 +1,11 @@
 //! `rollwalk export`: a plan at any rate, for other programs.
 
-use crate::files::{self, Output};
-use crate::{Exit, inputs};
 use clap::ValueEnum;
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::export::{Rate, Table};
 use rollwalk_planner::plan::Plan;
+use rollwalk_terminal::files::{self, Output};
+use rollwalk_terminal::{Exit, inputs};
 use std::path::PathBuf;
 
 /// Write a plan at any rate: as a table (CSV, JSON), for MuJoCo, Foxglove or ROS.

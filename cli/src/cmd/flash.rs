@@ -1,15 +1,15 @@
 //! `rollwalk flash`: a motion library to the controller, verified and taken into use.
 
-use crate::link::{LinkArgs, ended, names};
-use crate::packed::Packed;
 use crate::signing::{self, Fingerprint};
 use crate::tour::transfer_bar;
-use crate::{Exit, interrupt, output};
 use miette::miette;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::library::{Library, Why};
 use rollwalk_protocol::wire::transport::{TransferResult, UNSIGNED};
+use rollwalk_terminal::link::{LinkArgs, ended, names};
+use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;

@@ -1,15 +1,15 @@
 //! `rollwalk gains`: stiffness, damping and torque limits of the servos, and the share of the library's torques that
 //! is fed forward, at run time.
 
-use crate::link::names::NamesArgs;
-use crate::link::{LinkArgs, LiveSession, ended};
-use crate::output::Table;
-use crate::{Exit, output};
 use miette::miette;
 use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::text::Limit;
 use rollwalk_protocol::wire::{Parameter, ParameterOrigin, ParameterResult};
+use rollwalk_terminal::link::names::NamesArgs;
+use rollwalk_terminal::link::{LinkArgs, LiveSession, ended};
+use rollwalk_terminal::output::Table;
+use rollwalk_terminal::{Exit, output};
 use serde::Serialize;
 
 /// Show or set stiffness, damping and torque limit of every servo.

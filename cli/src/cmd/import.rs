@@ -2,12 +2,12 @@
 
 use super::robot::describe;
 use super::standing::StandingReport;
-use crate::files::Output;
-use crate::kind::Kind;
-use crate::output::Table;
-use crate::{Exit, files, output};
 use miette::{Report, miette};
 use rollwalk_robot::urdf::{self, Survey, Text};
+use rollwalk_terminal::files::Output;
+use rollwalk_terminal::kind::Kind;
+use rollwalk_terminal::output::Table;
+use rollwalk_terminal::{Exit, files, output};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

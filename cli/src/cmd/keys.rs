@@ -1,6 +1,7 @@
 //! `rollwalk keys`: secrets of a robot.
 
-use crate::{Exit, keys, output, signing};
+use crate::signing;
+use rollwalk_terminal::{Exit, keys, output};
 use std::path::PathBuf;
 
 /// Make keys.

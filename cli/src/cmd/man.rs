@@ -1,6 +1,7 @@
 //! `rollwalk man`: writes the manual pages of all commands.
 
-use crate::{Exit, generated, output, sim};
+use crate::sim;
+use rollwalk_terminal::{Exit, generated, output};
 use std::path::{Path, PathBuf};
 
 /// Write the manual pages of all commands: one for each, and that of rollwalk-sim.

@@ -1,7 +1,6 @@
 //! The subcommands, one file each.
 
 mod bench;
-pub mod buses;
 mod completions;
 mod console;
 mod control;
@@ -33,8 +32,8 @@ mod simulate;
 mod standing;
 mod studio;
 
-use crate::Exit;
 use orders::Order;
+use rollwalk_terminal::Exit;
 
 /// What to do.
 #[derive(clap::Subcommand)]

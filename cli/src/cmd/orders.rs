@@ -1,10 +1,10 @@
 //! Short orders to a controller: `estop`, `clear`, `disarm`, `pause`, `resume`, `return`.
 
-use crate::link::{LinkArgs, LiveSession, ended};
-use crate::{Exit, interrupt, output};
 use rollwalk_host::describe::{fault_names, state_name};
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{CommandResult, State};
+use rollwalk_terminal::link::{LinkArgs, LiveSession, ended};
+use rollwalk_terminal::{Exit, interrupt, output};
 use std::thread;
 use std::time::Duration;
 

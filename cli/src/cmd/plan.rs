@@ -1,19 +1,19 @@
 //! `rollwalk plan`: optimises a motion.
 
-use crate::choices::{self, Choices, MethodChoice, StartChoice};
-use crate::files::Output;
-use crate::inputs::Source;
-use crate::kind::Kind;
-use crate::planning::{self, PlanOutcome};
-use crate::problem::{Parsed, Problem};
-use crate::progress::Watch;
-use crate::{Exit, inputs, interrupt, output};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::plan::{
     Diagnosis, Plan, Refinement, SolveSummary, StartKind, Started, Status,
 };
 use rollwalk_planner::report::{Judgement, Report};
 use rollwalk_planner::{Options, replan};
+use rollwalk_terminal::choices::{self, Choices, MethodChoice, StartChoice};
+use rollwalk_terminal::files::Output;
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::kind::Kind;
+use rollwalk_terminal::planning::{self, PlanOutcome};
+use rollwalk_terminal::problem::{Parsed, Problem};
+use rollwalk_terminal::progress::Watch;
+use rollwalk_terminal::{Exit, inputs, interrupt, output};
 use serde::Serialize;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};

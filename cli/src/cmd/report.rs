@@ -1,8 +1,8 @@
 //! `rollwalk report`: deviation of a plan from its physical model.
 
-use crate::{Exit, inputs, output};
 use rollwalk_planner::plan::{Plan, SolveSummary};
 use rollwalk_planner::report::Report;
+use rollwalk_terminal::{Exit, inputs, output};
 use serde::Serialize;
 use std::path::PathBuf;
 

@@ -1,16 +1,16 @@
 //! `rollwalk robot check`: is a robot file right, and what does it describe? And the other commands
 //! about robot files.
 
-use super::buses::BusLoads;
 use super::draw;
 use super::import;
 use super::robot_export;
 use super::standing::StandingReport;
-use crate::inputs::Source;
-use crate::output::Table;
-use crate::{Exit, output};
+use crate::buses::BusLoads;
 use miette::IntoDiagnostic;
 use rollwalk_robot::{Actuator, Robot};
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::output::Table;
+use rollwalk_terminal::{Exit, output};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;

@@ -1,9 +1,9 @@
 //! `rollwalk robot export`: a robot file for other tools.
 
-use crate::Exit;
-use crate::files::{self, Output};
-use crate::inputs::Source;
 use miette::{IntoDiagnostic, miette};
+use rollwalk_terminal::Exit;
+use rollwalk_terminal::files::{self, Output};
+use rollwalk_terminal::inputs::Source;
 use std::path::PathBuf;
 
 /// Write a robot file as URDF, as an MJCF model for MuJoCo, or as parameters of the controllers of ros2_control.

@@ -1,9 +1,9 @@
 //! How a robot stands in its nominal pose: heights, forces, torques against limits, sag, clearance; and what speaks
 //! against it, as warnings of `rollwalk robot check`.
 
-use crate::output::Table;
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_robot::Robot;
+use rollwalk_terminal::output::Table;
 use serde::Serialize;
 use std::fmt::Write;
 

@@ -3,8 +3,8 @@
 use crate::studio::Server;
 use crate::studio::desk::Desk;
 use crate::studio::relay::Relay;
-use crate::{Exit, output};
 use rollwalk_bus::name::BusName;
+use rollwalk_terminal::{Exit, output};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 

@@ -12,12 +12,12 @@ mod capabilities;
 pub mod device;
 pub mod reader;
 
-use crate::files;
-use crate::kind::Kind;
 use device::Found;
 use miette::{Report, miette};
 use rollwalk_gamepads::file::Mapping;
 use rollwalk_gamepads::{shipped, shipped_for};
+use rollwalk_terminal::files;
+use rollwalk_terminal::kind::Kind;
 use std::path::Path;
 
 /// The mapping to use with a device: the file that is named, else the shipped one that is made for it.

@@ -1,9 +1,9 @@
 //! What `rollwalk-sim` says of the robot on the ground.
 
-use crate::output;
 use rollwalk_protocol::library::NodeId;
 use rollwalk_sim_host::ground::{Grounded, Travel};
 use rollwalk_sim_host::rig::Rig;
+use rollwalk_terminal::output;
 
 /// Shortest motion of which something is said, s.
 const SHORTEST_S: f64 = 0.2;

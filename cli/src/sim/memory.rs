@@ -1,10 +1,11 @@
 //! The file that keeps the library of a simulated controller while it is switched off.
 
-use crate::files::{self, Output};
-use crate::packed::Packed;
-use crate::{output, signing};
+use crate::signing;
 use miette::miette;
 use rollwalk_sim_host::store::{LIBRARY_MAX, VerifyingKey};
+use rollwalk_terminal::files::{self, Output};
+use rollwalk_terminal::output;
+use rollwalk_terminal::packed::Packed;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 

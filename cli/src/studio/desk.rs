@@ -2,9 +2,9 @@
 //!
 //! Nothing else is read, and nothing else is written. A file that another program has changed since is not overwritten.
 
-use crate::files::{self, Named};
-use crate::inputs::beside;
-use crate::kind::Kind;
+use rollwalk_terminal::files::{self, Named};
+use rollwalk_terminal::inputs::beside;
+use rollwalk_terminal::kind::Kind;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -14,12 +14,12 @@ mod socket;
 #[cfg(test)]
 mod tests;
 
-use crate::{keys, output};
 use assets::Asset;
 use desk::Desk;
 use gate::{Gate, Reply};
 use miette::{IntoDiagnostic, WrapErr};
 use relay::Relay;
+use rollwalk_terminal::{keys, output};
 use std::io;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::sync::Arc;

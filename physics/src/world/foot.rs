@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn a_foot_is_what_the_rules_of_robot_files_take_it_for() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/legbot.toml");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots/legbot.toml");
         let robot = Robot::from_toml("legbot", &std::fs::read_to_string(path).unwrap()).unwrap();
         let foam =
             SoftMaterial { young_pa: 1e5, poisson: 0.3, density_kg_m3: 80.0, viscosity_pa_s: 5.0 };

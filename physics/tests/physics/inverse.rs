@@ -185,7 +185,7 @@ fn health_says_what_has_no_effect_and_what_happens() {
 }
 
 fn robot(name: &str) -> Robot {
-    let path = format!("{}/../robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let path = format!("{}/../shipped/robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
 }
 

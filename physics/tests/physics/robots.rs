@@ -13,7 +13,7 @@ use std::sync::Arc;
 const STEP_S: f64 = 1.0 / 60.0;
 
 fn robot(name: &str) -> Robot {
-    let path = format!("{}/../robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let path = format!("{}/../shipped/robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
@@ -195,7 +195,7 @@ fn leg(range_rad: f64) -> World {
 }
 
 fn leg_of(range_rad: f64) -> Robot {
-    let path = format!("{}/../robots/test_leg.toml", env!("CARGO_MANIFEST_DIR"));
+    let path = format!("{}/../shipped/robots/test_leg.toml", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(path).unwrap();
     let text =
         text.replace("position_min_rad = -1.5", &format!("position_min_rad = -{range_rad:?}"));

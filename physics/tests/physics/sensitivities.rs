@@ -337,7 +337,7 @@ fn a_soft_cube_has_derivatives_by_its_material() {
 }
 
 fn robot(name: &str) -> Robot {
-    let path = format!("{}/../robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let path = format!("{}/../shipped/robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
 }
 

@@ -108,8 +108,8 @@ fn limit<'a>(motor: &'a mut Actuator, field: &str) -> &'a mut f64 {
 mod tests {
     use super::*;
 
-    const ROBOT: &str = include_str!("../../../robots/agilebot.toml");
-    const DUCK: &str = include_str!("../../../motions/duck.toml");
+    const ROBOT: &str = include_str!("../../../shipped/robots/agilebot.toml");
+    const DUCK: &str = include_str!("../../../shipped/motions/duck.toml");
     const TARGETS: &str = "
 [[target]]
 of = \"com\"

@@ -216,13 +216,13 @@ mod tests {
     }
 
     fn agilebot() -> Robot {
-        let text = include_str!("../../../robots/agilebot.toml");
+        let text = include_str!("../../../shipped/robots/agilebot.toml");
         Robot::from_toml("agilebot.toml", text).expect("it ships")
     }
 
     /// AgileBot's shipped walk, from its own samples alone.
     fn walk(robot: &Robot) -> Gait {
-        let text = include_str!("../../../motions/walk.toml");
+        let text = include_str!("../../../shipped/motions/walk.toml");
         let motion = Motion::from_toml("walk.toml", text, robot).expect("it ships");
         Gait::of(&planned(robot, &motion)).expect("it repeats")
     }
@@ -330,9 +330,9 @@ mod tests {
     #[test]
     #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
     fn a_robot_that_cannot_roll_walks_as_fast_as_it_is_steered() {
-        let text = include_str!("../../../robots/legbot.toml");
+        let text = include_str!("../../../shipped/robots/legbot.toml");
         let robot = Robot::from_toml("legbot.toml", text).expect("it ships");
-        let text = include_str!("../../../motions/legbot_walk.toml");
+        let text = include_str!("../../../shipped/motions/legbot_walk.toml");
         let motion = Motion::from_toml("legbot_walk.toml", text, &robot).expect("it ships");
         let plan = planned(&robot, &motion);
         let speed_m_s = plan.end_placement.offset_m[0] / motion.duration_s;

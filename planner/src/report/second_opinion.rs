@@ -250,8 +250,8 @@ fn planned(robot: &str, motion: &str) -> Plan {
 
 fn walk() -> Plan {
     planned(
-        include_str!("../../../robots/agilebot.toml"),
-        include_str!("../../../motions/walk.toml"),
+        include_str!("../../../shipped/robots/agilebot.toml"),
+        include_str!("../../../shipped/motions/walk.toml"),
     )
 }
 

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 fn read(motion: &str) -> (Robot, Motion) {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../motions").join(motion);
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shipped/motions").join(motion);
     let text = fs::read_to_string(&file).unwrap();
     let path = file.parent().unwrap().join(Motion::robot_path_in_toml(motion, &text).unwrap());
     let robot = Robot::from_toml(&path.display().to_string(), &fs::read_to_string(&path).unwrap());
@@ -214,7 +214,7 @@ fn plans_that_did_not_converge_have_no_derivatives() {
 
 #[test]
 fn the_tilted_car_stands_as_its_closed_form_says() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/car_tilted.toml");
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shipped/robots/car_tilted.toml");
     let robot = Robot::from_toml("car_tilted", &fs::read_to_string(file).unwrap()).unwrap();
     let (_, mut stand) = read("pup_stand.toml");
     stand.posture_rad.clear();

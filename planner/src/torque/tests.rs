@@ -22,13 +22,13 @@ fn planned(robot: &str, motion: &str) -> Plan {
 }
 
 fn walk() -> Plan {
-    let agilebot = include_str!("../../../robots/agilebot.toml");
-    planned(agilebot, include_str!("../../../motions/walk.toml"))
+    let agilebot = include_str!("../../../shipped/robots/agilebot.toml");
+    planned(agilebot, include_str!("../../../shipped/motions/walk.toml"))
 }
 
 fn swizzle() -> Plan {
-    let swizzlebot = include_str!("../../../robots/swizzlebot.toml");
-    planned(swizzlebot, include_str!("../../../motions/swizzlebot_forward.toml"))
+    let swizzlebot = include_str!("../../../shipped/robots/swizzlebot.toml");
+    planned(swizzlebot, include_str!("../../../shipped/motions/swizzlebot_forward.toml"))
 }
 
 #[test]

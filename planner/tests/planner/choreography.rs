@@ -9,19 +9,19 @@ use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
 use std::ops::ControlFlow;
 
-const SLALOM: &str = include_str!("../../../motions/slalom.toml");
-const DUCK: &str = include_str!("../../../motions/duck.toml");
-const WALK: &str = include_str!("../../../motions/walk.toml");
-const DRIVE: &str = include_str!("../../../motions/drive_1m.toml");
-const TURN: &str = include_str!("../../../motions/turn_in_place.toml");
+const SLALOM: &str = include_str!("../../../shipped/motions/slalom.toml");
+const DUCK: &str = include_str!("../../../shipped/motions/duck.toml");
+const WALK: &str = include_str!("../../../shipped/motions/walk.toml");
+const DRIVE: &str = include_str!("../../../shipped/motions/drive_1m.toml");
+const TURN: &str = include_str!("../../../shipped/motions/turn_in_place.toml");
 
 fn agilebot() -> Robot {
-    let text = include_str!("../../../robots/agilebot.toml");
+    let text = include_str!("../../../shipped/robots/agilebot.toml");
     Robot::from_toml("robots/agilebot.toml", text).unwrap()
 }
 
 fn creature3() -> Robot {
-    let text = include_str!("../../../robots/creature3.toml");
+    let text = include_str!("../../../shipped/robots/creature3.toml");
     Robot::from_toml("robots/creature3.toml", text).unwrap()
 }
 

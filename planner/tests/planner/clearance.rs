@@ -49,9 +49,9 @@ fn kept_clear(robot: &Robot, motion: &str, family: Family, least_mm: f64) {
     assert!(report.judgement == Judgement::Holds, "{report}");
 }
 
-const AGILEBOT: &str = include_str!("../../../robots/agilebot.toml");
-const ANYMAL: &str = include_str!("../../../robots/anymal_wheels.toml");
-const ANYMAL_DUCK: &str = include_str!("../../../motions/anymal_duck.toml");
+const AGILEBOT: &str = include_str!("../../../shipped/robots/agilebot.toml");
+const ANYMAL: &str = include_str!("../../../shipped/robots/anymal_wheels.toml");
+const ANYMAL_DUCK: &str = include_str!("../../../shipped/motions/anymal_duck.toml");
 
 fn duck_below(below_m: f64) -> String {
     let changed = ANYMAL_DUCK.replace("below_m = 0.4", &format!("below_m = {below_m}"));
@@ -91,7 +91,7 @@ fn shapes_that_overlap_in_the_nominal_pose_leave_motions_possible() {
         .replace("box_m = [0.349, 0.189, 0.0936] }]   #", "box_m = [0.349, 0.249, 0.0936] }]   #");
     assert_ne!(text, AGILEBOT);
     let fat = robot(&text);
-    let stands = plan(&fat, include_str!("../../../motions/stand.toml"));
+    let stands = plan(&fat, include_str!("../../../shipped/motions/stand.toml"));
     assert_eq!(stands.solve.status, Status::Converged, "{:?}", stands.solve.diagnosis);
     let report = Report::new(&stands);
     assert!(report.judgement == Judgement::Holds, "{report}");

@@ -36,8 +36,8 @@ fn impossible(impossible: &Plan, feasible: &Plan) -> Diagnosis {
 
 /// A car with wheels that do not steer, from rest to rest.
 fn car(goal: Goal) -> (Robot, Motion) {
-    let car = robot(include_str!("../../../robots/car.toml"));
-    let text = include_str!("../../../motions/car_drive.toml");
+    let car = robot(include_str!("../../../shipped/robots/car.toml"));
+    let text = include_str!("../../../shipped/motions/car_drive.toml");
     let motion = Motion::from_toml("car_drive.toml", text, &car).unwrap();
     (car, Motion { goal, ..motion })
 }
@@ -104,8 +104,8 @@ fn heights_that_exclude_each_other_are_named_with_their_times() {
 }
 
 fn walk(change: impl Fn(&mut Motion)) -> (Robot, Motion) {
-    let robot = robot(include_str!("../../../robots/agilebot.toml"));
-    let text = include_str!("../../../motions/walk.toml");
+    let robot = robot(include_str!("../../../shipped/robots/agilebot.toml"));
+    let text = include_str!("../../../shipped/motions/walk.toml");
     let mut motion = Motion::from_toml("walk.toml", text, &robot).unwrap();
     change(&mut motion);
     (robot, motion)
@@ -216,8 +216,8 @@ fn weak_servos_are_named(torques_max_nm: &[f64]) {
 
 #[test]
 fn a_roll_that_misses_by_little_is_told_so_soon_and_how_far_it_gets() {
-    let robot = robot(include_str!("../../../robots/agilebot.toml"));
-    let text = include_str!("../../../motions/roll.toml");
+    let robot = robot(include_str!("../../../shipped/robots/agilebot.toml"));
+    let text = include_str!("../../../shipped/motions/roll.toml");
     let mut motion = Motion::from_toml("roll.toml", text, &robot).unwrap();
     let mut whole = |forward_m| {
         motion.goal.forward_m = Some(forward_m);
@@ -240,8 +240,8 @@ fn a_roll_that_misses_by_little_is_told_so_soon_and_how_far_it_gets() {
 #[test]
 #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn targets_that_exclude_each_other_are_both_named() {
-    let robot = robot(include_str!("../../../robots/agilebot.toml"));
-    let text = include_str!("../../../motions/drive_1m.toml");
+    let robot = robot(include_str!("../../../shipped/robots/agilebot.toml"));
+    let text = include_str!("../../../shipped/motions/drive_1m.toml");
     let twice = "
 [[target]]
 of = \"body\"
@@ -289,8 +289,8 @@ fn the_diagnosis_is_in_the_plan_and_survives_it() {
 
 #[test]
 fn a_side_step_that_standing_sees_no_way_to_is_found_by_way_of_a_shorter_one() {
-    let robot = robot(include_str!("../../../robots/agilebot.toml"));
-    let text = include_str!("../../../motions/drive_1m.toml");
+    let robot = robot(include_str!("../../../shipped/robots/agilebot.toml"));
+    let text = include_str!("../../../shipped/motions/drive_1m.toml");
     let text =
         text.replace("forward_m = 1.0", "forward_m = 0.0").replace("left_m = 0.0", "left_m = 0.4");
     let aside = Motion::from_toml("aside.toml", &text, &robot).unwrap();

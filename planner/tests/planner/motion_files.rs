@@ -7,20 +7,20 @@ use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
 
 fn agilebot() -> Robot {
-    let text = include_str!("../../../robots/agilebot.toml");
+    let text = include_str!("../../../shipped/robots/agilebot.toml");
     Robot::from_toml("robots/agilebot.toml", text).unwrap()
 }
 
 fn creature3() -> Robot {
-    let text = include_str!("../../../robots/creature3.toml");
+    let text = include_str!("../../../shipped/robots/creature3.toml");
     Robot::from_toml("robots/creature3.toml", text).unwrap()
 }
 
-const STAND: &str = include_str!("../../../motions/stand.toml");
-const DRIVE: &str = include_str!("../../../motions/drive_1m.toml");
-const TURN: &str = include_str!("../../../motions/turn_in_place.toml");
-const WALK: &str = include_str!("../../../motions/walk.toml");
-const LIBRARY: &str = include_str!("../../../motions/agilebot_library.toml");
+const STAND: &str = include_str!("../../../shipped/motions/stand.toml");
+const DRIVE: &str = include_str!("../../../shipped/motions/drive_1m.toml");
+const TURN: &str = include_str!("../../../shipped/motions/turn_in_place.toml");
+const WALK: &str = include_str!("../../../shipped/motions/walk.toml");
+const LIBRARY: &str = include_str!("../../../shipped/motions/agilebot_library.toml");
 
 fn motion(text: &str) -> Motion {
     Motion::from_toml("m.toml", text, &agilebot()).unwrap()

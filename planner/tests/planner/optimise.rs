@@ -13,11 +13,12 @@ use std::ops::ControlFlow;
 use std::sync::LazyLock;
 
 static ROBOT: LazyLock<Robot> = LazyLock::new(|| {
-    Robot::from_toml("agilebot.toml", include_str!("../../../robots/agilebot.toml")).unwrap()
+    Robot::from_toml("agilebot.toml", include_str!("../../../shipped/robots/agilebot.toml"))
+        .unwrap()
 });
 
 static LIBRARY: LazyLock<LibraryFile> = LazyLock::new(|| {
-    let text = include_str!("../../../motions/agilebot_library.toml");
+    let text = include_str!("../../../shipped/motions/agilebot_library.toml");
     LibraryFile::from_toml("agilebot_library.toml", text, &ROBOT).unwrap()
 });
 
@@ -25,12 +26,12 @@ static LIBRARY: LazyLock<LibraryFile> = LazyLock::new(|| {
 static PLANS: LazyLock<Vec<Plan>> =
     LazyLock::new(|| MOTIONS.iter().map(|text| plan(&motion(text))).collect());
 
-const DRIVE: &str = include_str!("../../../motions/drive_1m.toml");
-const WALK_MOTION: &str = include_str!("../../../motions/walk.toml");
+const DRIVE: &str = include_str!("../../../shipped/motions/drive_1m.toml");
+const WALK_MOTION: &str = include_str!("../../../shipped/motions/walk.toml");
 const MOTIONS: [&str; 4] = [
-    include_str!("../../../motions/stand.toml"),
+    include_str!("../../../shipped/motions/stand.toml"),
     DRIVE,
-    include_str!("../../../motions/turn_in_place.toml"),
+    include_str!("../../../shipped/motions/turn_in_place.toml"),
     WALK_MOTION,
 ];
 

@@ -7,9 +7,9 @@ use rollwalk_planner::{Options, Progress, optimise};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
-const BRAINBOT: &str = include_str!("../../../robots/brainbot.toml");
+const BRAINBOT: &str = include_str!("../../../shipped/robots/brainbot.toml");
 /// Sixteen samples are too few: its wheels creep in the turn.
-const TURN: &str = include_str!("../../../motions/table_2_1/brainbot_turn.toml");
+const TURN: &str = include_str!("../../../shipped/motions/table_2_1/brainbot_turn.toml");
 
 fn turn(extra: &str) -> (Robot, Motion) {
     let robot = Robot::from_toml("brainbot.toml", BRAINBOT).unwrap();

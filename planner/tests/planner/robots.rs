@@ -67,7 +67,7 @@ fn tilting_the_wheels_of_the_car_stops_it() {
 
 #[test]
 fn no_robot_file_is_left_out() {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../robots"));
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots"));
     let shipped: BTreeSet<String> = fs::read_dir(folder)
         .unwrap()
         .map(|entry| entry.unwrap().path().file_stem().unwrap().to_str().unwrap().to_owned())

@@ -10,21 +10,23 @@ use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
 fn agilebot() -> Robot {
-    Robot::from_toml("agilebot.toml", include_str!("../../../robots/agilebot.toml")).unwrap()
+    Robot::from_toml("agilebot.toml", include_str!("../../../shipped/robots/agilebot.toml"))
+        .unwrap()
 }
 
 fn swizzlebot() -> Robot {
-    Robot::from_toml("swizzlebot.toml", include_str!("../../../robots/swizzlebot.toml")).unwrap()
+    Robot::from_toml("swizzlebot.toml", include_str!("../../../shipped/robots/swizzlebot.toml"))
+        .unwrap()
 }
 
 fn motion(robot: &Robot, text: &str) -> Motion {
     Motion::from_toml("motion.toml", text, robot).unwrap()
 }
 
-const FORWARD: &str = include_str!("../../../motions/swizzlebot_forward.toml");
-const TURN: &str = include_str!("../../../motions/swizzlebot_turn.toml");
-const WALK: &str = include_str!("../../../motions/walk.toml");
-const DRIVE: &str = include_str!("../../../motions/drive_1m.toml");
+const FORWARD: &str = include_str!("../../../shipped/motions/swizzlebot_forward.toml");
+const TURN: &str = include_str!("../../../shipped/motions/swizzlebot_turn.toml");
+const WALK: &str = include_str!("../../../shipped/motions/walk.toml");
+const DRIVE: &str = include_str!("../../../shipped/motions/drive_1m.toml");
 
 fn go(_: &Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())
@@ -213,7 +215,7 @@ fn plans_that_cannot_be_played_are_refused() {
 #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn the_warm_start_finds_a_flying_trot_that_standing_does_not() {
     let robot = agilebot();
-    let wanted = motion(&robot, include_str!("../../../motions/flying_trot.toml"));
+    let wanted = motion(&robot, include_str!("../../../shipped/motions/flying_trot.toml"));
     let from = |start| {
         let options = Options { start, ..Options::default() };
         let mut seen = 0;

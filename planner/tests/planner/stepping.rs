@@ -8,9 +8,9 @@ use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
 use std::ops::ControlFlow;
 
-const ROBOT: &str = include_str!("../../../robots/legbot.toml");
-const STAND: &str = include_str!("../../../motions/stand.toml");
-const WALK: &str = include_str!("../../../motions/legbot_walk.toml");
+const ROBOT: &str = include_str!("../../../shipped/robots/legbot.toml");
+const STAND: &str = include_str!("../../../shipped/motions/stand.toml");
+const WALK: &str = include_str!("../../../shipped/motions/legbot_walk.toml");
 const LIBRARY: &str = "name = \"legs\"\nrobot = \"../robots/legbot.toml\"\nsafe = \"stand\"\n\
     [[motion]]\nname = \"stand\"\nfile = \"stand.toml\"\ncode = 1\n\
     [[motion]]\nname = \"duck\"\nfile = \"stand.toml\"\ncode = 2\n\

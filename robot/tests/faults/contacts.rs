@@ -115,7 +115,7 @@ fn feet_can_be_soft_and_what_turns_cannot() {
 
 #[test]
 fn legbot_carries_feet_of_foam() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/legbot.toml");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots/legbot.toml");
     let mut robot = Robot::from_toml("legbot", &std::fs::read_to_string(path).unwrap()).unwrap();
     for foot in &mut robot.end_effectors {
         // That of docs/retargeting.md.

@@ -13,7 +13,7 @@ const STAND: u8 = 1;
 pub const SQUAT: u8 = 2;
 
 pub fn agilebot() -> Robot {
-    let text = include_str!("../../../robots/agilebot.toml");
+    let text = include_str!("../../../shipped/robots/agilebot.toml");
     Robot::from_toml("agilebot.toml", text).unwrap()
 }
 

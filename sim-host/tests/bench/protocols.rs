@@ -259,7 +259,7 @@ fn a_slower_bus_is_as_slow_as_its_file_says() {
 /// The example of the documentation.
 #[test]
 fn the_shipped_leg_follows() {
-    let text = include_str!("../../../robots/test_leg.toml");
+    let text = include_str!("../../../shipped/robots/test_leg.toml");
     let robot = Robot::from_toml("test_leg.toml", text).unwrap();
     let mut session = armed(&robot);
     play(&mut session);

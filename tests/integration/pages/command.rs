@@ -18,10 +18,17 @@ pub fn exported(words: &[String]) -> Option<(String, String)> {
     (export == "export").then(|| (name.to_owned(), value.to_owned()))
 }
 
-/// The command line of a program of ours.
+/// The command line of a program of ours; what `rollwalk` passes on to `rollwalk-bench` is that program's.
 fn command_line(program: Option<&str>) -> Option<clap::Command> {
     match program {
-        Some("rollwalk") => Some(rollwalk::command_line()),
+        Some("rollwalk") => {
+            let [bench, explore] = rollwalk_bench::program::command_lines();
+            let design = |design: clap::Command| {
+                design.mut_subcommand("explore", |_| explore.name("explore"))
+            };
+            let rollwalk = rollwalk::command_line().mut_subcommand("design", design);
+            Some(rollwalk.mut_subcommand("bench", |_| bench.name("bench")))
+        }
         Some("rollwalk-sim") => Some(rollwalk::sim::command_line()),
         _ => None,
     }

@@ -2,8 +2,8 @@
 
 use super::command::{exported, words};
 use super::document::Document;
-use crate::desk_with_shipped_files;
 use crate::simulated::once_more_when_late;
+use crate::{copy_shipped_files, desk_with_programs};
 use rollwalk_tests::{Desk, Outcome, checkout};
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
@@ -28,8 +28,9 @@ pub struct Reader {
 impl Reader {
     /// One who has done nothing yet.
     pub fn new() -> Self {
-        let desk = desk_with_shipped_files();
-        desk.copy_folder(&checkout().join("designs"), "designs");
+        let desk = desk_with_programs();
+        copy_shipped_files(&desk);
+        desk.copy_folder(&checkout().join("shipped/designs"), "designs");
         Self { desk, exported: Vec::new(), robot: None, files: 0, commands: 0 }
     }
 

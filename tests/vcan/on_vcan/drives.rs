@@ -20,7 +20,9 @@ fn leg(name: &str, wheel: Option<&str>) -> (PathBuf, PathBuf) {
     for folder in ["robots", "motions"] {
         fs::create_dir_all(place.join(folder)).expect("a folder");
     }
-    let read = |name: &str| fs::read_to_string(checkout().join(name)).expect("a shipped file");
+    let read = |name: &str| {
+        fs::read_to_string(checkout().join("shipped").join(name)).expect("a shipped file")
+    };
     for motion in ["test_leg_library", "test_leg_stand", "test_leg_roll"] {
         let path = format!("motions/{motion}.toml");
         fs::write(place.join(&path), read(&path)).expect("a copy");

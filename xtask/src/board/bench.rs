@@ -9,7 +9,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-const MOTIONS: &str = "motions/agilebot_library.toml";
+const MOTIONS: &str = "shipped/motions/agilebot_library.toml";
 const QEMU: &str = "qemu-system-arm";
 
 /// Cost of the demo on the emulated board.

@@ -9,7 +9,7 @@ use std::fs;
 use std::path::PathBuf;
 
 /// The robot of images that are for none.
-const ROBOT: &str = "robots/agilebot.toml";
+const ROBOT: &str = "shipped/robots/agilebot.toml";
 
 /// Keys that are no secret: the private key's bytes are 1, as are those of the keys that OpenSSL made for the tests of the
 /// command line.

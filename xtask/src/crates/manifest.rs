@@ -1,7 +1,6 @@
 //! What cargo says of the workspace: which crates are published, and what their users must find.
 
 use serde_json::Value;
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Categories of the registry that our crates are in. It refuses others, but only when a crate is published.
@@ -111,18 +110,6 @@ fn of_dependency(name: &str, dependency: &Value, packages: &[Value]) -> Option<S
     })
 }
 
-/// Published crates that a page does not name in a table, and crates that it names and that are not published.
-pub fn unlisted(page: &str, published: &[Published]) -> Vec<String> {
-    let rows = page.lines().filter(|line| line.starts_with('|'));
-    // Odd pieces between backticks are code spans.
-    let spans = rows.flat_map(|row| row.split('`').skip(1).step_by(2));
-    let listed: BTreeSet<&str> = spans.filter(|span| span.starts_with("rollwalk")).collect();
-    let existing: BTreeSet<&str> = published.iter().map(|one| one.name.as_str()).collect();
-    let missing = existing.difference(&listed).map(|name| format!("{name} is published"));
-    let extra = listed.difference(&existing).map(|name| format!("{name} is not published"));
-    missing.chain(extra).map(|what| format!("{}: {what}", super::PAGE)).collect()
-}
-
 fn packages(metadata: &str) -> Result<Vec<Value>, String> {
     let metadata: Value =
         serde_json::from_str(metadata).map_err(|error| format!("cargo metadata: {error}"))?;
@@ -210,19 +197,5 @@ mod tests {
         });
         assert!(published(&nothing).is_err());
         assert!(published("{}").is_err());
-    }
-
-    #[test]
-    fn the_page_must_list_what_is_published() {
-        let published = published(&workspace(|packages| {
-            packages[0]["name"] = json!("rollwalk-a");
-            packages[1]["name"] = json!("rollwalk-b");
-        }));
-        let published = published.unwrap();
-        let page = "`rollwalk-x`\n| what | `rollwalk-a`, `rollwalk-b` of `b/` |\n";
-        assert_eq!(unlisted(page, &published), Vec::<String>::new());
-        let found = unlisted(&page.replace("-b`", "-c`"), &published);
-        let expected = ["rollwalk-b is published", "rollwalk-c is not published"];
-        assert_eq!(found, expected.map(|what| format!("docs/crates.md: {what}")));
     }
 }

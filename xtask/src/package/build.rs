@@ -11,9 +11,9 @@ pub const TARGET: &str = "x86_64-unknown-linux-musl";
 /// Their profile, in the root `Cargo.toml`.
 pub const PROFILE: &str = "ship";
 /// The programs.
-pub const PROGRAMS: [&str; 3] = ["rollwalk", "rollwalk-sim", NODE];
-/// The ROS 2 node, a package of its own.
-pub const NODE: &str = "rollwalk-ros2";
+pub const PROGRAMS: [&str; 4] = ["rollwalk", "rollwalk-sim", APPS[0], APPS[1]];
+/// Those that are packages of their own, and write their manual pages and completions themselves.
+pub const APPS: [&str; 2] = ["rollwalk-bench", "rollwalk-ros2"];
 
 /// The folder that has the programs.
 pub struct Programs {
@@ -39,7 +39,7 @@ pub fn programs(target: &Path) -> Result<Programs, String> {
         format!("static programs need musl's compiler. On Debian:\n\n    {install}")
     })?;
     let mut build = shell::cargo(&["build", "--locked", "--package", "rollwalk", "--bins"]);
-    build.args(["--package", NODE]);
+    build.args(APPS.iter().flat_map(|app| ["--package", app]));
     build.args(["--profile", PROFILE, "--target", TARGET]);
     build.env("CARGO_TARGET_DIR", target).env("CARGO_ENCODED_RUSTFLAGS", remap(target)?);
     shell::run(build.env("CARGO_INCREMENTAL", "0"))?;

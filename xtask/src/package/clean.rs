@@ -16,8 +16,9 @@ const TUTORIAL: &str = "your-own-robot-and-motion-in-ten-minutes";
 const FOLDER: &str = "home/tutorial";
 
 /// Files of the package, a few of each kind.
-const INSTALLED: [&str; 5] = [
+const INSTALLED: [&str; 6] = [
     "usr/share/man/man1/rollwalk-plan.1.gz",
+    "usr/share/man/man1/rollwalk-bench-table-2-1.1.gz",
     "usr/share/man/man1/rollwalk-ros2.1.gz",
     "usr/share/bash-completion/completions/rollwalk-ros2",
     "usr/share/zsh/vendor-completions/_rollwalk",

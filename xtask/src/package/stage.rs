@@ -1,6 +1,6 @@
 //! The tree of files that archive and Debian package have, laid out as below `/usr`.
 
-use super::build::{NODE, PROGRAMS, Programs};
+use super::build::{APPS, PROGRAMS, Programs};
 use super::{failed, make_folder, write_file};
 use crate::shell;
 use std::fs;
@@ -15,11 +15,16 @@ const SHELLS: [(&str, &str, &str, &str); 3] = [
     ("fish", "share/fish/vendor_completions.d", "", ".fish"),
 ];
 /// Files that ship, as git finds them.
-const SHIPPED: [&str; 4] = ["robots/*.toml", "motions/*.toml", "designs/*.toml", "gamepads/*.toml"];
+const SHIPPED: [&str; 4] = [
+    "shipped/robots/*.toml",
+    "shipped/motions/*.toml",
+    "shipped/designs/*.toml",
+    "host/gamepads/*.toml",
+];
 /// Documents.
 const DOCUMENTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE-APACHE", "LICENSE-MIT"];
 /// The udev rules.
-const RULES: &str = "packaging/udev/70-rollwalk.rules";
+const RULES: &str = "apps/packaging/udev/70-rollwalk.rules";
 
 /// Writes the tree into an empty `stage`.
 ///
@@ -32,16 +37,21 @@ pub fn write(programs: &Programs, stage: &Path) -> Result<(), String> {
     let rollwalk = programs.path("rollwalk").to_string_lossy().into_owned();
     let manual = stage.join("share/man/man1");
     make_folder(&manual)?;
-    let node = programs.path(NODE).to_string_lossy().into_owned();
     shell::output(shell::command(&rollwalk, &["man", "--out"]).arg(&manual))?;
-    shell::output(shell::command(&node, &["--man"]).arg(&manual))?;
+    for app in APPS {
+        let app = programs.path(app).to_string_lossy().into_owned();
+        shell::output(shell::command(&app, &["--man"]).arg(&manual))?;
+    }
     // As Debian's policy has it; without names and times of files.
     shell::run(shell::command("gzip", &["-9nr"]).arg(&manual))?;
     for program in PROGRAMS {
         copy(&programs.path(program), &stage.join("bin").join(program))?;
         for (name, folder, before, behind) in SHELLS {
             let mut print = match program {
-                NODE => shell::command(&node, &["--completions", name]),
+                app if APPS.contains(&app) => {
+                    let path = programs.path(app).to_string_lossy().into_owned();
+                    shell::command(&path, &["--completions", name])
+                }
                 _ => shell::command(&rollwalk, &["completions", name, "--of", program]),
             };
             let script = shell::output(&mut print)?;
@@ -51,7 +61,7 @@ pub fn write(programs: &Programs, stage: &Path) -> Result<(), String> {
     }
     let root = shell::workspace_root();
     for path in shipped()? {
-        copy(&root.join(&path), &stage.join("share/rollwalk").join(&path))?;
+        copy(&root.join(&path), &stage.join("share/rollwalk").join(packaged(&path)))?;
     }
     for path in DOCUMENTS {
         copy(&root.join(path), &stage.join("share/doc/rollwalk").join(path))?;
@@ -59,6 +69,11 @@ pub fn write(programs: &Programs, stage: &Path) -> Result<(), String> {
     let rules = Path::new(RULES);
     let name = rules.file_name().unwrap_or_default();
     copy(&root.join(rules), &stage.join("lib/udev/rules.d").join(name))
+}
+
+/// Path below `share/rollwalk` of a file that ships: without the folder of its crate.
+fn packaged(path: &str) -> &str {
+    path.split_once('/').map_or(path, |(_, rest)| rest)
 }
 
 /// Paths of the robots, motions, designs and mappings of gamepads that ship.
@@ -85,7 +100,7 @@ mod tests {
         for path in
             ["robots/pup.toml", "motions/table_2_1/brainbot_turn.toml", "gamepads/xbox.toml"]
         {
-            assert!(shipped.iter().any(|one| one == path), "{path}");
+            assert!(shipped.iter().any(|one| packaged(one) == path), "{path}");
         }
         assert!(shipped.len() > 60, "{} files", shipped.len());
         assert!(!shipped.iter().any(|one| one.contains("Cargo")));

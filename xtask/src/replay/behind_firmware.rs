@@ -44,7 +44,7 @@ fn one(replay: &Replay, folder: &Path, path: &Path) -> Result<Value, String> {
     let word = |value: &Value| value.as_str().unwrap_or_default().to_owned();
     let (robot, motion) = (word(&plan["robot"]["name"]), word(&plan["motion"]["name"]));
     let mut result = json!({ "plan": file_name(path), "robot": robot, "motion": motion });
-    let robot = shell::workspace_root().join("robots").join(format!("{robot}.toml"));
+    let robot = shell::workspace_root().join("shipped/robots").join(format!("{robot}.toml"));
     // A file for each run, because they run beside each other.
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let file = |ending: &str| folder.join(format!("{stem}{ending}"));
@@ -175,8 +175,8 @@ pub fn steps(plan: &Value) -> String {
 /// Motion file of a plan, whose name begins with that of the folder: see [`Replay::plan`].
 fn motion_file(stem: &str) -> String {
     match stem.strip_prefix("table_2_1-") {
-        Some(name) => format!("motions/table_2_1/{name}.toml"),
-        None => format!("motions/{}.toml", stem.strip_prefix("motions-").unwrap_or(stem)),
+        Some(name) => format!("shipped/motions/table_2_1/{name}.toml"),
+        None => format!("shipped/motions/{}.toml", stem.strip_prefix("motions-").unwrap_or(stem)),
     }
 }
 

@@ -18,7 +18,7 @@ use std::process::Command;
 use std::sync::Mutex;
 
 /// Folders of motion files, below the root.
-const MOTIONS: [&str; 2] = ["motions", "motions/table_2_1"];
+const MOTIONS: [&str; 2] = ["shipped/motions", "shipped/motions/table_2_1"];
 /// Steps of our own simulator per second.
 const GROUND_RATES_HZ: [u32; 2] = [60, 240];
 /// Periods of the level runs and of our own simulator.

@@ -59,11 +59,11 @@ fn one(replay: &Replay, folder: &Path, motion: &str, share: f64) -> Result<Value
         fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
     };
     let root = shell::workspace_root();
-    let source = root.join("motions").join(format!("{motion}.toml"));
+    let source = root.join("shipped/motions").join(format!("{motion}.toml"));
     let named = text(&source)?;
     let robot = named.lines().find_map(|line| line.strip_prefix("robot = \"../"));
     let robot = robot.and_then(|rest| rest.split('"').next()).unwrap_or_default();
-    let (rigid, soft) = (root.join(robot), folder.join("soft.toml"));
+    let (rigid, soft) = (root.join("shipped").join(robot), folder.join("soft.toml"));
     write(&soft, &softened(&text(&rigid)?, share))?;
     write(&folder.join("stand.toml"), &stand(&rigid))?;
     let run = |args: &[&str]| {

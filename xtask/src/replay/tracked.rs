@@ -5,21 +5,21 @@ use crate::shell;
 use std::path::{Path, PathBuf};
 
 /// A motion that open loop on the servos does not make a half of.
-const TURN: &str = "motions/anymal_turn.toml";
+const TURN: &str = "shipped/motions/anymal_turn.toml";
 /// Motion files, below the root.
 const MOTIONS: [&str; 12] = [
     TURN,
-    "motions/anymal_drive.toml",
-    "motions/anymal_duck.toml",
-    "motions/anymal_walk.toml",
-    "motions/walk.toml",
-    "motions/trot.toml",
-    "motions/pace.toml",
-    "motions/walk_and_roll.toml",
-    "motions/flying_trot.toml",
-    "motions/legbot_walk.toml",
-    "motions/table_2_1/swizzlebot_forward.toml",
-    "motions/table_2_1/creature3_walk.toml",
+    "shipped/motions/anymal_drive.toml",
+    "shipped/motions/anymal_duck.toml",
+    "shipped/motions/anymal_walk.toml",
+    "shipped/motions/walk.toml",
+    "shipped/motions/trot.toml",
+    "shipped/motions/pace.toml",
+    "shipped/motions/walk_and_roll.toml",
+    "shipped/motions/flying_trot.toml",
+    "shipped/motions/legbot_walk.toml",
+    "shipped/motions/table_2_1/swizzlebot_forward.toml",
+    "shipped/motions/table_2_1/creature3_walk.toml",
 ];
 /// These are pushed as well.
 const PUSHED: [&str; 5] = [

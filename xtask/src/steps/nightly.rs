@@ -8,18 +8,18 @@ use crate::{
 use clap::ValueEnum;
 
 /// A robot of MIT drives and an ODrive.
-const OTHER_ROBOT: &str = "robots/test_leg.toml";
+const OTHER_ROBOT: &str = "shipped/robots/test_leg.toml";
 /// Programs with ignored tests that only take long, by folder and name.
 const LONG: [(&str, &str); 11] = [
     ("cli", "rollwalk"),
-    ("design", "design"),
-    ("design", "rollwalk_design"),
+    ("planner/design", "design"),
+    ("planner/design", "rollwalk_design"),
     ("firmware", "rollwalk_firmware"),
     ("physics", "physics"),
     ("planner", "planner"),
     ("planner", "rollwalk_planner"),
-    ("simulate", "rollwalk_simulate"),
-    ("simulate", "simulate"),
+    ("control/simulate", "rollwalk_simulate"),
+    ("control/simulate", "simulate"),
     ("studio", "session"),
     ("tests", "integration"),
 ];
@@ -121,9 +121,9 @@ impl Step for NightlyStep {
             Self::Multibody => mujoco::check(Extent::Full),
             Self::Physics => {
                 let programs = workspace::optimised_programs()?;
-                let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
+                let bench = workspace::find(&programs, "apps/bench", "rollwalk-bench", false)?;
                 let out = shell::target_folder().join("physics");
-                shell::run(rollwalk.command(&["bench", "physics", "--out"]).arg(out))
+                shell::run(bench.command(&["physics", "--out"]).arg(out))
             }
             Self::Explore => explore::check(),
             Self::Replay => replay::check(Extent::Full),
@@ -158,11 +158,11 @@ impl Step for NightlyStep {
             Self::FaultCampaign => {
                 let out = shell::target_folder().join("fault-campaign");
                 let programs = workspace::optimised_programs()?;
-                let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
+                let bench = workspace::find(&programs, "apps/bench", "rollwalk-bench", false)?;
                 let run = |on, seeds| {
-                    let campaign = ["bench", "fault-campaign", "--on", on, "--seeds", seeds];
+                    let campaign = ["fault-campaign", "--on", on, "--seeds", seeds];
                     let out = out.with_extension(on);
-                    shell::run(rollwalk.command(&campaign).arg("--out").arg(out))
+                    shell::run(bench.command(&campaign).arg("--out").arg(out))
                 };
                 run("ground", GROUND_CAMPAIGN_SEEDS).and_then(|()| run("stand", CAMPAIGN_SEEDS))
             }

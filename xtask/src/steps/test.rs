@@ -113,7 +113,7 @@ impl Step for TestStep {
 pub fn format() -> Result<(), String> {
     toolchain::need_component("rustfmt")?;
     shell::run(&mut shell::cargo(&["fmt", "--all", "--check"]))?;
-    let fuzz = ["fmt", "--manifest-path", "fuzz/Cargo.toml", "--check"];
+    let fuzz = ["fmt", "--manifest-path", "tests/fuzz/Cargo.toml", "--check"];
     shell::run(&mut shell::cargo(&fuzz))
 }
 

@@ -1,9 +1,8 @@
 //! House rules that no compiler checks, each in its own module, run over the files of the checkout.
 
 mod commands;
-mod dependencies;
-mod folder_map;
 mod links;
+mod map;
 mod module_docs;
 mod paths;
 mod prose;
@@ -34,8 +33,7 @@ pub fn check(root: &Path) -> Result<(), String> {
     let mut violations = module_docs::violations(&files);
     violations.extend(paths::machine_paths(&files));
     violations.extend(paths::dead_references(&files, |path| root.join(path).exists()));
-    violations.extend(folder_map::violations(&files));
-    violations.extend(dependencies::violations(&metadata)?);
+    violations.extend(map::violations(&files, &metadata)?);
     violations.extend(prose::violations(&files));
     let (dead, links) = links::violations(&files, |path| root.join(path).exists());
     let (wrong, commands) = commands::violations(&files, &crate::Cli::command());

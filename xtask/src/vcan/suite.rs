@@ -14,7 +14,7 @@ const PACKAGES: [&str; 3] = ["can-utils", "iproute2", "qemu-system-arm"];
 const TIMEOUT: Duration = Duration::from_secs(1200);
 
 /// Library that is built and flashed: the demo's robot with its twenty motors.
-const LIBRARY: &str = "motions/agilebot_library.toml";
+const LIBRARY: &str = "shipped/motions/agilebot_library.toml";
 /// Modules of `tests/vcan/` that need a kernel with vcan. The emulated board runs in an emulator of its own.
 const ON_VCAN: [&str; 2] = ["board::", "on_vcan::"];
 

@@ -1,13 +1,13 @@
 //! What the console knows beside the operator's view: names, limits, which key plays what.
 
-use crate::inputs::Source;
-use crate::link::names::{self, NamesArgs};
-use crate::packed::{Packed, channel_names};
-use crate::shipped;
 use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::operator::View;
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_robot::Robot;
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::link::names::{self, NamesArgs};
+use rollwalk_terminal::packed::{Packed, channel_names};
+use rollwalk_terminal::shipped;
 
 /// Keys that play motions, beside the digits that are command codes; the others have a meaning of their own.
 const LETTERS: &str = "befghijklmnostuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";

@@ -1,11 +1,11 @@
 //! The controller that tracks a plan, for simulators of others, over standard input and output.
 
 use super::records::{Hello, Request, Setpoints};
-use crate::{Exit, inputs, output};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use nalgebra::Isometry3;
 use rollwalk_simulate::closed_loop::{ClosedLoop, Measured, Timing};
 use rollwalk_simulate::{Feedback, Script};
+use rollwalk_terminal::{Exit, inputs, output};
 use serde::Serialize;
 use std::io::{self, BufRead, Read};
 use std::ops::RangeInclusive;

@@ -1,12 +1,12 @@
 //! The loop around a [`Conductor`]: a bus, a clock and Ctrl-C.
 
 use super::conductor::{Conductor, Phase, Tally};
-use crate::link::LinkArgs;
-use crate::link::operated::{Operated, farewell, say_new};
-use crate::{Exit, interrupt, output};
 use rollwalk_bus::port::Live;
 use rollwalk_host::operator::{Intent, Leaving, Operator};
 use rollwalk_pilot::END_US;
+use rollwalk_terminal::link::LinkArgs;
+use rollwalk_terminal::link::operated::{Operated, farewell, say_new};
+use rollwalk_terminal::{Exit, interrupt, output};
 use std::time::Instant;
 
 /// Time without contact after which the program ends, µs.

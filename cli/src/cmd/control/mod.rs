@@ -8,11 +8,6 @@ mod route;
 #[cfg(test)]
 mod tests;
 
-use crate::kind::Kind;
-use crate::link::{BUS_ENV, LinkArgs, MaybeLinkArgs, cannot_open, ended};
-use crate::packed::Packed;
-use crate::planning;
-use crate::{Exit, files, inputs};
 use clap::ValueEnum;
 use conductor::Conductor;
 use miette::{IntoDiagnostic, miette};
@@ -25,6 +20,11 @@ use rollwalk_protocol::library::identity;
 use rollwalk_robot::Robot;
 use rollwalk_simulate::closed_loop::Timing;
 use rollwalk_simulate::{Feedback, Sequence};
+use rollwalk_terminal::kind::Kind;
+use rollwalk_terminal::link::{BUS_ENV, LinkArgs, MaybeLinkArgs, cannot_open, ended};
+use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::planning;
+use rollwalk_terminal::{Exit, files, inputs};
 use rollwalk_tracking::tracker::{KD_PART, KP_PART};
 use route::Play;
 use std::ops::RangeInclusive;

@@ -1,11 +1,11 @@
 //! What a robot is to play in closed loop: `--play NAME:CYCLES` as plans of a library, joined by its transitions.
 
-use crate::inputs::Library;
-use crate::planning::{Planned, Plans};
 use miette::miette;
 use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_simulate::sequence::Leg;
+use rollwalk_terminal::inputs::Library;
+use rollwalk_terminal::planning::{Planned, Plans};
 use std::collections::VecDeque;
 use std::str::FromStr;
 

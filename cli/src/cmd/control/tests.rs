@@ -4,9 +4,6 @@
 use super::conductor::{Conductor, Phase, wheels};
 use super::route::{self, Play};
 use super::{timing, tracking};
-use crate::inputs::{Library, Source};
-use crate::packed::Packed;
-use crate::planning::{self, Plans};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::operator::{Leaving, Operator};
 use rollwalk_host::session::Session;
@@ -18,6 +15,9 @@ use rollwalk_protocol::wire::{FromController, Node, Sample, State};
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_simulate::Sequence;
+use rollwalk_terminal::inputs::{Library, Source};
+use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::planning::{self, Plans};
 use std::path::Path;
 use std::sync::Arc;
 

@@ -6,16 +6,17 @@ mod table;
 mod world;
 
 use crate::cmd::plot::STRIP_MOMENTS;
-use crate::files::{self, file_name};
-use crate::inputs::{Library, Source};
-use crate::packed::Packed;
-use crate::planning::{Plans, plan_all};
 use crate::terrain::{GroundArgs, Support};
-use crate::{Exit, interrupt, output, shipped, tour};
+use crate::tour;
 use miette::IntoDiagnostic;
 use outcome::Outcome;
 use rollwalk_bus::candump;
 use rollwalk_planner::plot::{self, JointPanels};
+use rollwalk_terminal::files::{self, file_name};
+use rollwalk_terminal::inputs::{Library, Source};
+use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::planning::{Plans, plan_all};
+use rollwalk_terminal::{Exit, interrupt, output, shipped};
 use std::path::{Path, PathBuf};
 
 /// Plan, pack, flash and play a motion library on a simulated robot, and measure every stage.

@@ -2,8 +2,6 @@
 
 use super::score::{Score, scores};
 use super::world::World;
-use crate::inputs::Library;
-use crate::planning::{Planned, Plans};
 use crate::tour::Played;
 use miette::IntoDiagnostic;
 use rollwalk_firmware::Settings;
@@ -12,6 +10,8 @@ use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::{Grid, Report};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::{self, ClipId, validate};
+use rollwalk_terminal::inputs::Library;
+use rollwalk_terminal::planning::{Planned, Plans};
 use serde::Serialize;
 
 /// Plan against command, joints: the ends of a transition may be moved by so much onto the motions

@@ -2,7 +2,7 @@
 
 use super::outcome::{Bound, Clip, Outcome};
 use super::world::World;
-use crate::output::Table;
+use rollwalk_terminal::output::Table;
 
 /// The whole outcome.
 pub fn render(outcome: &Outcome) -> String {

@@ -1,11 +1,11 @@
 //! What became of each motion on the ground while the library was played, against its plan.
 
-use crate::planning::Plans;
 use rollwalk_physics::world::{Totals, Way};
 use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
 use rollwalk_sim_host::ground::Travel;
 use rollwalk_simulate::PlannedWay;
+use rollwalk_terminal::planning::Plans;
 use serde::Serialize;
 
 /// Everything that happened on the ground.

@@ -1,10 +1,10 @@
 //! `rollwalk design check`: what may change about a robot.
 
 use super::read;
-use crate::Exit;
-use crate::output::{self, Table};
 use rollwalk_design::designed::Designed;
 use rollwalk_robot::document::DocumentError;
+use rollwalk_terminal::Exit;
+use rollwalk_terminal::output::{self, Table};
 use serde::Serialize;
 use std::path::PathBuf;
 

@@ -3,8 +3,8 @@
 use super::given::{self, Given};
 use super::outcome::{Folder, Outcome};
 use super::{Shown, plan_original, read, report};
-use crate::Exit;
 use miette::miette;
+use rollwalk_terminal::Exit;
 use std::path::PathBuf;
 
 /// Change parameters of a robot by hand and plan its motions again.
@@ -29,7 +29,7 @@ pub struct Args {
     /// Another servo for an actuator of the robot file: its limits, torque-speed line and mass; may be given several times.
     #[arg(long, value_name = "ACTUATOR=SERVO", value_parser = given::parse_servo)]
     servo: Vec<[String; 2]>,
-    /// Catalogue of servos (TOML) [default: the one that ships, design/servos.toml].
+    /// Catalogue of servos (TOML) [default: the one that ships, planner/design/servos.toml].
     #[arg(long, value_name = "SERVOS.toml", requires = "servo")]
     servos: Option<PathBuf>,
     #[command(flatten)]

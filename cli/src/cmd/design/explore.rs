@@ -1,162 +1,26 @@
-//! `rollwalk design explore`: every point of a sweep, on all cores, resumable, in shards.
+//! `rollwalk design explore`: runs `rollwalk-bench explore`.
 
-use crate::inputs::Source;
-use crate::shards::{self, Done, Work};
-use crate::{Exit, files, interrupt, output};
-use miette::{IntoDiagnostic, miette};
-use rollwalk_bench::chart::sweep as chart;
-use rollwalk_design::goal::Quantity;
-use rollwalk_design::plans::Failed;
-use rollwalk_design::sweep::picture::Picture;
-use rollwalk_design::sweep::{Ready, Row, table};
-use rollwalk_planner::Progress;
-use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
-
-/// Names in the folder.
-const CSV: &str = "results.csv";
-const PARQUET: &str = "results.parquet";
-const FIGURE: &str = "results.svg";
+use crate::apps::{BENCH, Words};
+use rollwalk_terminal::Exit;
+use std::iter;
 
 /// Plan every point of a sweep: parameters, gaits, robots, servos.
 ///
-/// All cores work. What is done is written at once, so that after Ctrl-C, or on another machine, the same command goes on where it
-/// was. Shards (--shard 2/5) share the folder, or their folders are put together; the tables are the same however the sweep was
-/// split. The run that finds nothing left to do writes results.csv, results.parquet and a figure of one quantity, results.svg.
+/// The program rollwalk-bench, which lies beside rollwalk, does it; `rollwalk design explore --help` prints its help.
 #[derive(clap::Args)]
-#[command(mut_arg("engine", |engine| engine.visible_alias("on")), after_long_help = "\
+#[command(
+    disable_help_flag = true,
+    after_long_help = "\
 Examples:
-  rollwalk design explore designs/table_3_2_sweep.toml -o table
-  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --plot peak_joint_torque_nm
-  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --shard 1/4
-  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --on parallel --shards 8
-  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --on slurm --shards 40
-  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --on kubernetes --shards 40 --dry-run
-
-The formats are described in docs/design-exploration.md, shards and engines in docs/shards.md.")]
+  rollwalk design explore --help
+  rollwalk design explore designs/table_3_2_sweep.toml -o table"
+)]
 pub struct Args {
-    /// Sweep file (TOML).
-    #[arg(value_name = "SWEEP.toml")]
-    sweep: PathBuf,
-    /// Folder for journals, tables and the figure; made if it is missing.
-    #[arg(short, long, value_name = "DIR")]
-    output: PathBuf,
-    /// Catalogue of servos (TOML) [default: the one that ships, design/servos.toml].
-    #[arg(long, value_name = "SERVOS.toml")]
-    servos: Option<PathBuf>,
-    /// Column of the tables that the figure shows [default: the first that the design's goal minimises, else
-    /// cost_of_transport, else plan_cost].
-    #[arg(long, value_name = "COLUMN", value_parser = quantity)]
-    plot: Option<Quantity>,
     #[command(flatten)]
-    shards: shards::Options,
+    words: Words,
 }
 
-fn quantity(text: &str) -> Result<Quantity, String> {
-    let found = Quantity::ALL.into_iter().find(|of| of.bound == text);
-    found.ok_or_else(|| {
-        let names = Quantity::ALL.map(|of| of.bound).join(", ");
-        format!("no quantity has this name; there are {names}")
-    })
-}
-
-/// The chains of a sweep.
-struct Chains<'a> {
-    args: &'a Args,
-    ready: Ready,
-    texts: Vec<String>,
-}
-
-impl Work for Chains<'_> {
-    type Result = Vec<Row>;
-
-    fn name(&self) -> &str {
-        "sweep"
-    }
-
-    fn title(&self) -> String {
-        format!("sweep `{}`", self.ready.sweep.name)
-    }
-
-    fn units_name(&self) -> &str {
-        "chains"
-    }
-
-    fn depends_on(&self) -> Vec<String> {
-        self.texts.clone()
-    }
-
-    fn units(&self) -> usize {
-        self.ready.sweep.chains()
-    }
-
-    fn words(&self) -> miette::Result<Vec<String>> {
-        let absolute = |path: &Path| -> miette::Result<String> {
-            Ok(std::path::absolute(path).into_diagnostic()?.to_string_lossy().into_owned())
-        };
-        let mut words: Vec<String> = ["design", "explore"].map(str::to_owned).to_vec();
-        words.push(absolute(&self.args.sweep)?);
-        if let Some(servos) = &self.args.servos {
-            words.extend(["--servos".to_owned(), absolute(servos)?]);
-        }
-        if let Some(quantity) = &self.args.plot {
-            words.extend(["--plot", quantity.bound].map(str::to_owned));
-        }
-        Ok(words)
-    }
-
-    fn folder_option(&self) -> &str {
-        "-o"
-    }
-
-    fn unit(&self, index: usize) -> miette::Result<Option<Vec<Row>>> {
-        let go_on = &mut |_: &str, _: &Progress| match interrupt::requested() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        };
-        match self.ready.chain(index, go_on) {
-            Ok(rows) => Ok(Some(rows)),
-            Err(Failed::Interrupted) => Ok(None),
-            Err(error) => Err(miette!("chain {index}: {error}")),
-        }
-    }
-
-    fn is_timed(&self) -> bool {
-        false
-    }
-}
-
-/// Runs the subcommand.
+/// Becomes the program.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let (ready, texts) = Source::Disk.sweep(&args.sweep, args.servos.as_deref())?;
-    ready.without_mass().for_each(output::say);
-    files::make_folder(&args.output)?;
-    let chains = Chains { args, ready, texts };
-    match shards::run(&chains, &args.output, &args.shards)? {
-        Done::All(results) => {
-            let rows: Vec<&Row> = results.values().flatten().collect();
-            finish(args, &chains.ready, &rows)
-        }
-        Done::Later => Ok(Exit::Ok),
-        Done::Interrupted => Ok(Exit::Interrupted),
-    }
-}
-
-/// Writes the tables and the figure.
-fn finish(args: &Args, ready: &Ready, rows: &[&Row]) -> miette::Result<Exit> {
-    let folder = &args.output;
-    let axes: Vec<String> = ready.sweep.axes.iter().map(|axis| axis.name().to_owned()).collect();
-    let csv = table::csv(&axes, rows).into_diagnostic()?;
-    let parquet = table::parquet(&axes, rows).into_diagnostic()?;
-    let figure = chart::draw(&Picture::of(ready, rows, args.plot))?;
-    files::write(&folder.join(CSV), &csv)?;
-    files::write(&folder.join(PARQUET), &parquet)?;
-    files::write(&folder.join(FIGURE), figure.as_bytes())?;
-    let hold = rows.iter().filter(|row| row.holds).count();
-    output::print(&format!(
-        "{} rows, {hold} of which hold\nwrote {}, {PARQUET} and {FIGURE}",
-        rows.len(),
-        folder.join(CSV).display()
-    ))?;
-    Ok(Exit::Ok)
+    BENCH.run(iter::once("explore".into()).chain(args.words.words.iter().cloned()))
 }

@@ -1,11 +1,11 @@
 //! Changes on the command line: `thigh=0.13`, `thigh+=0.01`, `xm540=MX-64AT`.
 
 use super::outcome::Swapped;
-use crate::output;
 use miette::{Report, miette};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::Designed;
 use rollwalk_design::sweep::speed_of;
+use rollwalk_terminal::output;
 
 /// A parameter with the value that it is given, or by which it is changed.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,10 +3,10 @@
 use super::given::{self, Given};
 use super::outcome::{Drift, Folder, Outcome};
 use super::{Shown, plan_original, read, report};
-use crate::Exit;
 use miette::miette;
 use rollwalk_design::keep;
 use rollwalk_planner::sensitivity::Feature;
+use rollwalk_terminal::Exit;
 use std::path::PathBuf;
 
 /// Change some parameters, and let all others follow so that the motions keep a feature.

@@ -1,13 +1,13 @@
 //! `rollwalk design limits`: what limits a motion, and what its motors must do.
 
 use super::{Shown, plan_original, read, report};
-use crate::Exit;
-use crate::output::{self, Table};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::duty::{self, Duty};
 use rollwalk_design::plans::{self, Failed};
 use rollwalk_planner::Options;
 use rollwalk_planner::sensitivity::Price;
+use rollwalk_terminal::Exit;
+use rollwalk_terminal::output::{self, Table};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -27,7 +27,7 @@ pub struct Args {
     /// Design file (TOML).
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
-    /// Catalogue of servos (TOML) [default: the one that ships, design/servos.toml].
+    /// Catalogue of servos (TOML) [default: the one that ships, planner/design/servos.toml].
     #[arg(long, value_name = "SERVOS.toml")]
     servos: Option<PathBuf>,
     /// Print as JSON.

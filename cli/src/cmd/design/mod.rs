@@ -9,14 +9,14 @@ mod limits;
 mod optimise;
 mod outcome;
 
-use crate::inputs::Source;
-use crate::progress::Watch;
-use crate::{Exit, interrupt};
 use miette::{Report, miette};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::Designed;
 use rollwalk_design::plans::{Failed, Plans, Watch as Seen};
 use rollwalk_planner::Progress;
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::progress::Watch;
+use rollwalk_terminal::{Exit, interrupt};
 use std::ops::ControlFlow;
 use std::path::Path;
 

@@ -2,10 +2,10 @@
 
 use super::outcome::{Folder, Outcome};
 use super::{Shown, plan_original, read, report};
-use crate::{Exit, output};
 use miette::miette;
 use rollwalk_design::optimise;
 use rollwalk_design::plans::Repaired;
+use rollwalk_terminal::{Exit, output};
 use std::cell::RefCell;
 use std::path::PathBuf;
 

@@ -1,8 +1,6 @@
 //! What a change of a design came to: robot file, plans, figures and report in a folder.
 
-use crate::files::{self, Output};
-use crate::output::{self, Table};
-use crate::{Exit, played};
+use crate::played;
 use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
 use rollwalk_design::made::Kept;
@@ -16,6 +14,9 @@ use rollwalk_planner::report::Report;
 use rollwalk_planner::sample::resample;
 use rollwalk_planner::sensitivity::Feature;
 use rollwalk_simulate::Control;
+use rollwalk_terminal::Exit;
+use rollwalk_terminal::files::{self, Output};
+use rollwalk_terminal::output::{self, Table};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use toml_edit::{DocumentMut, Item, Value};

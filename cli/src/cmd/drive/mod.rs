@@ -9,10 +9,6 @@ mod tests;
 
 use crate::cmd::console::app::{terminal_gone, watch};
 use crate::gamepad::reader::Gamepad;
-use crate::inputs::number_within;
-use crate::link::steering::{GIVE_GAIT, Prepared, SteeringArgs};
-use crate::link::{LinkArgs, cannot_open, ended};
-use crate::{Exit, interrupt, output};
 use app::{App, Ending};
 use controls::Controls;
 use miette::miette;
@@ -21,6 +17,10 @@ use rollwalk_host::listener;
 use rollwalk_host::operator::Operator;
 use rollwalk_host::session::SessionError;
 use rollwalk_pilot::{Pilot, Steered};
+use rollwalk_terminal::inputs::number_within;
+use rollwalk_terminal::link::steering::{GIVE_GAIT, Prepared, SteeringArgs};
+use rollwalk_terminal::link::{LinkArgs, cannot_open, ended};
+use rollwalk_terminal::{Exit, interrupt, output};
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 

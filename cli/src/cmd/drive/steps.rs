@@ -1,7 +1,7 @@
 //! Steering that is known beforehand: `--steer AT:FORWARD,LEFT,TURN`.
 
-use crate::inputs::number_within;
 use rollwalk_planner::receding::Steering;
+use rollwalk_terminal::inputs::number_within;
 use std::str::FromStr;
 
 /// Longest time of a drive, s: a day.

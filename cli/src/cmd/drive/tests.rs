@@ -1,9 +1,6 @@
 //! A drive over the simulated bus in virtual time: AgileBot on the ground of its world, its firmware, an operator, and plans that
 //! take a given time.
 
-use crate::inputs::Source;
-use crate::packed::Packed;
-use crate::planning;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::operator::{Deadman, Intent, Leaving, LetGo, Operator};
 use rollwalk_host::session::Session;
@@ -15,6 +12,9 @@ use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::{Node, State};
 use rollwalk_sim_host::rig::Rig;
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::planning;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;

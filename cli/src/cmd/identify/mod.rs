@@ -7,15 +7,15 @@ mod report;
 mod runs;
 mod source;
 
-use crate::files::{self, Output};
-use crate::inputs::Source as Inputs;
-use crate::{Exit, interrupt, output};
 use document::Document;
 use indicatif::ProgressBar;
 use miette::{Report, miette};
 use outcome::{Outcome, Unfitted};
 use rollwalk_robot::Robot;
 use rollwalk_simulate::identify::{Kind, Quantity, Stage, Unfit};
+use rollwalk_terminal::files::{self, Output};
+use rollwalk_terminal::inputs::Source as Inputs;
+use rollwalk_terminal::{Exit, interrupt, output};
 use source::Source;
 use std::path::PathBuf;
 

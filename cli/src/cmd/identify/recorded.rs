@@ -6,15 +6,15 @@
 //! | log of all actuator buses, as `candump -l` writes it | `(` | the same |
 //! | table (CSV) | anything else | [`Recording::from_text`] |
 
-use crate::files::{self, Named};
-use crate::kind::Kind;
-use crate::packed::channel_names;
 use miette::{IntoDiagnostic, Report, miette};
 use rollwalk_bus::candump;
 use rollwalk_host::traces::{self, Motor, Traces};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_robot::Robot;
 use rollwalk_simulate::identify::{Drive, Recording, Series, TableError, Wanted};
+use rollwalk_terminal::files::{self, Named};
+use rollwalk_terminal::kind::Kind;
+use rollwalk_terminal::packed::channel_names;
 use std::fmt::Display;
 use std::path::Path;
 
@@ -165,7 +165,7 @@ mod tests {
             std::fs::write(&path, content).unwrap();
             path
         };
-        let text = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml");
+        let text = concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots/agilebot.toml");
         let text = std::fs::read_to_string(text).unwrap();
         let robot = Robot::from_toml("agilebot", &text).unwrap();
         let [table, log] = run(&robot);
@@ -190,7 +190,7 @@ mod tests {
         assert!(why("none.log", "(1.000005) act0 123#00\n").contains("0 actuator buses"));
 
         // The log of a robot with fewer buses and motors.
-        let text = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/car.toml");
+        let text = concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots/car.toml");
         let car = Robot::from_toml("car", &std::fs::read_to_string(text).unwrap()).unwrap();
         let [_, log] = run(&car);
         let error = read("car.log", &log).unwrap_err();

@@ -3,8 +3,8 @@
 use super::document::{compared, fits};
 use super::outcome::{Fit, Outcome};
 use super::source::rounded;
-use crate::output::Table;
 use rollwalk_simulate::identify::{Combined, Found, Quality, Verdict};
+use rollwalk_terminal::output::Table;
 
 /// Below the numbers of a single run.
 const ONE_RUN: &str = "\
@@ -249,7 +249,7 @@ mod tests {
 
     /// Runs with friction and its deviation, of a robot whose file has 0.8, and with a delay that only the last one tells.
     fn outcome(runs: &[(&str, f64, f64)]) -> Outcome {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots/agilebot.toml");
         let robot = Robot::from_toml("agilebot", &std::fs::read_to_string(path).unwrap()).unwrap();
         let quality = |rms| Some(Quality { rms: vec![(Signal::Position, rms)] });
         let found = |(number, &(_, fitted, deviation)): (usize, &(&str, f64, f64))| {

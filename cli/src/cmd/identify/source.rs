@@ -259,7 +259,7 @@ mod tests {
     use super::*;
 
     fn agilebot() -> (Source, String, Robot) {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/agilebot.toml");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots/agilebot.toml");
         let text = std::fs::read_to_string(path).unwrap();
         let robot = Robot::from_toml("agilebot", &text).unwrap();
         (Source::new(Path::new("agilebot.toml"), &text, &robot).unwrap(), text, robot)

@@ -1,11 +1,12 @@
 //! `rollwalk library build`: from a library file to a motion library.
 
-use crate::files::Output;
-use crate::inputs::Source;
-use crate::link::names;
-use crate::packed::Packed;
-use crate::planning::{PlanOutcome, Plans, plan_all};
-use crate::{Exit, output, signing};
+use crate::signing;
+use rollwalk_terminal::files::Output;
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::link::names;
+use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::planning::{PlanOutcome, Plans, plan_all};
+use rollwalk_terminal::{Exit, output};
 use serde::Serialize;
 use std::path::PathBuf;
 

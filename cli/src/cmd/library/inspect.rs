@@ -1,11 +1,11 @@
 //! `rollwalk library inspect`: validates a library as a controller does and shows what is in it.
 
-use crate::output::Table;
-use crate::packed::Packed;
 use crate::signing::{self, Fingerprint};
-use crate::{Exit, output};
 use rollwalk_protocol::library::{EdgeId, Library, NodeId, RATE_HZ};
 use rollwalk_robot::Robot;
+use rollwalk_terminal::output::Table;
+use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::{Exit, output};
 use serde::Serialize;
 use std::path::PathBuf;
 

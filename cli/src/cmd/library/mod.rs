@@ -5,7 +5,7 @@ mod inspect;
 mod sign;
 mod verify;
 
-use crate::Exit;
+use rollwalk_terminal::Exit;
 
 /// Build, inspect and sign motion libraries.
 #[derive(clap::Subcommand)]

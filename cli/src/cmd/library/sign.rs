@@ -1,9 +1,9 @@
 //! `rollwalk library sign`: a motion library with the owner's signature behind it.
 
-use crate::Exit;
-use crate::files::Output;
-use crate::packed::Packed;
 use crate::signing::{self, Fingerprint};
+use rollwalk_terminal::Exit;
+use rollwalk_terminal::files::Output;
+use rollwalk_terminal::packed::Packed;
 use std::path::PathBuf;
 
 /// Sign a motion library, for controllers that play only signed ones.

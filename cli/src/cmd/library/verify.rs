@@ -1,10 +1,10 @@
 //! `rollwalk library verify`: whether a motion library has the owner's signature.
 
-use crate::kind::Kind;
 use crate::signing::{self, Fingerprint};
-use crate::{Exit, files, output};
 use miette::miette;
 use rollwalk_protocol::library::identity;
+use rollwalk_terminal::kind::Kind;
+use rollwalk_terminal::{Exit, files, output};
 use std::path::PathBuf;
 
 /// Check the signature of a motion library as a controller with this public key does.

@@ -1,11 +1,11 @@
 //! Telemetry in files that follow each other, each of which Foxglove opens by itself.
 
-use crate::files::{Output, Rotation, Series};
 use miette::{Report, miette};
 use rollwalk_host::joints::Known;
 use rollwalk_host::telemetry::Telemetry;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
+use rollwalk_terminal::files::{Output, Rotation, Series};
 use std::fmt::Display;
 use std::fs::File;
 use std::io::BufWriter;

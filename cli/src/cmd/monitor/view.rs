@@ -1,6 +1,5 @@
 //! The text output of a monitor: changes, and the joints.
 
-use crate::output;
 use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::describe::{fault_names, fault_report, state_name};
 use rollwalk_host::refusal::command_refusal;
@@ -10,6 +9,7 @@ use rollwalk_protocol::wire::{
     Action, CommandResult, FaultReport, FromController, JointTelemetry, Node, State, Status,
     ToController,
 };
+use rollwalk_terminal::output;
 use std::collections::BTreeMap;
 
 /// Interval between lines of the joints, µs.

@@ -2,10 +2,11 @@
 
 mod world;
 
-use crate::files::{self, Output};
-use crate::{Exit, inputs, picture};
+use crate::picture;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::plot::{self, Extras, JointPanels};
+use rollwalk_terminal::files::{self, Output};
+use rollwalk_terminal::{Exit, inputs};
 use std::path::{Path, PathBuf};
 
 /// Pictures of a motion in a strip.

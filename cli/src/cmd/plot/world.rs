@@ -1,10 +1,10 @@
 //! A log of the simulated world as panels over time.
 
-use crate::files;
-use crate::kind::Kind;
 use miette::miette;
 use rollwalk_bench::chart::{self, Curve, Labels};
 use rollwalk_simulate::log::Table;
+use rollwalk_terminal::files;
+use rollwalk_terminal::kind::Kind;
 use std::path::Path;
 
 /// Most points of a curve.

@@ -1,14 +1,14 @@
 //! Every motion of a library, corrected: a folder from which the library is built again.
 
 use super::{Args, Corrected, STEADIER, falls, on};
-use crate::files::{self, Output, file_name};
-use crate::inputs::{Library, Source};
-use crate::output::{self, Table};
-use crate::planning::{Planned, plan_motions};
 use crate::played::ratios;
-use crate::{Exit, interrupt};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::plan::Status;
+use rollwalk_terminal::files::{self, Output, file_name};
+use rollwalk_terminal::inputs::{Library, Source};
+use rollwalk_terminal::output::{self, Table};
+use rollwalk_terminal::planning::{Planned, plan_motions};
+use rollwalk_terminal::{Exit, interrupt};
 use toml_edit::{DocumentMut, Item, Value, value};
 
 /// Names in the folder.

@@ -4,13 +4,13 @@ mod library;
 mod plan;
 
 use crate::played;
-use crate::{Exit, interrupt};
 use indicatif::ProgressBar;
 use miette::miette;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 use rollwalk_simulate::retarget::{Options, Retargeted, retarget};
 use rollwalk_simulate::{Control, Outcome};
+use rollwalk_terminal::{Exit, interrupt};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -1,13 +1,13 @@
 //! One plan, corrected.
 
 use super::{Args, Corrected, STEADIER, falls, on};
-use crate::files::Output;
-use crate::inputs::Source;
 use crate::played::ratios;
-use crate::{Exit, inputs, output};
 use miette::miette;
 use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::retarget::Retargeted;
+use rollwalk_terminal::files::Output;
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::{Exit, inputs, output};
 
 /// Corrects the plan and writes it.
 pub fn run(args: &Args) -> miette::Result<Exit> {

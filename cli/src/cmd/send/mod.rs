@@ -3,15 +3,15 @@
 mod play;
 mod wanted;
 
-use crate::inputs::Source;
-use crate::link::names::NamesArgs;
-use crate::link::{LinkArgs, LiveSession, ended};
-use crate::{Exit, interrupt, output};
 use miette::{IntoDiagnostic, miette};
 use play::play;
 use rollwalk_host::describe::state_name;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::wire::{State, Status};
+use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::link::names::NamesArgs;
+use rollwalk_terminal::link::{LinkArgs, LiveSession, ended};
+use rollwalk_terminal::{Exit, interrupt, output};
 use wanted::{Chosen, Wanted, choose};
 
 /// Maximum time of a return to SAFE, µs; at a small part of the planned speed it takes long.

@@ -1,13 +1,13 @@
 //! Plays motions one after the other and waits for each.
 
 use super::wanted::Chosen;
-use crate::link::LiveSession;
-use crate::{interrupt, output};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::catalog::Motion;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_protocol::wire::{State, Status};
+use rollwalk_terminal::link::LiveSession;
+use rollwalk_terminal::{interrupt, output};
 
 /// Maximum wait for a motion to start, beyond the controller's estimate, µs.
 const SLACK_US: u64 = 5_000_000;

@@ -1,15 +1,15 @@
 //! A motion library behind the firmware: a tour over its motion graph, and what became of each motion.
 
 use super::Args;
-use crate::files::Rotation;
-use crate::output::Table;
-use crate::packed::Packed;
 use crate::terrain::Support;
 use crate::tour::{self, Options, Played};
-use crate::{Exit, interrupt, output};
 use miette::miette;
 use rollwalk_physics::world::{Totals, Way};
 use rollwalk_sim_host::ground::{Fall, Travel};
+use rollwalk_terminal::files::Rotation;
+use rollwalk_terminal::output::Table;
+use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 
 /// Everything that happened.

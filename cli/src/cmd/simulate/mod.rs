@@ -5,7 +5,7 @@ mod plan;
 
 use crate::terrain::GroundArgs;
 use crate::world_log::WorldLogArgs;
-use crate::{Exit, inputs};
+use rollwalk_terminal::{Exit, inputs};
 use std::path::PathBuf;
 
 /// Play a plan or a motion library on the simulated ground.

@@ -2,14 +2,14 @@
 
 use super::Args;
 use crate::cmd::control;
-use crate::files::Rotation;
-use crate::{Exit, inputs, interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_physics::world::Totals;
 use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::sensors::Noise;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, Outcome, log, play};
+use rollwalk_terminal::files::Rotation;
+use rollwalk_terminal::{Exit, inputs, interrupt, output};
 use serde::Serialize;
 use std::fmt::Write;
 

@@ -5,12 +5,12 @@
 
 mod traffic;
 
-use crate::link::{DEPTH, cannot_open, live};
-use crate::output;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::name::BusName;
 use rollwalk_bus::open::{self, OpenError};
 use rollwalk_bus::port::Live;
+use rollwalk_terminal::link::{DEPTH, cannot_open, live};
+use rollwalk_terminal::output;
 use std::convert::Infallible;
 use std::io::ErrorKind;
 use std::net::TcpStream;

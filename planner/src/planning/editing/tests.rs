@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 fn read(motion: &str) -> (Robot, Motion) {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../motions").join(motion);
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shipped/motions").join(motion);
     let text = fs::read_to_string(&file).unwrap();
     let path = file.parent().unwrap().join(Motion::robot_path_in_toml(motion, &text).unwrap());
     let robot = Robot::from_toml(&path.display().to_string(), &fs::read_to_string(&path).unwrap());

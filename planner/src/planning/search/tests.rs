@@ -140,8 +140,8 @@ fn shipped(robot: &str, motion: &str) -> (Robot, Motion) {
 #[test]
 fn a_plan_is_the_same_however_many_threads_search() {
     let (robot, motion) = shipped(
-        include_str!("../../../../robots/agilebot.toml"),
-        include_str!("../../../../motions/stand.toml"),
+        include_str!("../../../../shipped/robots/agilebot.toml"),
+        include_str!("../../../../shipped/motions/stand.toml"),
     );
     let options = Options::default();
     let one = optimise_solution(&robot, &motion, &options, &mut go_on);
@@ -164,8 +164,8 @@ fn a_plan_is_the_same_however_many_threads_search() {
 #[ignore = "minutes: cargo xtask nightly --only long"]
 fn a_motion_that_fails_from_its_first_start_is_found_from_another() {
     let (robot, motion) = shipped(
-        include_str!("../../../../robots/agilebot.toml"),
-        include_str!("../../../../motions/flying_trot.toml"),
+        include_str!("../../../../shipped/robots/agilebot.toml"),
+        include_str!("../../../../shipped/motions/flying_trot.toml"),
     );
     let options = Options { seed: 1, ..Options::default() };
     let candidates = candidates(&robot, &motion, &options);

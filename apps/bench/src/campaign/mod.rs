@@ -1,0 +1,198 @@
+//! The fault campaign: runs of the simulated robot with faults, and the rules that must hold in each of them.
+//!
+//! A run takes place in virtual time: an operator connects, arms, plays motions, a fault strikes, and the operator
+//! recovers the robot. The [`monitor`] checks every frame. Scenario, loss and seed determine a run to the bit, so
+//! every run can be repeated. Described in `docs/fault-campaign.md`.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`scenario`] | the faults |
+//! | [`operator`], [`shared_rig`] | the operator at the host, and the robot that operator and run share |
+//! | [`mod@run`] | one run |
+//! | [`monitor`] | the rules, checked on every frame and every step of the motors |
+//! | [`world`] | what became of a robot on the ground |
+//! | [`table`] | results of many runs |
+
+pub mod monitor;
+pub mod operator;
+pub mod run;
+pub mod scenario;
+pub mod shared_rig;
+pub mod table;
+pub mod world;
+
+use crate::campaign::monitor::{Coverage, Violation};
+use rollwalk_firmware::Settings;
+use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::library::{ClipId, Library, NodeId, validate};
+use rollwalk_robot::Robot;
+use rollwalk_sim_host::clock::SimTime;
+use rollwalk_sim_host::core::{Core, Local};
+use rollwalk_sim_host::interface::LogEntry;
+use rollwalk_sim_host::one_leg;
+use scenario::Scenario;
+use serde::{Deserialize, Serialize};
+use world::WorldReport;
+
+/// The robot and library of a campaign.
+#[derive(Clone, Debug)]
+pub struct Subject {
+    /// The robot.
+    pub robot: Robot,
+    /// Its library.
+    pub library: Vec<u8>,
+    /// Command codes of the library's motions, in its order; the first is SAFE.
+    pub codes: Vec<u8>,
+    /// Motions on the way to others, without a command of their own: goal and motion on a way to it.
+    pub on_the_way: Vec<(u8, u8)>,
+    /// Maximum time of the return to SAFE from any motion.
+    pub way_home: SimTime,
+    /// Whether it is on the ground, level in one run of two, else on a slope; not on a stand.
+    pub on_ground: bool,
+}
+
+impl Subject {
+    /// One leg with hip, knee and wheel, on two actuator buses.
+    pub fn one_leg() -> Self {
+        Self {
+            robot: one_leg::robot(),
+            library: one_leg::library(),
+            codes: vec![one_leg::STAND, one_leg::SWING, one_leg::ROLL, one_leg::BOW],
+            // All transitions begin or end at SAFE.
+            on_the_way: Vec::new(),
+            // A transition that has just begun, a motion, and another transition: 60, 90 and 60 frames;
+            // and two seconds in which a halt can end.
+            way_home: SimTime::from_ms(5_500),
+            on_ground: false,
+        }
+    }
+
+    /// A robot on the ground with a library; `None` of a library that is not valid for it, or of which the first motion is not
+    /// SAFE.
+    pub fn on_ground(robot: Robot, library: Vec<u8>, way_home: SimTime) -> Option<Self> {
+        let index = validate(&library, &robot.controller_config().ok()?).ok()?;
+        let view = Library::open(&library, &index)?;
+        let motions = view.node_count();
+        if view.safe_node() != NodeId(0) {
+            return None;
+        }
+        let codes =
+            (0..motions).map(|clip| view.clip(ClipId(clip))?.code).collect::<Option<_>>()?;
+        let on_the_way = (0..motions).flat_map(|from| (0..motions).map(move |goal| (from, goal)));
+        let on_the_way = on_the_way.flat_map(|(from, goal)| {
+            let hop = |&at: &u8| {
+                let edge = view.edge(view.next_hop(NodeId(at), NodeId(goal))?)?;
+                (edge.to.0 != goal).then_some(edge.to.0)
+            };
+            let between = std::iter::successors(hop(&from), hop);
+            between.map(|station| (goal, station)).collect::<Vec<_>>()
+        });
+        let on_the_way = on_the_way.collect();
+        Some(Self { robot, library, codes, on_the_way, way_home, on_ground: true })
+    }
+
+    /// The configuration of its controller.
+    pub fn config(&self) -> RobotConfig {
+        self.robot.controller_config().expect("the robot is sound")
+    }
+}
+
+/// One run: everything in it follows from these values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Case {
+    /// The faults.
+    pub scenario: Scenario,
+    /// Lost frames of the link, per mille.
+    pub loss_per_mille: u16,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+/// Reaction of the robot to the fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Outcome {
+    /// Continued.
+    WentOn,
+    /// Returned to SAFE along the motion graph and turned torque off.
+    WentHome,
+    /// Was damped.
+    LetDown,
+    /// Was stopped.
+    Stopped,
+    /// Transferred the library at the first attempt.
+    Transferred,
+    /// Transferred the library after a failed attempt.
+    TakenUp,
+}
+
+impl Outcome {
+    /// All, in the order of the table.
+    pub const ALL: [Self; 6] = [
+        Self::WentOn,
+        Self::WentHome,
+        Self::LetDown,
+        Self::Stopped,
+        Self::Transferred,
+        Self::TakenUp,
+    ];
+
+    /// Name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::WentOn => "went on",
+            Self::WentHome => "went home",
+            Self::LetDown => "let down",
+            Self::Stopped => "stopped",
+            Self::Transferred => "transferred",
+            Self::TakenUp => "taken up",
+        }
+    }
+}
+
+/// Result of a run.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// The case.
+    pub case: Case,
+    /// Reaction of the robot.
+    pub outcome: Outcome,
+    /// Violations that the monitor found.
+    pub violations: Vec<Violation>,
+    /// Other errors: no recovery, a wrong or missing fault bit, a fault without effect.
+    pub errors: Vec<String>,
+    /// Frames or events disturbed: by the loss, by other faults.
+    pub fired: [u64; 2],
+    /// What the monitor checked.
+    pub coverage: Coverage,
+    /// Time from the host's first emergency stop to motors without torque.
+    pub stopped_after: Option<SimTime>,
+    /// What became of a robot on the ground.
+    pub world: Option<WorldReport>,
+    /// Virtual time of the run.
+    pub took: SimTime,
+}
+
+impl Report {
+    /// Whether the run has neither violations nor errors.
+    pub fn is_clean(&self) -> bool {
+        self.violations.is_empty() && self.errors.is_empty()
+    }
+}
+
+/// Runs a case with the firmware in this process. Also returns every frame of every bus.
+pub fn run(subject: &Subject, case: Case) -> (Report, Vec<LogEntry>) {
+    let (config, settings) = (subject.config(), Settings::default());
+    let buses = subject.robot.controller_buses();
+    let core = if case.scenario == Scenario::Flash {
+        Local::new(config, buses, settings)
+    } else {
+        Local::with_library(config, buses, settings, &subject.library)
+    };
+    run_with(subject, case, core)
+}
+
+/// Runs a case with a controller that has just been switched on: without library in [`Scenario::Flash`],
+/// with that of the subject in all others.
+pub fn run_with<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogEntry>) {
+    run::run(subject, case, core)
+}

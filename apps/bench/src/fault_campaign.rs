@@ -1,0 +1,463 @@
+//! `rollwalk bench fault-campaign`: faults on the simulated buses, thousands of runs, and what held in them.
+
+use crate::campaign::scenario::Scenario;
+use crate::campaign::{self as campaign, Case, Outcome, Report, Subject, table};
+use crate::split::{self, Split};
+use crate::{Block, Findings, PlannedLibrary, Program, Verdict};
+use miette::miette;
+use rollwalk_bus::candump;
+use rollwalk_sim_host::clock::SimTime;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::panic;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+
+/// Runs of each scenario with each loss, when nothing else is said.
+const SEEDS: u64 = 20;
+/// Library of the robot on the ground.
+pub const LIBRARY: &str = "motions/agilebot_library.toml";
+/// A halt in which a return to SAFE can begin, s.
+const HALT_S: f64 = 2.0;
+
+/// Seeds of a unit of the campaign: enough for its line in a journal to cost nothing.
+const SEEDS_OF_UNIT: u64 = 10;
+
+/// What carries the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum On {
+    /// One leg on a stand: fast, with every rule of the buses.
+    Stand,
+    /// AgileBot on the ground, level or sloping by up to 3 degrees: what the robot itself does, too.
+    Ground,
+}
+
+/// What to run.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Runs of each scenario at each loss [default: 20, or 1 with --seed].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    seeds: Option<u64>,
+    /// Only this scenario; may be given several times.
+    #[arg(long, value_name = "NAME", value_parser = scenario)]
+    scenario: Vec<Scenario>,
+    /// What carries the robot.
+    #[arg(long, value_name = "SUPPORT", value_enum, default_value_t = On::Stand)]
+    on: On,
+    /// Only this loss, in percent of the link's frames; may be given several times.
+    #[arg(long, value_name = "PERCENT", value_parser = loss)]
+    loss: Vec<u16>,
+    /// First seed [default: 0]. A single run (one scenario, one loss, one seed) writes no file but that of --log.
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// Write every frame of a single run, in candump's format.
+    #[arg(long, value_name = "FILE", requires_all = ["scenario", "loss", "seed"])]
+    log: Option<PathBuf>,
+}
+
+fn scenario(text: &str) -> Result<Scenario, String> {
+    let found = Scenario::ALL.into_iter().find(|scenario| scenario.name() == text);
+    found.ok_or_else(|| {
+        let names = Scenario::ALL.map(Scenario::name);
+        format!("no scenario has this name; there are {}", names.join(", "))
+    })
+}
+
+/// Of a thousand frames.
+fn loss(text: &str) -> Result<u16, String> {
+    let percent: Option<f64> = text.parse().ok();
+    match percent.map(|percent| (10.0 * percent).round()) {
+        Some(per_mille) if (0.0..=1000.0).contains(&per_mille) => Ok(per_mille as u16),
+        _ => Err("a loss is 0 to 100 percent".into()),
+    }
+}
+
+fn percent(loss_per_mille: u16) -> f64 {
+    f64::from(loss_per_mille) / 10.0
+}
+
+/// A scenario with a loss, and what came of it.
+#[derive(Serialize)]
+struct Row {
+    scenario: &'static str,
+    loss_percent: f64,
+    runs: u64,
+    outcomes: BTreeMap<&'static str, u64>,
+    broken: u64,
+    frames_lost: u64,
+    faults_fired: u64,
+    setpoints: u64,
+    commands: u64,
+    worst_stop_ms: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    world: Option<WorldRow>,
+}
+
+/// The worst of a scenario with a loss on the ground.
+#[derive(Serialize)]
+struct WorldRow {
+    falls: u64,
+    tilt_max_rad: f64,
+    coasted_m: f64,
+    rested_after_s: f64,
+}
+
+/// A run in which something was wrong.
+#[derive(Serialize)]
+struct Broken {
+    scenario: &'static str,
+    loss_percent: f64,
+    seed: u64,
+    wrong: Vec<String>,
+    again: String,
+}
+
+#[derive(Serialize)]
+struct Results {
+    runs: u64,
+    virtual_s: f64,
+    rows: Vec<Row>,
+    broken: Vec<Broken>,
+}
+
+/// Runs a single case.
+pub fn run_single(args: &Args, case: Case, program: &dyn Program) -> crate::Outcome {
+    let Some(subject) = subject(args.on, program)? else { return Ok(None) };
+    Ok(Some(one(&subject, case, args.log.clone())))
+}
+
+/// The case, if one alone is asked for.
+pub fn single(args: &Args) -> Option<Case> {
+    match &blocks(args)[..] {
+        [Runs { scenario, loss_per_mille, seeds }] if seeds.clone().count() == 1 => {
+            Some(Case { scenario: *scenario, loss_per_mille: *loss_per_mille, seed: seeds.start })
+        }
+        _ => None,
+    }
+}
+
+/// A campaign of more than one run.
+///
+/// # Errors
+/// Options that ask for no run, or for a log of several.
+pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
+    if args.log.is_some() {
+        return Err(miette!("--log is for a single run: one scenario, one loss, one seed"));
+    }
+    let blocks = blocks(args);
+    if blocks.is_empty() {
+        return Err(miette!(
+            help = losses(&args.scenario),
+            "no scenario that was asked for has this loss"
+        ));
+    }
+    Ok(Box::new(Campaign { args, program, blocks, subject: Mutex::default() }))
+}
+
+/// A scenario with a loss and some seeds: a unit of a campaign.
+struct Runs {
+    scenario: Scenario,
+    loss_per_mille: u16,
+    seeds: Range<u64>,
+}
+
+/// What a unit came to.
+#[derive(Serialize, Deserialize)]
+struct Part {
+    row: table::Row,
+    /// Seeds of broken runs, with what is wrong in them.
+    broken: Vec<(u64, Vec<String>)>,
+}
+
+struct Campaign<'a> {
+    args: &'a Args,
+    program: &'a dyn Program,
+    blocks: Vec<Runs>,
+    /// Made for the first unit: a program that has an engine do the work needs none.
+    subject: Mutex<Option<Arc<Subject>>>,
+}
+
+impl Campaign<'_> {
+    fn subject(&self) -> miette::Result<Option<Arc<Subject>>> {
+        let mut made = self.subject.lock().map_err(|_| miette!("another thread failed"))?;
+        if made.is_none() {
+            *made = subject(self.args.on, self.program)?.map(Arc::new);
+        }
+        Ok(made.clone())
+    }
+}
+
+impl Split for Campaign<'_> {
+    fn words(&self) -> Vec<String> {
+        let Args { scenario, on, loss, .. } = self.args;
+        let mut words = vec!["fault-campaign".to_owned()];
+        let mut option = |name: &str, value: String| words.extend([format!("--{name}"), value]);
+        let Range { start, end } = seeds(self.args);
+        option("seed", start.to_string());
+        option("seeds", (end - start).to_string());
+        option("on", (if *on == On::Ground { "ground" } else { "stand" }).to_owned());
+        scenario.iter().for_each(|of| option("scenario", of.name().to_owned()));
+        loss.iter().for_each(|of| option("loss", percent(*of).to_string()));
+        words
+    }
+
+    fn units(&self) -> usize {
+        self.blocks.len()
+    }
+
+    fn units_name(&self) -> &'static str {
+        "blocks of runs"
+    }
+
+    fn is_timed(&self) -> bool {
+        false
+    }
+
+    fn unit(&self, index: usize) -> miette::Result<Option<Value>> {
+        let Some(subject) = self.subject()? else { return Ok(None) };
+        let Runs { scenario, loss_per_mille, ref seeds } = self.blocks[index];
+        let mut part = Part { row: table::Row::default(), broken: Vec::new() };
+        for seed in seeds.clone() {
+            if self.program.interrupted() {
+                return Ok(None);
+            }
+            let case = Case { scenario, loss_per_mille, seed };
+            let wrong = match panic::catch_unwind(|| campaign::run(&subject, case).0) {
+                Ok(report) => {
+                    part.row.add(&report);
+                    wrong(&report)
+                }
+                Err(_) => {
+                    part.row.add_failure();
+                    vec!["it panicked".to_owned()]
+                }
+            };
+            if !wrong.is_empty() {
+                self.program.say(&format!("broken: {}", again(case, self.args.on)));
+                part.broken.push((seed, wrong));
+            }
+        }
+        split::written(&part).map(Some)
+    }
+
+    fn findings(&self, units: &BTreeMap<usize, Value>) -> miette::Result<Findings> {
+        let (mut table, mut broken) = (table::Table::default(), Vec::new());
+        for (index, unit) in units {
+            let part: Part = split::read(unit)?;
+            let Some(Runs { scenario, loss_per_mille, .. }) = self.blocks.get(*index) else {
+                continue;
+            };
+            table.add(*scenario, *loss_per_mille, &part.row);
+            broken.extend(part.broken.into_iter().map(|(seed, wrong)| {
+                let case = Case { scenario: *scenario, loss_per_mille: *loss_per_mille, seed };
+                broken_run(case, wrong, self.args.on)
+            }));
+        }
+        Ok(Results::new(&table, broken, self.args.on).findings())
+    }
+}
+
+/// The robot and its library; `None` after an interrupt.
+fn subject(on: On, program: &dyn Program) -> miette::Result<Option<Subject>> {
+    if on == On::Stand {
+        return Ok(Some(Subject::one_leg()));
+    }
+    let Some(PlannedLibrary { robot, plans, with_torques, .. }) = program.library(LIBRARY)? else {
+        return Ok(None);
+    };
+    let longest_s = plans.iter().map(|plan| plan.motion.duration_s).fold(0.0, f64::max);
+    // A transition that has just begun, a motion and another transition, none longer than the longest of all.
+    let way_home = SimTime::from_ms((1e3 * (3.0 * longest_s + HALT_S)) as u64);
+    let subject = Subject::on_ground(robot, with_torques, way_home);
+    subject.map(Some).ok_or_else(|| miette!("{LIBRARY} is no library for its robot"))
+}
+
+/// The scenarios that were asked for: all, if none was named.
+fn chosen(named: &[Scenario]) -> impl Iterator<Item = Scenario> {
+    Scenario::ALL.into_iter().filter(|scenario| named.is_empty() || named.contains(scenario))
+}
+
+/// Which losses there are.
+fn losses(named: &[Scenario]) -> String {
+    let line = |scenario: Scenario| {
+        let losses: Vec<_> = scenario.losses().iter().map(|&l| percent(l).to_string()).collect();
+        format!("{} has {} %", scenario.name(), losses.join(", "))
+    };
+    chosen(named).map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Seeds of each scenario at each loss.
+fn seeds(args: &Args) -> Range<u64> {
+    let first = args.seed.unwrap_or(0);
+    let seeds = args.seeds.unwrap_or(if args.seed.is_some() { 1 } else { SEEDS });
+    first..first.saturating_add(seeds)
+}
+
+/// All runs that were asked for, in the order of the table.
+fn blocks(args: &Args) -> Vec<Runs> {
+    let Range { start, end } = seeds(args);
+    let mut blocks = Vec::new();
+    for scenario in chosen(&args.scenario) {
+        for &loss_per_mille in scenario.losses() {
+            if args.loss.is_empty() || args.loss.contains(&loss_per_mille) {
+                let block = |from: u64| {
+                    let seeds = from..end.min(from.saturating_add(SEEDS_OF_UNIT));
+                    Runs { scenario, loss_per_mille, seeds }
+                };
+                blocks.extend((start..end).step_by(SEEDS_OF_UNIT as usize).map(block));
+            }
+        }
+    }
+    blocks
+}
+
+/// A single run, with its log. It leaves the files of a campaign as they are: it is a closer look at one of its runs.
+fn one(subject: &Subject, case: Case, path: Option<PathBuf>) -> Findings {
+    let (report, log) = campaign::run(subject, case);
+    let log = path.map(|path| {
+        let mut text = Vec::new();
+        candump::write(&log, &mut text).expect("memory takes whatever is written");
+        (path, text)
+    });
+    let mut row = table::Row::default();
+    row.add(&report);
+    let mut table = table::Table::default();
+    table.add(case.scenario, case.loss_per_mille, &row);
+    let on = if subject.on_ground { On::Ground } else { On::Stand };
+    let wrong = Some(wrong(&report)).filter(|wrong| !wrong.is_empty());
+    let broken = wrong.map(|wrong| broken_run(case, wrong, on));
+    let results = Results::new(&table, broken.into_iter().collect(), on);
+    Findings { record: None, log, ..results.findings() }
+}
+
+fn wrong(report: &Report) -> Vec<String> {
+    let violations = report.violations.iter().map(|violation| {
+        let at_s = violation.at_us as f64 * 1e-6;
+        format!("at {at_s:.6} s: {:?}: {}", violation.rule, violation.what)
+    });
+    violations.chain(report.errors.iter().cloned()).collect()
+}
+
+fn broken_run(case: Case, wrong: Vec<String>, on: On) -> Broken {
+    let Case { scenario, loss_per_mille, seed } = case;
+    let (scenario, loss_percent) = (scenario.name(), percent(loss_per_mille));
+    Broken { scenario, loss_percent, seed, wrong, again: again(case, on) }
+}
+
+/// The command that repeats a run.
+fn again(case: Case, on: On) -> String {
+    let on = if on == On::Ground { "--on ground " } else { "" };
+    let Case { scenario, loss_per_mille, seed } = case;
+    let (scenario, loss_percent) = (scenario.name(), percent(loss_per_mille));
+    format!(
+        "rollwalk bench fault-campaign {on}--scenario {scenario} --loss {loss_percent} --seed {seed} --log run.log"
+    )
+}
+
+impl Results {
+    fn new(table: &table::Table, broken: Vec<Broken>, on: On) -> Self {
+        let rows: Vec<Row> =
+            table.rows().map(|(scenario, loss, row)| make_row(scenario, loss, row, on)).collect();
+        Self {
+            runs: rows.iter().map(|row| row.runs).sum(),
+            virtual_s: table.rows().map(|(_, _, row)| row.virtual_ns).sum::<u64>() as f64 * 1e-9,
+            rows,
+            broken,
+        }
+    }
+
+    fn findings(&self) -> Findings {
+        let failure = |broken: &Broken| {
+            format!(
+                "{}, {} % loss, seed {}: {}\n  again: {}",
+                broken.scenario,
+                broken.loss_percent,
+                broken.seed,
+                broken.wrong.join("; "),
+                broken.again
+            )
+        };
+        let failures: Vec<_> = self.broken.iter().map(failure).collect();
+        let verdict = if failures.is_empty() { Verdict::Passed } else { Verdict::OutOfBounds };
+        let blocks = vec![self.table(), self.summary()];
+        Findings { failures, verdict, ..Findings::new("fault-campaign", blocks, self) }
+    }
+
+    fn table(&self) -> Block {
+        let [on, home, down, stopped, sent, later] = Outcome::ALL.map(Outcome::name);
+        let mut table = crate::table([
+            "scenario",
+            "loss",
+            "runs",
+            on,
+            home,
+            down,
+            stopped,
+            sent,
+            later,
+            "worst stop",
+            "broken",
+        ]);
+        let is_on_ground = self.rows.iter().any(|row| row.world.is_some());
+        if is_on_ground {
+            table[0].extend(["falls", "tilt", "coasted", "rests after"].map(str::to_owned));
+        }
+        for row in &self.rows {
+            let count = |outcome: Outcome| {
+                row.outcomes.get(outcome.name()).map_or(String::new(), u64::to_string)
+            };
+            let mut cells =
+                vec![row.scenario.into(), format!("{} %", row.loss_percent), row.runs.to_string()];
+            cells.extend(Outcome::ALL.map(count));
+            cells.push(row.worst_stop_ms.map_or(String::new(), |ms| format!("{ms:.1} ms")));
+            cells.push(row.broken.to_string());
+            if let Some(world) = &row.world {
+                cells.push(world.falls.to_string());
+                cells.push(format!("{:.0}°", world.tilt_max_rad.to_degrees()));
+                cells.push(format!("{:.2} m", world.coasted_m));
+                cells.push(format!("{:.1} s", world.rested_after_s));
+            }
+            table.push(cells);
+        }
+        Block::Table(table)
+    }
+
+    fn summary(&self) -> Block {
+        let sum = |of: fn(&Row) -> u64| self.rows.iter().map(of).sum::<u64>();
+        Block::Text(format!(
+            "{} in {:.1} h of virtual time, {} broken. Looked at {} setpoints and {} commands; {} frames \
+             were lost, other faults fired {} times.",
+            if self.runs == 1 { "1 run".into() } else { format!("{} runs", self.runs) },
+            self.virtual_s / 3600.0,
+            self.broken.len(),
+            sum(|row| row.setpoints),
+            sum(|row| row.commands),
+            sum(|row| row.frames_lost),
+            sum(|row| row.faults_fired),
+        ))
+    }
+}
+
+fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row, on: On) -> Row {
+    let outcomes = row.outcomes.iter().map(|(outcome, &count)| (outcome.name(), count));
+    Row {
+        scenario: scenario.name(),
+        loss_percent: percent(loss_per_mille),
+        runs: row.runs,
+        outcomes: outcomes.collect(),
+        broken: row.broken,
+        frames_lost: row.fired[0],
+        faults_fired: row.fired[1],
+        setpoints: row.setpoints,
+        commands: row.commands,
+        worst_stop_ms: row.worst_stop_ns.map(|stop_ns| 1e-6 * stop_ns as f64),
+        world: (on == On::Ground).then_some(WorldRow {
+            falls: row.falls,
+            tilt_max_rad: row.tilt_max_rad,
+            coasted_m: row.coasted_m,
+            rested_after_s: row.rested_after_s,
+        }),
+    }
+}

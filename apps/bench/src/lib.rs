@@ -1,0 +1,273 @@
+//! Benchmarks: the tables and figures of the thesis on this machine, the library format on real plans, the thesis's experiments
+//! with its differentiable simulator, and the fault campaign.
+//!
+//! A benchmark is a pure measurement. What it needs from outside (shipped motions, progress lines, Ctrl-C) comes
+//! through [`Program`]; what it finds is a value, [`Findings`], which [`program`] prints and writes. What each
+//! benchmark shows: `docs/benchmarks.md`.
+
+pub mod campaign;
+pub mod chart;
+mod design_edits;
+mod experiments;
+mod fault_campaign;
+mod figure_2_3;
+mod figure_2_4;
+mod figure_2_8;
+mod figure_3_2;
+mod figure_3_6;
+mod figure_3_8;
+mod library_format;
+mod measure;
+mod only;
+mod physics;
+pub mod program;
+mod samples;
+mod sensor_faults;
+mod shards;
+pub mod split;
+mod suggestions;
+mod table_2_1;
+mod table_3_2;
+mod table_3_3;
+mod tracking;
+
+pub use library_format::PlannedLibrary;
+
+use rollwalk_design::designed::Designed;
+use rollwalk_planner::motion::Motion;
+use rollwalk_robot::Robot;
+use serde::Serialize;
+use split::Split;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+/// A benchmark with its options.
+#[derive(clap::Subcommand)]
+pub enum Benchmark {
+    /// Table 2.1: its motions from scratch and replanned after an edit, several seeds each.
+    #[command(name = "table-2-1")]
+    Table21(table_2_1::Args),
+    /// CPU time against the number of samples, 12 to 240.
+    Samples(samples::Args),
+    /// Figure 2.3: convergence of Newton with two Hessians, of L-BFGS, and of Gauss-Newton with multipliers.
+    #[command(name = "figure-2-3")]
+    Figure23(figure_2_3::Args),
+    /// Figures 2.8 and 2.5: designs that cannot do a motion, repaired: a car with tilted wheels, a walker below its target.
+    #[command(name = "figure-2-8")]
+    Figure28(figure_2_8::Args),
+    /// Figure 2.4: longer front legs by hand, and with the others following so that the body stays level.
+    #[command(name = "figure-2-4")]
+    Figure24,
+    /// Figure 3.2: convergence with and without the thesis's warm start.
+    #[command(name = "figure-3-2")]
+    Figure32(only::Only),
+    /// Figure 3.6: planned and simulated trajectories of ANYmal's forward duck.
+    #[command(name = "figure-3-6")]
+    Figure36,
+    /// Figures 3.7 and 3.8: ANYmal ducks and turns in closed loop; the plan against the robot.
+    #[command(name = "figure-3-8")]
+    Figure38,
+    /// Closed loop against servos: as planned, with other masses, friction, delay and slopes, and pushed.
+    Tracking(tracking::Args),
+    /// Sensors that break in closed loop: which robots go on, come to rest on their feet, or fall.
+    #[command(name = "sensor-faults")]
+    SensorFaults(sensor_faults::Args),
+    /// Table 3.2: SwizzleBots with two to five motors a leg.
+    #[command(name = "table-3-2")]
+    Table32(table_3_2::Args),
+    /// Table 3.3: top speeds of walking, rolling, swizzling and skating.
+    #[command(name = "table-3-3")]
+    Table33(table_3_3::Args),
+    /// Size of the shipped motion libraries, in bytes a second, against raw f32, postcard and zstd.
+    #[command(name = "library-format")]
+    LibraryFormat(only::Only),
+    /// What an edit of a robot costs against planning from scratch.
+    #[command(name = "design-edits")]
+    DesignEdits(only::Only),
+    /// Requests beyond what robots can do: whether the numbers that their diagnoses suggest work.
+    Suggestions(suggestions::Args),
+    /// The experiments of the differentiable simulator (ch. 4), with the thesis's numbers beside ours.
+    Physics(physics::Args),
+    /// Fault scenarios in simulation at several rates of frame loss: outcomes; safety rules checked on every frame.
+    #[command(name = "fault-campaign")]
+    FaultCampaign(fault_campaign::Args),
+}
+
+/// A benchmark that is to be run.
+pub enum Work<'a> {
+    /// As a whole; it comes to nothing if it is interrupted before it has found anything.
+    Whole(Box<dyn FnOnce() -> Outcome + 'a>),
+    /// In units, of which others may do some.
+    Split(Box<dyn Split + 'a>),
+}
+
+/// What a benchmark comes to.
+pub type Outcome = miette::Result<Option<Findings>>;
+
+impl Benchmark {
+    /// The work that it is.
+    ///
+    /// # Errors
+    /// A row or case that does not exist. Later ones, and what `program` reports, come from the work.
+    pub fn work<'a>(&'a self, program: &'a dyn Program) -> miette::Result<Work<'a>> {
+        fn whole<'a>(run: impl FnOnce() -> Outcome + 'a) -> Work<'a> {
+            Work::Whole(Box::new(run))
+        }
+        Ok(match self {
+            Self::Table21(args) => whole(|| table_2_1::run(args, program)),
+            Self::Samples(args) => whole(|| samples::run(args, program)),
+            Self::Figure23(args) => whole(|| figure_2_3::run(args, program)),
+            Self::Figure28(args) => whole(|| figure_2_8::run(args, program)),
+            Self::Figure24 => whole(|| figure_2_4::run(program)),
+            Self::Figure32(only) => whole(|| figure_3_2::run(only, program)),
+            Self::Figure36 => whole(|| figure_3_6::run(program)),
+            Self::Figure38 => whole(|| figure_3_8::run(program)),
+            Self::Table32(args) => Work::Split(table_3_2::split(args, program)?),
+            Self::Table33(args) => Work::Split(table_3_3::split(args, program)?),
+            Self::LibraryFormat(only) => whole(|| library_format::run(only, program)),
+            Self::DesignEdits(only) => whole(|| design_edits::run(only, program)),
+            Self::Suggestions(args) if args.near => whole(|| suggestions::run_near(args, program)),
+            Self::Suggestions(args) => Work::Split(suggestions::split(args, program)),
+            Self::Tracking(args) => Work::Split(tracking::split(args, program)?),
+            Self::SensorFaults(args) => Work::Split(sensor_faults::split(args, program)?),
+            Self::Physics(args) => whole(|| physics::run(args, program)),
+            Self::FaultCampaign(args) => match fault_campaign::single(args) {
+                Some(case) => whole(move || fault_campaign::run_single(args, case, program)),
+                None => Work::Split(fault_campaign::split(args, program)?),
+            },
+        })
+    }
+}
+
+/// What a benchmark needs from the program that runs it.
+pub trait Program: Sync {
+    /// A shipped motion and its robot, by the motion file's path in the checkout.
+    ///
+    /// # Errors
+    /// There is no such file.
+    fn motion(&self, file: &str) -> miette::Result<(Robot, Motion)>;
+
+    /// A motion of the user's and its robot, by the path of the motion file.
+    ///
+    /// # Errors
+    /// There is no such file, or it or that of its robot cannot be used.
+    fn own_motion(&self, file: &Path) -> miette::Result<(Robot, Motion)>;
+
+    /// A shipped design with its robot and motions, by the design file's path in the checkout.
+    ///
+    /// # Errors
+    /// There is no such file.
+    fn design(&self, file: &str) -> miette::Result<Designed>;
+
+    /// A shipped library, planned and packed; `None` after an interrupt.
+    ///
+    /// # Errors
+    /// There is no such file, or a plan that did not converge.
+    fn library(&self, file: &str) -> miette::Result<Option<PlannedLibrary>>;
+
+    /// Whether the user wants the benchmark to end.
+    fn interrupted(&self) -> bool;
+
+    /// Shows a line of progress.
+    fn say(&self, line: &str);
+}
+
+/// Tells a solve to go on until the user interrupts it.
+fn unless_interrupted(program: &dyn Program) -> ControlFlow<()> {
+    if program.interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// What a benchmark found.
+pub struct Findings {
+    /// Text and tables, for people.
+    pub blocks: Vec<Block>,
+    /// Files for the output folder; `None` when one run is repeated, which leaves the files of the campaign alone.
+    pub record: Option<Record>,
+    /// Charts, by file name in the output folder.
+    pub charts: Vec<(String, String)>,
+    /// A log that the options ask for, and where to write it.
+    pub log: Option<(PathBuf, Vec<u8>)>,
+    /// What went wrong, and how to repeat it.
+    pub failures: Vec<String>,
+    /// Whether it found what it should.
+    pub verdict: Verdict,
+}
+
+/// The files of a benchmark.
+pub struct Record {
+    /// Stem of the Markdown and the JSON file.
+    pub name: &'static str,
+    /// Every number, as JSON.
+    pub json: String,
+}
+
+/// A paragraph of findings.
+pub enum Block {
+    /// Lines of text.
+    Text(String),
+    /// A table.
+    Table(Table),
+}
+
+/// A table of cells; the first row has the titles.
+pub type Table = Vec<Vec<String>>;
+
+/// How a benchmark ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It found what it should.
+    Passed,
+    /// A plan did not converge, or a file is larger than it should be.
+    NotConverged,
+    /// A measured value exceeds its bound.
+    OutOfBounds,
+    /// The user ended it.
+    Interrupted,
+}
+
+impl Findings {
+    fn new(name: &'static str, blocks: Vec<Block>, rows: &impl Serialize) -> Self {
+        let json = serde_json::to_string_pretty(rows).expect("numbers and names become JSON");
+        Self {
+            blocks,
+            record: Some(Record { name, json }),
+            charts: Vec::new(),
+            log: None,
+            failures: Vec::new(),
+            verdict: Verdict::Passed,
+        }
+    }
+}
+
+/// A table with these titles and no rows yet.
+fn table<const N: usize>(titles: [&str; N]) -> Table {
+    vec![titles.map(str::to_owned).to_vec()]
+}
+
+/// A line for each target, and whether all of them are met.
+fn verdicts<const N: usize>(checks: [(String, bool); N]) -> (String, bool) {
+    let line =
+        |(text, holds): &(String, bool)| format!("{} {text}", if *holds { "yes" } else { "NO " });
+    (checks.each_ref().map(line).join("\n"), checks.iter().all(|(_, holds)| *holds))
+}
+
+/// Motion files that benchmarks read, by their path in the checkout.
+pub fn motions() -> impl Iterator<Item = String> {
+    let gaits = figure_3_2::GAITS.map(|gait| format!("motions/{gait}.toml"));
+    let rows = table_2_1::ROWS.iter().map(|row| row.0);
+    let rows = rows.chain(table_3_2::ROWS.map(|row| row.0)).chain(table_3_3::ROWS.map(|row| row.0));
+    let others = figure_2_3::MOTIONS.into_iter().chain([samples::MOTION, figure_3_6::MOTION]);
+    let others = others.chain([figure_2_8::CAR, figure_2_8::WALK]);
+    let others = others.chain(tracking::MOTIONS).chain(figure_3_8::MOTIONS);
+    rows.chain(others).map(str::to_owned).chain(gaits).chain(suggestions::motions())
+}
+
+/// Design files that benchmarks read, by their path in the checkout.
+pub fn designs() -> impl Iterator<Item = &'static str> {
+    [figure_2_4::DESIGN].into_iter()
+}
+
+/// Library files that benchmarks read, by their path in the checkout.
+pub fn libraries() -> impl Iterator<Item = &'static str> {
+    library_format::LIBRARIES.into_iter().chain([fault_campaign::LIBRARY])
+}

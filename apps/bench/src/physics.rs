@@ -1,0 +1,107 @@
+//! `bench physics`: runs the experiments of the thesis's differentiable simulator (ch. 4) and compares their numbers with the thesis's.
+
+use crate::chart::{self, Labels};
+use crate::experiments::{ALL, Chart, Experiment, Outcome, Watch};
+use crate::{Block, Findings, Program, Verdict, table};
+use cpu_time::ProcessTime;
+use miette::miette;
+use serde::Serialize;
+
+/// Options.
+#[derive(clap::Args)]
+#[command(after_long_help = list())]
+pub struct Args {
+    /// Experiments; all if none is named.
+    #[arg(value_name = "NAME")]
+    names: Vec<String>,
+}
+
+/// The experiments, a line for each.
+fn list() -> String {
+    let width = ALL.iter().map(|experiment| experiment.name.len()).max().unwrap_or(0);
+    let line = |of: &Experiment| format!("  {:width$}  {} ({})", of.name, of.about, of.source);
+    format!("Experiments:\n{}", ALL.iter().map(line).collect::<Vec<_>>().join("\n"))
+}
+
+/// What an experiment found, and its CPU time.
+#[derive(Serialize)]
+struct Row {
+    experiment: &'static str,
+    source: &'static str,
+    cpu_s: f64,
+    /// Whether all that is asked holds.
+    holds: bool,
+    #[serde(flatten)]
+    outcome: Outcome,
+}
+
+struct Watching<'a>(&'a dyn Program);
+
+impl Watch for Watching<'_> {
+    fn say(&self, line: &str) {
+        self.0.say(line);
+    }
+
+    fn interrupted(&self) -> bool {
+        self.0.interrupted()
+    }
+}
+
+/// Runs the experiments.
+pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+    let mut chosen: Vec<&Experiment> = ALL.iter().collect();
+    if !args.names.is_empty() {
+        if let Some(name) = args.names.iter().find(|name| ALL.iter().all(|of| of.name != **name)) {
+            return Err(miette!(help = list(), "{name} is not an experiment"));
+        }
+        chosen.retain(|of| args.names.iter().any(|name| of.name == name));
+    }
+    let (mut blocks, mut rows, mut charts) = (Vec::new(), Vec::new(), Vec::new());
+    let mut failures = Vec::new();
+    let mut verdict = Verdict::Passed;
+    for experiment in chosen {
+        let Experiment { name, source, about, run } = *experiment;
+        program.say(&format!("{name}: {about}"));
+        let begin = ProcessTime::now();
+        let Some(outcome) = run(&Watching(program)) else {
+            verdict = Verdict::Interrupted;
+            break;
+        };
+        let cpu_s = begin.elapsed().as_secs_f64();
+        let title = format!("{name} ({source}): {about}\n{}; {cpu_s:.1} s", outcome.setup);
+        let mut reasons = Vec::new();
+        let mut cells = table(["", "reference", "asked", "found", "holds"]);
+        for check in &outcome.checks {
+            let holds = check.holds.map_or("", |holds| if holds { "yes" } else { "NO" });
+            let row = [&check.what, &check.reference, &check.asked, &check.found];
+            cells.push(row.into_iter().cloned().chain([holds.to_owned()]).collect());
+            if check.holds == Some(false) {
+                verdict = Verdict::OutOfBounds;
+                failures.push(format!(
+                    "{name}: {}: {}, asked {}",
+                    check.what, check.found, check.asked
+                ));
+                if !check.why.is_empty() {
+                    reasons.push(format!("{}: {}", check.what, check.why));
+                }
+            }
+        }
+        blocks.extend([Block::Text(title), Block::Table(cells)]);
+        blocks.extend(reasons.into_iter().map(Block::Text));
+        for chart in &outcome.charts {
+            charts.push((format!("physics-{name}-{}.svg", chart.name), draw(chart)?));
+        }
+        let holds = outcome.checks.iter().all(|check| check.holds != Some(false));
+        rows.push(Row { experiment: name, source, cpu_s, holds, outcome });
+    }
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    Ok(Some(Findings { charts, failures, verdict, ..Findings::new("physics", blocks, &rows) }))
+}
+
+fn draw(of: &Chart) -> miette::Result<String> {
+    let labels = Labels { title: &of.title, x: &of.x, y: &of.y };
+    let draw = if of.logarithmic { chart::draw } else { chart::draw_linear };
+    draw(&labels, &of.curves)
+}

@@ -1,0 +1,116 @@
+//! `rollwalk-bench`: benchmarks, as `rollwalk bench` runs them, and sweeps over designs, as `rollwalk design explore` does.
+
+mod benchmarks;
+mod explore;
+
+use clap::{CommandFactory, FromArgMatches, Parser};
+use rollwalk_terminal::generated::{self, Shell};
+use rollwalk_terminal::{Exit, end, with_common_help};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Word that selects [`explore`]; benchmarks have other names.
+const EXPLORE: &str = "explore";
+
+/// Re-run the thesis's tables and figures, measure the library format, and run the fault campaign.
+///
+/// Solves run on one thread, and their time is CPU time of that thread. The fault campaign is not timed, and runs on all
+/// cores. Results go to stdout and, as Markdown, JSON and SVG, to the output folder. docs/benchmarks.md describes them. The fault
+/// campaign, table-3-2, table-3-3, tracking, sensor-faults and suggestions can be split into shards (docs/shards.md).
+#[derive(Parser)]
+#[command(
+    name = "rollwalk-bench",
+    bin_name = "rollwalk bench",
+    version,
+    max_term_width = 100,
+    arg_required_else_help = true,
+    after_long_help = benchmarks::EXAMPLES
+)]
+struct Bench {
+    #[command(flatten)]
+    args: benchmarks::Args,
+    /// Write the manual pages into this folder, and end.
+    #[arg(long, value_name = "FOLDER", exclusive = true)]
+    man: Option<PathBuf>,
+    /// Print a completion script for this shell, and end.
+    #[arg(long, value_name = "SHELL", exclusive = true)]
+    completions: Option<Shell>,
+}
+
+/// Plan every point of a sweep: parameters, gaits, robots, servos.
+#[derive(Parser)]
+#[command(
+    name = "rollwalk-design-explore",
+    bin_name = "rollwalk design explore",
+    version,
+    max_term_width = 100
+)]
+struct Explore {
+    #[command(flatten)]
+    args: explore::Args,
+}
+
+/// Command lines of the program: that of benchmarks and that of sweeps.
+pub fn command_lines() -> [clap::Command; 2] {
+    [Bench::command(), Explore::command()].map(with_common_help)
+}
+
+/// Parses the command line and runs it.
+pub fn main() -> ExitCode {
+    let [bench, explore] = command_lines();
+    let mut words: Vec<_> = std::env::args_os().collect();
+    end(if words.get(1).is_some_and(|word| word == EXPLORE) {
+        words.remove(1);
+        let matches = explore.get_matches_from(words);
+        let explore = Explore::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+        explore::run(&explore.args)
+    } else {
+        let matches = bench.get_matches_from(words);
+        run(&Bench::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))
+    })
+}
+
+fn run(bench: &Bench) -> miette::Result<Exit> {
+    let [mut command, explore] = command_lines();
+    if let Some(folder) = &bench.man {
+        generated::manual(command, folder)?;
+        generated::manual(explore, folder)?;
+        return Ok(Exit::Ok);
+    }
+    if let Some(shell) = bench.completions {
+        generated::completions(&mut command, shell)?;
+        return Ok(Exit::Ok);
+    }
+    benchmarks::run(&bench.args)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_terminal::examples;
+
+    #[test]
+    fn the_command_lines_are_consistent() {
+        command_lines().into_iter().for_each(clap::Command::debug_assert);
+    }
+
+    #[test]
+    fn every_example_is_understood_and_every_benchmark_has_one() {
+        let [bench, explore] = command_lines();
+        assert_eq!(examples::missing(&bench, "rollwalk bench"), [""; 0]);
+        let parse = |words: &[String]| match words {
+            [_, group, rest @ ..] if group == "bench" => {
+                bench.clone().try_get_matches_from([&["rollwalk-bench".to_owned()], rest].concat())
+            }
+            [_, _, rest @ ..] => explore.clone().try_get_matches_from(rest),
+            _ => panic!("{words:?}"),
+        };
+        let found = examples::of(&bench).into_iter().chain(examples::of(&explore));
+        let count = found
+            .inspect(|words| {
+                drop(parse(words).unwrap_or_else(|e| panic!("{}: {e}", words.join(" "))))
+            })
+            .count();
+        assert!(count > 20, "{count} examples");
+    }
+}

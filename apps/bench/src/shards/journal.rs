@@ -1,0 +1,207 @@
+//! Journals of work in units: a line for the work, then one for every unit that is done. What has been written is not lost, and
+//! a line that was torn by the end of a run is left out.
+
+use miette::{IntoDiagnostic, miette};
+use rollwalk_terminal::files::cannot_write;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// First line of a journal: what work it is of.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Header {
+    /// Name of the work.
+    pub work: String,
+    /// Digest of all that its results depend on.
+    pub digest: String,
+    /// Version of the program: another one may find something else.
+    pub version: String,
+    /// Number of units.
+    pub units: usize,
+}
+
+/// A unit that is done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Unit<R> {
+    /// Its number.
+    pub unit: usize,
+    /// What came of it.
+    pub result: R,
+}
+
+/// What a journal has.
+struct Read<R> {
+    header: Header,
+    results: BTreeMap<usize, R>,
+    /// Length of the lines that are whole, bytes.
+    whole: usize,
+}
+
+/// A line of a journal.
+fn line(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("results become JSON") + "\n"
+}
+
+/// Reads a journal; `None` if its first line is none of a journal.
+fn parse<R: DeserializeOwned>(text: &str) -> Option<Read<R>> {
+    let mut lines = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+    let first = lines.next()?;
+    let header = serde_json::from_str(first).ok()?;
+    let mut read = Read { header, results: BTreeMap::new(), whole: first.len() };
+    for line in lines {
+        let Ok(Unit { unit, result }) = serde_json::from_str(line) else { break };
+        read.results.insert(unit, result);
+        read.whole += line.len();
+    }
+    Some(read)
+}
+
+/// The journals of one piece of work in a folder: `NAME.journal.jsonl`, `NAME.journal-2-of-5.jsonl`.
+pub struct Journals<'a> {
+    /// Where they are.
+    pub folder: &'a Path,
+    /// What their names begin with.
+    pub name: &'a str,
+    /// What work they must be of.
+    pub header: Header,
+}
+
+impl Journals<'_> {
+    /// Path of a part's journal.
+    pub fn path(&self, [k, n]: [usize; 2]) -> PathBuf {
+        let part = if n == 1 { String::new() } else { format!("-{k}-of-{n}") };
+        self.folder.join(format!("{}.journal{part}.jsonl", self.name))
+    }
+
+    /// Everything that the journals have.
+    ///
+    /// # Errors
+    /// One is of other work, or the operating system refuses.
+    pub fn results<R: DeserializeOwned>(&self) -> miette::Result<BTreeMap<usize, R>> {
+        let start = format!("{}.journal", self.name);
+        let mut results = BTreeMap::new();
+        for entry in fs::read_dir(self.folder).into_diagnostic()? {
+            let path = entry.into_diagnostic()?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if name.starts_with(&start)
+                && name.ends_with(".jsonl")
+                && let Some(read) = self.read(&path)?
+            {
+                results.extend(read.results);
+            }
+        }
+        Ok(results)
+    }
+
+    /// A journal of this work; `None` if the file ends within its first line.
+    fn read<R: DeserializeOwned>(&self, path: &Path) -> miette::Result<Option<Read<R>>> {
+        let text = fs::read_to_string(path)
+            .map_err(|error| miette!("cannot read {}: {error}", path.display()))?;
+        if !text.contains('\n') {
+            return Ok(None);
+        }
+        match parse(&text) {
+            Some(read) if read.header == self.header => Ok(Some(read)),
+            Some(Read { header, .. }) => Err(miette!(
+                help = "take another folder, or remove the journals in this one",
+                "{} is of other work, {} of version {}: {}",
+                path.display(),
+                header.work,
+                header.version,
+                if header.work != self.header.work {
+                    format!("this is {}", self.header.work)
+                } else if header.version != self.header.version {
+                    format!("this is version {}", self.header.version)
+                } else {
+                    "a file or an option on which it depends has changed since".to_owned()
+                }
+            )),
+            None => Err(miette!(
+                help = "remove it, or take another folder",
+                "{} is no journal",
+                path.display()
+            )),
+        }
+    }
+
+    /// The journal of a part, to add to: a torn last line is cut off.
+    ///
+    /// # Errors
+    /// It is of other work, or the operating system refuses.
+    pub fn open(&self, part: [usize; 2]) -> miette::Result<Open> {
+        let path = self.path(part);
+        let refused = |error| cannot_write(&path, error);
+        let before = if path.exists() { self.read::<serde::de::IgnoredAny>(&path)? } else { None };
+        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(refused)?;
+        match before {
+            Some(read) => file.set_len(read.whole as u64).map_err(refused)?,
+            None => {
+                file.set_len(0).map_err(refused)?;
+                (&file).write_all(line(&self.header).as_bytes()).map_err(refused)?;
+            }
+        }
+        Ok(Open { file, path })
+    }
+}
+
+/// A journal that is added to.
+pub struct Open {
+    file: File,
+    path: PathBuf,
+}
+
+impl Open {
+    /// Adds a unit, and waits until it is on the disk.
+    ///
+    /// # Errors
+    /// Those of the operating system.
+    pub fn add<R: Serialize>(&mut self, unit: &Unit<R>) -> miette::Result<()> {
+        let written = self.file.write_all(line(unit).as_bytes());
+        written
+            .and_then(|()| self.file.sync_data())
+            .map_err(|error| cannot_write(&self.path, error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header() -> Header {
+        Header { work: "w".into(), digest: "d".into(), version: "1".into(), units: 3 }
+    }
+
+    #[test]
+    fn what_is_whole_is_kept_and_a_torn_line_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let journals = |header| Journals { folder: folder.path(), name: "w", header };
+        let results = || journals(header()).results::<f64>().unwrap();
+        let mut open = journals(header()).open([1, 2]).unwrap();
+        open.add(&Unit { unit: 2, result: 0.1 + 0.2 }).unwrap();
+        open.add(&Unit { unit: 0, result: 1.0 }).unwrap();
+        // To the bit.
+        assert_eq!(results(), BTreeMap::from([(0, 1.0), (2, 0.1 + 0.2)]));
+        let path = folder.path().join("w.journal-1-of-2.jsonl");
+        let text = fs::read_to_string(&path).unwrap();
+        fs::write(&path, &text[..text.len() - 4]).unwrap();
+        assert_eq!(results(), BTreeMap::from([(2, 0.1 + 0.2)]));
+        journals(header()).open([1, 2]).unwrap().add(&Unit { unit: 0, result: 1.0 }).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        // Of another name, and ended within its first line.
+        fs::write(folder.path().join("x.journal.jsonl"), "{}\n").unwrap();
+        fs::write(folder.path().join("w.journal-2-of-2.jsonl"), "{\"wor").unwrap();
+        assert_eq!(results().len(), 2);
+        let refused = |header| journals(header).results::<f64>().unwrap_err().to_string();
+        let other = refused(Header { work: "v".into(), ..header() });
+        assert!(other.contains("of other work, w") && other.contains("this is v"), "{other}");
+        let changed = refused(Header { digest: "e".into(), ..header() });
+        assert!(changed.contains("has changed since"), "{changed}");
+        fs::write(&path, "no journal\n").unwrap();
+        assert!(refused(header()).contains("is no journal"));
+    }
+}

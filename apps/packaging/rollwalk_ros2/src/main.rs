@@ -1,0 +1,7 @@
+//! The `rollwalk-ros2` binary; everything it does is in the library of `apps/ros2/`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    rollwalk_ros2::main()
+}

@@ -1,0 +1,55 @@
+//! `rollwalk` for Python: robots, motions, plans, libraries, designs and runs as objects, numbers as NumPy arrays.
+//!
+//! A front end beside the command line, on the same crates and with no logic of its own. The package `apps/python/python/rollwalk`
+//! re-exports these classes and functions, and defines the exceptions and the type stubs. `docs/python.md` is its tutorial.
+//!
+//! | module | is |
+//! |---|---|
+//! | `arrays` | rows of numbers as NumPy arrays |
+//! | `design` | designs, and how plans change with their parameters |
+//! | `documents` | files, and the files that they name |
+//! | `error` | the exceptions, in the words of the command line |
+//! | `library` | motion libraries |
+//! | `motion` | motion goals |
+//! | `robot` | robots, with forward kinematics |
+//! | `plan` | plans, and how they are found |
+//! | `report` | residuals of plans |
+//! | `samples` | plans at any rate |
+//! | `simulate` | plans on the simulated ground |
+//! | `watch` | long work: progress, Ctrl-C, other threads |
+
+mod arrays;
+mod design;
+mod documents;
+mod error;
+mod library;
+mod motion;
+mod plan;
+mod report;
+mod robot;
+mod samples;
+mod simulate;
+mod watch;
+
+/// Motions of robots with legs and wheels: the compiled part of the package `rollwalk`.
+#[pyo3::pymodule]
+mod _rollwalk {
+    #[pymodule_export]
+    use crate::design::{Design, Gradients, Parameter};
+    #[pymodule_export]
+    use crate::documents::write_shipped;
+    #[pymodule_export]
+    use crate::library::build_library;
+    #[pymodule_export]
+    use crate::motion::Motion;
+    #[pymodule_export]
+    use crate::plan::{Culprit, Diagnosis, Plan, Progress, plan};
+    #[pymodule_export]
+    use crate::report::{Report, Residual};
+    #[pymodule_export]
+    use crate::robot::Robot;
+    #[pymodule_export]
+    use crate::samples::Samples;
+    #[pymodule_export]
+    use crate::simulate::{Simulation, simulate};
+}

@@ -1,0 +1,431 @@
+//! The node's loop: frames of the robot and messages of ROS in, frames and messages out, in one thread with the bus.
+//!
+//! The node is the robot's host, as a console is. While the loop turns it sends heartbeats; when it ends in any other way than by
+//! [`leaving`](Bridge::run), or stands still, the robot returns to SAFE by itself and turns torque off. What may be commanded when
+//! is the operator's to know (`rollwalk_host::operator`): the node passes requests on and answers with its words.
+
+use crate::convert::{self, Diagnosed};
+use crate::driving::Driving;
+use crate::graph::{Call, Graph, Lost, Service};
+use rollwalk_bus::port::Live;
+use rollwalk_host::catalog::Catalog;
+use rollwalk_host::describe::state_name;
+use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use rollwalk_pilot::{After, END_US, Phase};
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::text::Shown;
+use rollwalk_protocol::wire::{FromController, JointTelemetry, State};
+use rollwalk_terminal::link::LinkArgs;
+use rollwalk_terminal::link::names::NamesArgs;
+use rollwalk_terminal::link::operated::{Operated, farewell};
+use rollwalk_terminal::{Exit, interrupt, output};
+use ros2_client::builtin_interfaces::Time;
+use ros2_client::log::LogLevel;
+use std::collections::BTreeMap;
+
+/// Interval between looks at what has changed, µs.
+const LOOK_US: u64 = 20_000;
+/// Interval between diagnostics, µs.
+const DIAGNOSE_US: u64 = 1_000_000;
+/// Characters of a stranger's text that a message repeats.
+const NAME_CHARS: usize = 64;
+/// Time after which the caller of an emergency stop hears that the robot has not acknowledged it, µs.
+const STOPPED_US: u64 = 1_000_000;
+
+/// A call that waits for the robot's answer.
+struct Waiting {
+    call: Call,
+    outcome: Outcome,
+    since_us: u64,
+}
+
+/// What answers a call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// A message about the intent with this number.
+    Message(u64),
+    /// The acknowledgement of an emergency stop.
+    Stopped,
+    /// The robot follows velocities.
+    Driven,
+    /// A driven robot has stopped and is in this state.
+    Home(State),
+}
+
+/// A robot and a node.
+pub struct Bridge<'a> {
+    operated: Operated<'a>,
+    link: &'a LinkArgs,
+    /// Why ROS can no longer be reached.
+    lost: Option<Lost>,
+    graph: Graph,
+    bus: String,
+    names: &'a NamesArgs,
+    /// Configuration and library that the names are of.
+    named: Option<(u32, Option<u32>)>,
+    catalog: Option<Catalog>,
+    /// Names of joints in the URDF, by channel.
+    joints: Vec<String>,
+    /// Last telemetry of each channel since joints were published.
+    round: BTreeMap<u8, JointTelemetry>,
+    urdf: Option<String>,
+    driving: Option<Driving>,
+    waiting: Vec<Waiting>,
+    /// Number of the last message of the operator that was passed on.
+    said: u64,
+    look_us: u64,
+    diagnose_us: u64,
+}
+
+impl<'a> Bridge<'a> {
+    /// A node for the robot on an open bus; with `driving` it can be driven.
+    pub fn new(
+        link: &'a LinkArgs,
+        names: &'a NamesArgs,
+        bus: Live,
+        operator: Operator,
+        graph: Graph,
+        driving: Option<Driving>,
+    ) -> Self {
+        Self {
+            operated: Operated::new(link, bus, operator),
+            link,
+            lost: None,
+            graph,
+            bus: link.bus.to_string(),
+            names,
+            named: None,
+            catalog: None,
+            joints: Vec::new(),
+            round: BTreeMap::new(),
+            urdf: None,
+            driving,
+            waiting: Vec::new(),
+            said: 0,
+            look_us: 0,
+            diagnose_us: 0,
+        }
+    }
+
+    /// Serves until a signal asks the process to end, or ROS is lost; the robot has then returned to SAFE and is disarmed, or there
+    /// is no contact with it.
+    pub fn run(&mut self) -> Exit {
+        loop {
+            let heard = self.operated.heard();
+            if self.lost.is_none()
+                && let Err(error) = self.serve(&heard)
+            {
+                self.lose(error);
+            }
+            self.leave_if(interrupt::requested() || self.lost.is_some());
+            if let Some(driving) = &mut self.driving {
+                driving.turn(self.operated.now_us(), &mut self.operated.operator);
+            }
+            self.operated.send();
+            let leaves = self.operated.operator.leaving() == Leaving::Now;
+            if leaves || self.operated.now_us() >= self.look_us {
+                self.look();
+            }
+            if leaves {
+                let exit = farewell(&self.view());
+                return if self.lost.is_some() { Exit::NotDone } else { exit };
+            }
+            self.operated.hear();
+        }
+    }
+
+    /// Exchanges messages and calls with ROS.
+    fn serve(&mut self, heard: &[Frame]) -> Result<(), Lost> {
+        if let Err(report) = self.look_names() {
+            // Of a file that has changed since the start. The robot may be moving: it goes on without names.
+            let now_us = self.operated.now_us();
+            let text = format!("names are not known: {report}");
+            self.operated.operator.say(now_us, Weight::Warning, text);
+        }
+        // Before the calls, which may stop the robot.
+        if let Some(name) = self.graph.play()? {
+            self.on_play(&name);
+        }
+        if let (Some(velocity), Some(driving)) = (self.graph.velocity()?, &mut self.driving) {
+            driving.command(self.operated.now_us(), velocity, &mut self.operated.operator);
+        }
+        for call in self.graph.calls()? {
+            self.on_call(call);
+        }
+        heard.iter().try_for_each(|frame| self.on_frame(frame))
+    }
+
+    /// Publishes joints once every one of them, by its name, has reported since they were last published.
+    fn on_frame(&mut self, frame: &Frame) -> Result<(), Lost> {
+        let Ok((node, FromController::JointTelemetry(joint))) = FromController::decode(frame)
+        else {
+            return Ok(());
+        };
+        if node == self.link.node && usize::from(joint.channel) < self.joints.len() {
+            self.round.insert(joint.channel, joint);
+            if self.round.len() == self.joints.len() {
+                let round = std::mem::take(&mut self.round);
+                let joints = self.joints.iter().zip(round.values());
+                self.graph.joint_states(convert::joint_state(Time::now(), joints))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Prints new messages of the operator, and publishes the robot's state while DDS works.
+    fn look(&mut self) {
+        self.operated.diagnose();
+        let view = self.view();
+        self.look_us = view.now_us + LOOK_US;
+        self.pass_on_messages(&view);
+        if !view.link.contact {
+            // With what is heard after a loss it would be a state that never was.
+            self.round.clear();
+        }
+        if self.lost.is_none()
+            && let Err(error) = self.publish(&view)
+        {
+            self.lose(error);
+        }
+    }
+
+    fn lose(&mut self, error: Lost) {
+        output::say(&error);
+        self.lost = Some(error);
+    }
+
+    /// Passes on what has changed.
+    fn publish(&mut self, view: &View) -> Result<(), Lost> {
+        let motion = convert::motion(view, self.catalog.as_ref());
+        let motions = convert::motions(self.library());
+        self.graph.robot(&convert::state(view), &motion, &motions)?;
+        if let Some(urdf) = &self.urdf {
+            self.graph.robot_description(urdf)?;
+        }
+        if view.now_us >= self.diagnose_us {
+            self.diagnose_us = view.now_us + DIAGNOSE_US;
+            let (node, bus, catalog) = (self.graph.name(), &*self.bus, self.catalog.as_ref());
+            let node = node.trim_start_matches('/');
+            let of = Diagnosed { view, bus, node, catalog };
+            self.graph.diagnostics(convert::diagnostics(Time::now(), &of))?;
+        }
+        Ok(())
+    }
+
+    /// Passes on messages of the operator, and answers calls.
+    fn pass_on_messages(&mut self, view: &View) {
+        let said = self.said;
+        for message in view.messages.iter().filter(|message| message.number > said) {
+            self.said = message.number;
+            let level = match message.weight {
+                Weight::Note => LogLevel::Info,
+                Weight::Refused | Weight::Warning => LogLevel::Warn,
+            };
+            output::say(&message.text);
+            if self.lost.is_some() {
+                continue;
+            }
+            self.graph.log(level, &message.text);
+            let is_answered = |waiting: &mut Waiting| match waiting.outcome {
+                Outcome::Message(wish) => message.answers == Some(wish),
+                _ => false,
+            };
+            for Waiting { call, .. } in self.waiting.extract_if(.., is_answered) {
+                self.graph.answer(&call, message.weight == Weight::Note, &message.text);
+            }
+        }
+        if self.lost.is_none() {
+            self.answer_others(view);
+        }
+    }
+
+    /// Answers calls whose outcome no message is about.
+    fn answer_others(&mut self, view: &View) {
+        let (graph, operator) = (&self.graph, &self.operated.operator);
+        let phase = self.driving.as_ref().map_or(Phase::Off, Driving::phase);
+        self.waiting.retain(|Waiting { call, outcome, since_us }| {
+            let waited_us = view.now_us.saturating_sub(*since_us);
+            let (success, text) = match outcome {
+                Outcome::Message(wish) if operator.is_asking(*wish) => return true,
+                Outcome::Message(_) => (false, "it was given up; /rosout says why".into()),
+                Outcome::Stopped if !view.stopping => (true, "stopped: torque is off".into()),
+                Outcome::Stopped if waited_us > STOPPED_US => {
+                    let text = "the robot has not acknowledged the emergency stop; it is sent again until it does";
+                    (false, text.into())
+                }
+                Outcome::Stopped => return true,
+                Outcome::Driven => match phase {
+                    Phase::Beginning => return true,
+                    Phase::Steered => {
+                        (true, format!("it follows {}", graph.followed().unwrap_or_default()))
+                    }
+                    _ => (false, "it does not follow velocities; /rosout says why".into()),
+                },
+                Outcome::Home(state) => {
+                    let reached = view.status.map(|status| status.state);
+                    let barred = view.status.is_some_and(|status| match status.state {
+                        State::EStopped => true,
+                        // Without a fault they are on the way to Disarmed.
+                        State::Damped | State::TorqueOff => !status.faults.is_empty(),
+                        _ => false,
+                    });
+                    let is_there = phase == Phase::Off && reached == Some(*state);
+                    if !is_there && !barred && waited_us <= END_US {
+                        return true;
+                    }
+                    let words = reached.map_or("not heard", state_name);
+                    (is_there, format!("the robot is {words}"))
+                }
+            };
+            graph.answer(call, success, &text);
+            false
+        });
+    }
+
+    fn on_call(&mut self, call: Call) {
+        let now_us = self.operated.now_us();
+        let status = self.view().status;
+        let intent = match call.service {
+            Service::Arm => Intent::Arm,
+            Service::Drive => return self.on_drive(call),
+            Service::Disarm if self.is_driven() => {
+                return self.stop_driving(call, After::Disarm, State::Disarmed);
+            }
+            Service::Return | Service::Pause if self.is_driven() => {
+                return self.stop_driving(call, After::Rest, State::Ready);
+            }
+            Service::Disarm => Intent::Disarm,
+            Service::Return => Intent::Return,
+            Service::Pause => Intent::Pause,
+            Service::Resume if status.is_none_or(|status| status.state != State::Paused) => {
+                return self.graph.answer(&call, false, "no motion is paused");
+            }
+            Service::Resume => Intent::PauseOrResume,
+            Service::Estop => Intent::Estop,
+            Service::Clear => Intent::Clear,
+        };
+        let operator = &mut self.operated.operator;
+        operator.want(now_us, intent);
+        let outcome = match intent {
+            Intent::Estop => Outcome::Stopped,
+            _ => Outcome::Message(operator.wished()),
+        };
+        self.waiting.push(Waiting { call, outcome, since_us: now_us });
+    }
+
+    /// Whether the robot follows velocities, or is about to or to stop.
+    fn is_driven(&self) -> bool {
+        self.driving.as_ref().is_some_and(|driving| driving.phase() != Phase::Off)
+    }
+
+    fn on_drive(&mut self, call: Call) {
+        let now_us = self.operated.now_us();
+        let begun = match &mut self.driving {
+            Some(driving) => driving.begin(now_us, &self.operated.operator),
+            None => Err("start the node with --library LIB.rwl: the robot is driven from the library's SAFE pose".into()),
+        };
+        match begun {
+            Ok(()) => {
+                self.waiting.push(Waiting { call, outcome: Outcome::Driven, since_us: now_us })
+            }
+            Err(why) => self.graph.answer(&call, false, &format!("not driven: {why}")),
+        }
+    }
+
+    /// Stops a driven robot on all its feet, then sends it to SAFE: in the middle of a step it would not stand.
+    fn stop_driving(&mut self, call: Call, after: After, state: State) {
+        let now_us = self.operated.now_us();
+        if let Some(driving) = &mut self.driving {
+            driving.stop(now_us, after, &mut self.operated.operator);
+        }
+        self.waiting.push(Waiting { call, outcome: Outcome::Home(state), since_us: now_us });
+    }
+
+    /// Names of the library that the controller has said to have: with those of another one a name would play something else.
+    fn library(&self) -> Option<&Catalog> {
+        let library = self.operated.operator.hello()?.library?;
+        self.catalog.as_ref().filter(|catalog| catalog.library == library)
+    }
+
+    /// Plays a motion by its name in the library, or by its code.
+    fn on_play(&mut self, name: &str) {
+        let now_us = self.operated.now_us();
+        if self.is_driven() {
+            let text = "not sent, to play a motion: the robot is driven; ~/return ends that";
+            return self.operated.operator.say(now_us, Weight::Refused, text);
+        }
+        let by_name = self.library().and_then(|catalog| catalog.motion(name));
+        let code = by_name.and_then(|motion| motion.code).or_else(|| name.parse().ok());
+        if let Some(code) = code {
+            return self.operated.operator.want(now_us, Intent::Play { code });
+        }
+        let cut: String = name.chars().take(NAME_CHARS).collect();
+        let name = Shown(&cut);
+        let text = match self.library() {
+            Some(catalog) if !catalog.motions.is_empty() => format!(
+                "not sent: the library has no motion `{name}`, but {}",
+                convert::motions(Some(catalog)).replace('\n', ", ")
+            ),
+            _ if self.operated.operator.hello().is_none() => format!(
+                "not sent, to play `{name}`: the controller has not said yet which library it has"
+            ),
+            _ => format!(
+                "not sent, to play `{name}`: the names of the controller's library are not known on this computer; \
+                 start the node with --library LIB.rwl, or publish the motion's code"
+            ),
+        };
+        self.operated.operator.say(now_us, Weight::Refused, text);
+    }
+
+    /// Takes the robot home and leaves, a driven one when it has stopped; at once where there is no contact with it.
+    fn leave_if(&mut self, wanted: bool) {
+        let now_us = self.operated.now_us();
+        let operator = &mut self.operated.operator;
+        if wanted && operator.leaving() == Leaving::No {
+            let driving = self.driving.as_mut();
+            if !driving.is_some_and(|driving| driving.leave(now_us, operator)) {
+                operator.want(now_us, Intent::Quit);
+            }
+        }
+        if operator.leaving() == Leaving::WhenHome && !operator.view(now_us).link.contact {
+            operator.want(now_us, Intent::Quit);
+        }
+    }
+
+    /// Looks up names and the URDF once the controller has said which robot and library it has.
+    fn look_names(&mut self) -> miette::Result<()> {
+        let Some(hello) = self.operated.operator.hello().copied() else { return Ok(()) };
+        let wanted = Some((hello.config_hash, hello.library));
+        if self.named == wanted {
+            return Ok(());
+        }
+        self.named = wanted;
+        // Of another library: without them, where a lookup fails, its codes are not sent to this one.
+        self.catalog = None;
+        self.operated.operator.set_catalog(None);
+        self.joints.clear();
+        self.round.clear();
+        self.urdf = None;
+        let now_us = self.operated.now_us();
+        self.catalog = self.names.look_up(Some(&hello))?;
+        self.operated.operator.set_catalog(self.catalog.clone());
+        if hello.library.is_none() {
+            let text = "the controller has no library: `rollwalk flash LIB.rwl` gives it one";
+            self.operated.operator.say(now_us, Weight::Warning, text);
+        }
+        let Some((robot, parts)) = self.names.robot(hello.config_hash)? else {
+            let text = "the robot is none that ships with rollwalk: without --robot ROBOT.toml there is no robot_description";
+            self.operated.operator.say(now_us, Weight::Warning, text);
+            self.joints = self.catalog.as_ref().map_or_else(Vec::new, |c| c.channels.clone());
+            return Ok(());
+        };
+        self.joints = rollwalk_interchange::joint_names(&robot);
+        // It is written to memory.
+        self.urdf = rollwalk_interchange::urdf(&robot, &parts).ok();
+        Ok(())
+    }
+
+    fn view(&self) -> View {
+        self.operated.operator.view(self.operated.now_us())
+    }
+}

@@ -1,0 +1,456 @@
+//! The node in the graph of ROS: its topics and services. No call blocks: the thread that sends heartbeats to the robot makes
+//! them, and a subscriber that does not keep up loses messages.
+
+use crate::commanded::Velocity;
+use crate::environment::Environment;
+use crate::messages::{
+    DiagnosticArray, JointState, TriggerRequest, TriggerResponse, Twist, TwistStamped,
+};
+use crate::names::Names;
+use miette::{IntoDiagnostic, WrapErr};
+use rollwalk_terminal::output;
+use ros2_client::builtin_interfaces::Time;
+use ros2_client::dds::rustdds::DomainParticipantBuilder;
+use ros2_client::error::{ReadError, ReadResult, WriteError};
+use ros2_client::log::LogLevel;
+use ros2_client::qos::{Durability, History, WhenFull};
+use ros2_client::request_id::RmwRequestId;
+use ros2_client::{
+    Context, MessageTypeName, Node, NodeOptions, Publisher, QosProfile, Server, ServiceTypeName,
+    Subscription, rosout,
+};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fmt;
+use std::net::Ipv4Addr;
+use thiserror::Error;
+
+/// Messages that a subscriber or service may be behind.
+const DEPTH: usize = 10;
+
+/// A service without arguments: a command of the operator, by the name that `rollwalk` has for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Service {
+    /// Turns torque on and goes to SAFE.
+    Arm,
+    /// Follows the velocities that are commanded.
+    Drive,
+    /// Returns to SAFE and turns torque off.
+    Disarm,
+    /// Returns to SAFE.
+    Return,
+    /// Halts the motion where it is.
+    Pause,
+    /// Goes on.
+    Resume,
+    /// Turns torque off at once.
+    Estop,
+    /// Leaves an emergency stop or a latched fault.
+    Clear,
+}
+
+impl Service {
+    /// In the order in which calls of one pass are handled, which is not known to be that of their arrival: what stops the robot is
+    /// last, so that nothing else takes its place.
+    const ALL: [Self; 8] = [
+        Self::Clear,
+        Self::Arm,
+        Self::Drive,
+        Self::Resume,
+        Self::Pause,
+        Self::Return,
+        Self::Disarm,
+        Self::Estop,
+    ];
+}
+
+impl fmt::Display for Service {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Arm => "arm",
+            Self::Drive => "drive",
+            Self::Disarm => "disarm",
+            Self::Return => "return",
+            Self::Pause => "pause",
+            Self::Resume => "resume",
+            Self::Estop => "estop",
+            Self::Clear => "clear",
+        })
+    }
+}
+
+/// A call of a service that has to be answered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Call {
+    /// What is called.
+    pub service: Service,
+    id: RmwRequestId,
+}
+
+/// DDS has stopped working in this process.
+#[derive(Clone, Debug, Error)]
+#[error("the node can no longer reach ROS: {0}")]
+pub struct Lost(String);
+
+/// A topic whose last value new subscribers get at once.
+struct Latched {
+    publisher: Publisher<String>,
+    published: Option<String>,
+}
+
+impl Latched {
+    fn set(&mut self, value: &str) -> Result<(), Lost> {
+        if self.published.as_deref() != Some(value) && publish(&self.publisher, value.to_owned())? {
+            self.published = Some(value.to_owned());
+        }
+        Ok(())
+    }
+}
+
+/// The topic of velocities, with one of its two types.
+enum Velocities {
+    Plain(Subscription<Twist>),
+    Stamped(Subscription<TwistStamped>),
+}
+
+/// Name of the topic of velocities.
+const VELOCITIES: &str = "cmd_vel";
+
+/// The node.
+pub struct Graph {
+    node: Node,
+    joint_states: Publisher<JointState>,
+    diagnostics: Publisher<DiagnosticArray>,
+    robot_description: Latched,
+    state: Latched,
+    motion: Latched,
+    motions: Latched,
+    play: Subscription<String>,
+    velocities: Option<Velocities>,
+    /// What velocities are commanded by, in words.
+    followed: Option<String>,
+    services: Vec<(Service, Server<TriggerRequest, TriggerResponse>)>,
+}
+
+impl Graph {
+    /// Joins the graph. `steers` says whether velocities are followed; without, their topic is not there.
+    ///
+    /// # Errors
+    /// DDS finds no socket, or a name is not allowed.
+    pub fn join(environment: &Environment, names: &Names, steers: bool) -> miette::Result<Self> {
+        let mut participant = DomainParticipantBuilder::new(environment.domain);
+        if environment.loopback {
+            participant = participant.with_only_networks([Ipv4Addr::LOCALHOST]);
+        }
+        let domain = environment.domain;
+        let failed = || format!("no node in ROS domain {domain}");
+        let participant = participant.build().into_diagnostic().wrap_err_with(failed)?;
+        let context = Context::from_domain_participant(participant);
+        let context = context.into_diagnostic().wrap_err_with(failed)?;
+        let options = NodeOptions::new().enable_rosout(true);
+        let node = context.new_node(names.node.clone(), options).into_diagnostic();
+        let mut making = Making { node: node.wrap_err_with(failed)?, names };
+        let joint_states =
+            making.publisher("joint_states", ("sensor_msgs", "JointState"), &streamed())?;
+        let array = ("diagnostic_msgs", "DiagnosticArray");
+        let diagnostics = making.publisher("/diagnostics", array, &streamed())?;
+        let robot_description = making.latched("robot_description")?;
+        let state = making.latched("~/state")?;
+        let motion = making.latched("~/motion")?;
+        let motions = making.latched("~/motions")?;
+        let play = making.subscription("~/play", ("std_msgs", "String"))?;
+        let (velocities, kind) = match names.parameters.use_stamped_vel {
+            _ if !steers => (None, ""),
+            false => (Some(Velocities::Plain(making.velocities("Twist")?)), "Twist"),
+            true => (Some(Velocities::Stamped(making.velocities("TwistStamped")?)), "TwistStamped"),
+        };
+        let name = names.resolve(VELOCITIES)?;
+        let followed = velocities.as_ref().map(|_| format!("geometry_msgs/msg/{kind} on {name}"));
+        let services = Service::ALL.map(|service| making.server(service, environment));
+        let services = services.into_iter().collect::<miette::Result<_>>()?;
+        Ok(Self {
+            node: making.node,
+            joint_states,
+            diagnostics,
+            robot_description,
+            state,
+            motion,
+            motions,
+            play,
+            velocities,
+            followed,
+            services,
+        })
+    }
+
+    /// The node's name with its namespace.
+    pub fn name(&self) -> String {
+        self.node.fully_qualified_name()
+    }
+
+    /// Publishes joints.
+    ///
+    /// # Errors
+    /// As for every publication, DDS has stopped working.
+    pub fn joint_states(&self, message: JointState) -> Result<(), Lost> {
+        publish(&self.joint_states, message).map(drop)
+    }
+
+    /// Publishes diagnostics.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn diagnostics(&self, message: DiagnosticArray) -> Result<(), Lost> {
+        publish(&self.diagnostics, message).map(drop)
+    }
+
+    /// Publishes the URDF, if it has changed.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn robot_description(&mut self, urdf: &str) -> Result<(), Lost> {
+        self.robot_description.set(urdf)
+    }
+
+    /// Publishes the state, the motion that is played and those that can be, where they have changed.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn robot(&mut self, state: &str, motion: &str, motions: &str) -> Result<(), Lost> {
+        self.state.set(state)?;
+        self.motion.set(motion)?;
+        self.motions.set(motions)
+    }
+
+    /// Publishes a line on `/rosout`.
+    pub fn log(&self, level: LogLevel, text: &str) {
+        rosout!(self.node, level, "{text}");
+    }
+
+    /// The newest motion to play that was published since the last call. As for calls, more than [`DEPTH`] messages wait for the next
+    /// one: heartbeats do, too.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn play(&self) -> Result<Option<String>, Lost> {
+        self.newest(&self.play, "~/play")
+    }
+
+    /// The newest velocity that was commanded since the last call.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn velocity(&self) -> Result<Option<Velocity>, Lost> {
+        Ok(match &self.velocities {
+            None => None,
+            Some(Velocities::Plain(topic)) => {
+                let twist = self.newest(topic, VELOCITIES)?;
+                twist.map(|twist| Velocity { twist, age_ns: 0 })
+            }
+            Some(Velocities::Stamped(topic)) => {
+                let stamped = self.newest(topic, VELOCITIES)?;
+                stamped.map(|TwistStamped { header, twist }| {
+                    // Programs that have no clock leave it at zero.
+                    let stamp = Some(header.stamp).filter(|stamp| *stamp != Time::ZERO);
+                    let age = |stamp: Time| Time::now().to_nanos().saturating_sub(stamp.to_nanos());
+                    Velocity { twist, age_ns: stamp.map_or(0, age) }
+                })
+            }
+        })
+    }
+
+    /// What velocities are commanded by, in words; `None` where none are followed.
+    pub fn followed(&self) -> Option<&str> {
+        self.followed.as_deref()
+    }
+
+    /// The newest message of a topic since the last call.
+    fn newest<M: DeserializeOwned + 'static>(
+        &self,
+        topic: &Subscription<M>,
+        name: &str,
+    ) -> Result<Option<M>, Lost> {
+        let mut newest = None;
+        for _ in 0..DEPTH {
+            let Some((message, _)) = self.read(topic.take(), name)? else { break };
+            newest = Some(message);
+        }
+        Ok(newest)
+    }
+
+    /// Calls since the last call of this, those that stop the robot last.
+    ///
+    /// # Errors
+    /// As [`joint_states`](Self::joint_states).
+    pub fn calls(&self) -> Result<Vec<Call>, Lost> {
+        let mut calls = Vec::new();
+        for (service, server) in &self.services {
+            let name = format!("~/{service}");
+            for _ in 0..DEPTH {
+                let Some((id, _)) = self.read(server.receive_request(), &name)? else { break };
+                calls.push(Call { service: *service, id });
+            }
+        }
+        Ok(calls)
+    }
+
+    /// The message that was read, if one had come. A malformed message is logged and dropped; any other error ends the node's use of DDS.
+    fn read<T>(&self, outcome: ReadResult<Option<T>>, of: &str) -> Result<Option<T>, Lost> {
+        match outcome {
+            Ok(value) => Ok(value),
+            Err(ReadError::Deserialization { .. } | ReadError::Malformed) => {
+                let text = format!(
+                    "ignored, on {of}: what is no message of its type; does its sender run with this node's \
+                     RMW_IMPLEMENTATION?"
+                );
+                self.log(LogLevel::Warn, &text);
+                output::say(text);
+                Ok(None)
+            }
+            Err(error) => Err(Lost(error.to_string())),
+        }
+    }
+
+    /// Answers a call.
+    pub fn answer(&self, call: &Call, success: bool, message: &str) {
+        let server = self.services.iter().find(|(service, _)| *service == call.service);
+        let answer = TriggerResponse { success, message: message.to_owned() };
+        // A caller that does not read its answer has none.
+        server.map(|(_, server)| server.send_response(call.id, answer));
+    }
+}
+
+/// A node whose topics and services are being made.
+struct Making<'a> {
+    node: Node,
+    names: &'a Names,
+}
+
+impl Making<'_> {
+    fn publisher<M: Serialize>(
+        &mut self,
+        name: &str,
+        (package, kind): (&str, &str),
+        qos: &QosProfile,
+    ) -> miette::Result<Publisher<M>> {
+        let resolved = self.names.resolve(name)?;
+        let kind = MessageTypeName::new(package, kind);
+        let topic = self.node.create_topic(&resolved, kind, qos).into_diagnostic();
+        let publisher = topic.and_then(|topic| {
+            self.node.create_publisher(&topic, Some(qos.clone())).into_diagnostic()
+        });
+        publisher.wrap_err_with(|| format!("no topic {resolved}"))
+    }
+
+    fn latched(&mut self, name: &str) -> miette::Result<Latched> {
+        let qos = reliable(1).durability(Durability::TransientLocal);
+        let publisher = self.publisher(name, ("std_msgs", "String"), &qos)?;
+        Ok(Latched { publisher, published: None })
+    }
+
+    fn velocities<M: DeserializeOwned + 'static>(
+        &mut self,
+        kind: &str,
+    ) -> miette::Result<Subscription<M>> {
+        self.subscription(VELOCITIES, ("geometry_msgs", kind))
+    }
+
+    fn subscription<M: DeserializeOwned + 'static>(
+        &mut self,
+        name: &str,
+        (package, kind): (&str, &str),
+    ) -> miette::Result<Subscription<M>> {
+        let resolved = self.names.resolve(name)?;
+        let kind = MessageTypeName::new(package, kind);
+        let topic = self.node.create_topic(&resolved, kind, &streamed()).into_diagnostic();
+        let subscription = topic.and_then(|topic| {
+            self.node.create_subscription(&topic, Some(streamed())).into_diagnostic()
+        });
+        subscription.wrap_err_with(|| format!("no topic {resolved}"))
+    }
+
+    fn server(
+        &mut self,
+        service: Service,
+        environment: &Environment,
+    ) -> miette::Result<(Service, Server<TriggerRequest, TriggerResponse>)> {
+        let name = self.names.resolve(&format!("~/{service}"))?;
+        let kind = ServiceTypeName::new("std_srvs", "Trigger");
+        let mapping = environment.mapping;
+        let server = self.node.create_server(mapping, &name, &kind, streamed(), streamed());
+        Ok((service, server.into_diagnostic().wrap_err_with(|| format!("no service {name}"))?))
+    }
+}
+
+/// Reliable, because subscribers that insist on it would not be served otherwise.
+fn reliable(depth: usize) -> QosProfile {
+    QosProfile::publisher_default()
+        .reliability_reliable(WhenFull::Fail)
+        .history(History::KeepLast { depth })
+}
+
+fn streamed() -> QosProfile {
+    reliable(DEPTH)
+}
+
+/// Publishes a message; whether there was room for it.
+fn publish<M: Serialize>(publisher: &Publisher<M>, message: M) -> Result<bool, Lost> {
+    match publisher.publish(message) {
+        Ok(()) => Ok(true),
+        Err(WriteError::WouldBlock { .. }) => Ok(false),
+        Err(error) => Err(Lost(error.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ros2_client::{Name, ServiceMapping};
+    use std::thread;
+    use std::time::{Duration, Instant};
+
+    /// With the mapping of Fast DDS, which is that of ROS by default: `tests/ros2/` has the one of Cyclone DDS.
+    #[test]
+    fn a_call_is_answered_with_the_number_of_its_request() {
+        // Ports of higher domains are among those that Linux gives away.
+        let domain = 1 + (std::process::id() % 100) as u16;
+        let mapping = ServiceMapping::Enhanced;
+        let environment = Environment { domain, loopback: true, mapping };
+        let (names, _) = Names::split([]).unwrap();
+        let graph = Graph::join(&environment, &names, false).unwrap();
+        let participant =
+            DomainParticipantBuilder::new(domain).with_only_networks([Ipv4Addr::LOCALHOST]).build();
+        let context = Context::from_domain_participant(participant.unwrap()).unwrap();
+        let name = ros2_client::NodeName::new("/", "caller").unwrap();
+        let mut caller = context.new_node(name, NodeOptions::new()).unwrap();
+        let (service, kind) =
+            (Name::new("/rollwalk", "arm").unwrap(), ServiceTypeName::new("std_srvs", "Trigger"));
+        let client = caller
+            .create_client::<TriggerRequest, TriggerResponse>(
+                mapping,
+                &service,
+                &kind,
+                streamed(),
+                streamed(),
+            )
+            .unwrap();
+        let end = Instant::now() + Duration::from_secs(30);
+        let mut sent = Vec::new();
+        let (id, answer) = loop {
+            assert!(Instant::now() < end, "no answer to {sent:?}");
+            // Until the two have found each other, requests go nowhere.
+            sent.push(client.send_request(TriggerRequest::default()).unwrap());
+            thread::sleep(Duration::from_millis(100));
+            for call in graph.calls().unwrap() {
+                assert_eq!(call.service, Service::Arm);
+                graph.answer(&call, true, "armed");
+            }
+            thread::sleep(Duration::from_millis(100));
+            if let Some(answer) = client.receive_response().unwrap() {
+                break answer;
+            }
+        };
+        assert!(sent.contains(&id), "{id:?} of {sent:?}");
+        assert_eq!(answer, TriggerResponse { success: true, message: "armed".into() });
+    }
+}

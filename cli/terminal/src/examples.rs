@@ -1,0 +1,78 @@
+//! Examples in help texts, for the tests of programs: each must be a command line that the program understands.
+
+/// The commands of a help text: what follows two blanks or a `#` explains, what follows a `|`, `<` or `>` is the
+/// shell's.
+fn commands(help: &str) -> Vec<Vec<String>> {
+    let help: String = help.split("\\\n").map(|part| part.trim_start_matches(' ')).collect();
+    let lines = help.lines().filter_map(|line| line.strip_prefix("  "));
+    let lines = lines.filter(|line| line.starts_with("rollwalk"));
+    lines.map(words).collect()
+}
+
+fn words(line: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let (mut is_quoted, mut before) = (false, 'r');
+    for c in line.chars() {
+        match c {
+            '\'' => is_quoted = !is_quoted,
+            '#' | '|' | '<' | '>' if !is_quoted && before == ' ' => break,
+            ' ' if !is_quoted && before == ' ' => break,
+            ' ' if !is_quoted => words.push(String::new()),
+            _ => words.last_mut().expect("it has a first word").push(c),
+        }
+        before = c;
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+/// Help texts of a command and of those below it.
+fn helps(command: &clap::Command, into: &mut Vec<String>) {
+    into.extend(command.get_after_long_help().map(ToString::to_string));
+    command.get_subcommands().for_each(|below| helps(below, into));
+}
+
+/// Examples in the help texts of a command and of those below it.
+pub fn of(command: &clap::Command) -> Vec<Vec<String>> {
+    let mut texts = Vec::new();
+    helps(command, &mut texts);
+    texts.iter().flat_map(|text| commands(text)).collect()
+}
+
+/// Commands below `command`, which users begin with the words `typed`, that have no example in their help or in that of the
+/// command that they are a part of.
+pub fn missing(command: &clap::Command, typed: &str) -> Vec<String> {
+    without(command, typed, "")
+}
+
+fn without(command: &clap::Command, typed: &str, above: &str) -> Vec<String> {
+    let help = command.get_after_long_help().map_or_else(String::new, ToString::to_string);
+    if command.has_subcommands() {
+        let below = |below| (below, format!("{typed} {}", clap::Command::get_name(below)));
+        let below = command.get_subcommands().map(below);
+        return below.flat_map(|(below, typed)| without(below, &typed, &help)).collect();
+    }
+    let is_of_it =
+        |words: Vec<String>| format!("{} ", words.join(" ")).starts_with(&format!("{typed} "));
+    let has_one = commands(&format!("{above}\n{help}")).into_iter().any(is_of_it);
+    if has_one { Vec::new() } else { vec![typed.to_owned()] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::words;
+
+    #[test]
+    fn words_end_where_the_explanation_or_the_shell_begins() {
+        for (line, expected) in [
+            (
+                "rollwalk plan a.toml -v      every iteration",
+                &["rollwalk", "plan", "a.toml", "-v"][..],
+            ),
+            ("rollwalk gains reset # what the file says", &["rollwalk", "gains", "reset"]),
+            ("rollwalk plot 'my plan.json' | less", &["rollwalk", "plot", "my plan.json"]),
+        ] {
+            assert_eq!(words(line), expected);
+        }
+    }
+}

@@ -1,0 +1,422 @@
+//! Input files to validated values, with one hint for each kind of file.
+//!
+//! Motion and library files name other files relative to themselves. They come from the disk or from
+//! the binary, which carries the shipped robots and motions so that the demo runs in any folder.
+
+use crate::files::{self, Named};
+use crate::kind::Kind;
+use crate::shipped;
+use miette::{Context, Report, miette};
+use rollwalk_design::catalog::Catalog;
+use rollwalk_design::designed::{Designed, NamedText};
+use rollwalk_design::file::DesignFile;
+use rollwalk_design::sweep::{Files, Ready, Sweep};
+use rollwalk_physics::ground::{self, Ground};
+use rollwalk_planner::building::{Contents, Misfit, Shelf, Wanted};
+use rollwalk_planner::library_file::LibraryFile;
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::Plan;
+use rollwalk_robot::document::DocumentError;
+use rollwalk_robot::{Robot, Solid};
+use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Where input files come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// The file system; where it has no file of this path, one that ships with it.
+    Disk,
+    /// The files inside the binary, by their path in the checkout.
+    Shipped,
+}
+
+/// The text of a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TextFile {
+    /// How messages name the file.
+    pub path: String,
+    /// What it says; problem files have a string for each line, so that people can read them.
+    #[serde(rename = "lines", with = "lines")]
+    pub text: String,
+}
+
+/// Texts as lists of lines.
+mod lines {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(text: &str, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(text.split('\n'))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+        Ok(Vec::<String>::deserialize(deserializer)?.join("\n"))
+    }
+}
+
+/// The texts of a motion file and the robot file that it names.
+pub struct MotionTexts {
+    /// The motion file.
+    pub motion: TextFile,
+    /// The robot file.
+    pub robot: TextFile,
+}
+
+impl MotionTexts {
+    /// Reads and validates both.
+    ///
+    /// # Errors
+    /// Everything that is wrong in one of them.
+    pub fn parse(&self) -> miette::Result<(Robot, Motion)> {
+        let robot = robot(&self.robot)?;
+        let TextFile { path, text } = &self.motion;
+        let explain = Kind::Motion.explain(Path::new(path), text);
+        let motion = Motion::from_toml(path, text, &robot).map_err(explain)?;
+        Ok((robot, motion))
+    }
+}
+
+/// Reads and validates the text of a robot file.
+fn robot(TextFile { path, text }: &TextFile) -> miette::Result<Robot> {
+    Robot::from_toml(path, text).map_err(Kind::Robot.explain(Path::new(path), text))
+}
+
+/// A library file with everything that it names.
+pub struct Library {
+    /// The robot of the library.
+    pub robot: Robot,
+    /// The library file itself.
+    pub file: LibraryFile,
+    /// Its motions, in its order.
+    pub motions: Vec<Motion>,
+    /// The plans of those that it names a plan of.
+    pub plans: Vec<Option<Plan>>,
+    /// Text of the library file.
+    pub text: TextFile,
+    /// Text of the robot file.
+    pub robot_text: TextFile,
+}
+
+impl Library {
+    /// What is to be planned for it.
+    pub fn wanted(&self) -> Wanted<'_> {
+        let Self { robot, file, motions, plans, .. } = self;
+        Wanted { robot, file, motions, plans }
+    }
+}
+
+/// The files that a library file names.
+struct Beside<'l> {
+    source: Source,
+    path: &'l Path,
+    text: &'l str,
+    robot: Option<TextFile>,
+}
+
+impl Beside<'_> {
+    fn text(&self, named: &str, kind: Kind) -> miette::Result<TextFile> {
+        let text = self.source.text(&beside(self.path, named), Named::InFile, kind);
+        text.wrap_err_with(|| names(self.path, named))
+    }
+}
+
+/// What a file says whose other file cannot be read.
+fn names(path: &Path, named: &str) -> String {
+    format!("{} names `{named}`", path.display())
+}
+
+impl Shelf for Beside<'_> {
+    type Error = Report;
+
+    fn robot(&mut self, named: &str) -> miette::Result<(Robot, String)> {
+        let text = self.text(named, Kind::Robot)?;
+        let (robot, at) = (robot(&text)?, text.path.clone());
+        self.robot = Some(text);
+        Ok((robot, at))
+    }
+
+    fn motion(&mut self, named: &str) -> miette::Result<(Robot, Motion, String)> {
+        let text = self.text(named, Kind::Motion)?;
+        let at = text.path.clone();
+        let (robot, motion) = self.source.beside_motion(text)?.parse()?;
+        Ok((robot, motion, at))
+    }
+
+    fn plan(&mut self, named: &str) -> miette::Result<(Plan, String)> {
+        let at = beside(self.path, named);
+        let TextFile { path, text } = self.text(named, Kind::Plan)?;
+        let plan = Plan::from_json(&path, &text).map_err(Kind::Plan.explain(&at, &text))?;
+        Ok((plan, path))
+    }
+
+    fn faults(&mut self, error: DocumentError) -> Report {
+        Kind::Library.explain(self.path, self.text)(error)
+    }
+
+    fn misfit(&mut self, error: Misfit) -> Report {
+        Report::new(error)
+    }
+}
+
+impl Source {
+    /// Reads and validates a robot file.
+    ///
+    /// # Errors
+    /// The file is missing, or everything that is wrong in it.
+    pub fn robot(self, path: &Path) -> miette::Result<Robot> {
+        Ok(self.robot_and_text(path)?.0)
+    }
+
+    /// Reads and validates a robot file; its text comes, too.
+    ///
+    /// # Errors
+    /// As [`robot`](Self::robot).
+    pub fn robot_and_text(self, path: &Path) -> miette::Result<(Robot, TextFile)> {
+        let source = self.of(path);
+        let text = source.text(path, Named::ByUser, Kind::Robot)?;
+        Ok((robot(&text)?, text))
+    }
+
+    /// Reads and validates a robot file, with the parts of every link.
+    ///
+    /// # Errors
+    /// As [`robot`](Self::robot).
+    pub fn robot_and_parts(self, path: &Path) -> miette::Result<(Robot, Vec<Vec<Solid>>)> {
+        let TextFile { path: name, text } = self.of(path).text(path, Named::ByUser, Kind::Robot)?;
+        let explain = Kind::Robot.explain(Path::new(&name), &text);
+        Robot::with_parts_from_toml(&name, &text).map_err(explain)
+    }
+
+    /// Reads and validates a motion file and the robot that it names.
+    ///
+    /// # Errors
+    /// A file is missing, or everything that is wrong in it.
+    pub fn motion(self, path: &Path) -> miette::Result<(Robot, Motion)> {
+        let source = self.of(path);
+        source.beside_motion(source.text(path, Named::ByUser, Kind::Motion)?)?.parse()
+    }
+
+    /// A motion file's text with that of the robot file that it names.
+    ///
+    /// # Errors
+    /// The motion file names no robot file, or that is missing.
+    pub fn beside_motion(self, motion: TextFile) -> miette::Result<MotionTexts> {
+        let TextFile { path, text } = &motion;
+        let explain = Kind::Motion.explain(Path::new(path), text);
+        let robot = Motion::robot_path_in_toml(path, text).map_err(explain)?;
+        let source = self.of(Path::new(path));
+        let text = source.text(&beside(Path::new(path), &robot), Named::InFile, Kind::Robot);
+        let robot = text.wrap_err_with(|| names(Path::new(path), &robot))?;
+        Ok(MotionTexts { motion, robot })
+    }
+
+    /// Reads and validates a library file, its robot and its motions.
+    ///
+    /// # Errors
+    /// A file is missing, or everything that is wrong in it, or motions that do not fit together.
+    pub fn library(self, path: &Path) -> miette::Result<Library> {
+        let source = self.of(path);
+        let text = source.text(path, Named::ByUser, Kind::Library)?;
+        let mut beside = Beside { source, path, text: &text.text, robot: None };
+        let Contents { robot, file, motions, plans } =
+            Contents::read(&text.path, &text.text, &mut beside)?;
+        let robot_text = beside.robot.expect("its contents have a robot");
+        Ok(Library { robot, file, motions, plans, text, robot_text })
+    }
+
+    /// Reads and validates a design file, its robot and its motions.
+    ///
+    /// # Errors
+    /// A file is missing, or everything that is wrong in it, or parameters that do not fit the robot.
+    pub fn design(self, path: &Path) -> miette::Result<Designed> {
+        Ok(self.of(path).design_and_texts(path, Named::ByUser)?.0)
+    }
+
+    /// Reads and validates a design file with what it names; the texts of all come, too.
+    fn design_and_texts(
+        self,
+        path: &Path,
+        named: Named,
+    ) -> miette::Result<(Designed, Vec<String>)> {
+        let design = self.text(path, named, Kind::Design)?;
+        let explain = || Kind::Design.explain(path, &design.text);
+        let file = DesignFile::from_toml(&design.path, &design.text).map_err(explain())?;
+        let beside = |named: &str, kind: Kind| {
+            self.text(&beside(path, named), Named::InFile, kind).map(NamedText::from)
+        };
+        let robot = beside(&file.robot, Kind::Robot)?;
+        let motions = file.motions.iter().map(|motion| beside(&motion.file, Kind::Motion));
+        let motions = motions.collect::<miette::Result<Vec<_>>>()?;
+        let texts =
+            [&design.text, &robot.text].into_iter().chain(motions.iter().map(|of| &of.text));
+        let texts = texts.cloned().collect();
+        Ok((Designed::new(&design.into(), robot, motions).map_err(Report::new)?, texts))
+    }
+
+    /// Reads and validates a sweep file with what it names, and a catalogue; also all texts, from which a digest can be made.
+    ///
+    /// # Errors
+    /// A file is missing, or everything that is wrong in it, or axes that do not fit.
+    pub fn sweep(self, path: &Path, servos: Option<&Path>) -> miette::Result<(Ready, Vec<String>)> {
+        let source = self.of(path);
+        let file = source.text(path, Named::ByUser, Kind::Sweep)?;
+        let sweep = Sweep::from_toml(&file.path, &file.text)
+            .map_err(Kind::Sweep.explain(path, &file.text))?;
+        let mut texts = vec![file.text.clone()];
+        let design = match &sweep.design {
+            Some(design) => {
+                let (design, more) =
+                    source.design_and_texts(&beside(path, design), Named::InFile)?;
+                texts.extend(more);
+                Some(design)
+            }
+            None => None,
+        };
+        let (robots, motions) = sweep.files();
+        let named = robots.into_iter().map(|robot| (robot, Kind::Robot));
+        let named = named.chain(motions.into_iter().map(|motion| (motion, Kind::Motion)));
+        let mut files = Files::new();
+        for (name, kind) in named {
+            let text = source.text(&beside(path, name), Named::InFile, kind)?;
+            texts.push(text.text.clone());
+            files.insert(name.clone(), text.into());
+        }
+        let catalog = match servos {
+            Some(path) => self.catalog(path)?,
+            None => Catalog::shipped(),
+        };
+        texts.push(format!("{catalog:?}"));
+        let ready = Ready::new(&file.into(), design, files, catalog).map_err(Report::new)?;
+        Ok((ready, texts))
+    }
+
+    /// Reads and validates a catalogue of servos.
+    ///
+    /// # Errors
+    /// The file is missing, or everything that is wrong in it.
+    pub fn catalog(self, path: &Path) -> miette::Result<Catalog> {
+        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Servos)?;
+        Catalog::from_toml(&name, &text).map_err(Kind::Servos.explain(path, &text))
+    }
+
+    /// Reads and validates a terrain file.
+    ///
+    /// # Errors
+    /// The file is missing, or everything that is wrong in it.
+    pub fn terrain(self, path: &Path) -> miette::Result<Arc<dyn Ground>> {
+        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Terrain)?;
+        ground::file::from_toml(&name, &text).map_err(Kind::Terrain.explain(path, &text))
+    }
+
+    /// Source of a file that the user names: the path of a shipped file names that file wherever no other has it.
+    fn of(self, path: &Path) -> Self {
+        match self {
+            Source::Disk if !path.exists() && shipped::text(path).is_some() => Source::Shipped,
+            source => source,
+        }
+    }
+
+    fn text(self, path: &Path, named: Named, kind: Kind) -> miette::Result<TextFile> {
+        match self {
+            Source::Disk => text(path, named, |_| kind),
+            Source::Shipped => {
+                let text = shipped::text(path);
+                let missing = || miette!("the binary carries no {kind} called {}", path.display());
+                Ok(TextFile::new(path, text.ok_or_else(missing)?.to_owned()))
+            }
+        }
+    }
+}
+
+impl From<TextFile> for NamedText {
+    fn from(TextFile { path, text }: TextFile) -> Self {
+        Self { name: path, text }
+    }
+}
+
+impl TextFile {
+    fn new(path: &Path, text: String) -> Self {
+        Self { path: path.to_string_lossy().into_owned(), text }
+    }
+}
+
+fn text(path: &Path, named: Named, kind_of: impl Fn(&[u8]) -> Kind) -> miette::Result<TextFile> {
+    let text = files::text(files::read_by(path, named, kind_of)?, path)?;
+    Ok(TextFile::new(path, text))
+}
+
+/// The text of a motion file or of a problem file.
+///
+/// # Errors
+/// The file is missing, too large or no text.
+pub fn motion_or_problem(path: &Path) -> miette::Result<TextFile> {
+    match Source::Disk.of(path) {
+        Source::Shipped => Source::Shipped.text(path, Named::ByUser, Kind::Motion),
+        Source::Disk => text(path, Named::ByUser, Kind::of_motion_or_problem),
+    }
+}
+
+/// Reads and validates a plan.
+///
+/// # Errors
+/// The file is missing or is not a plan that this version reads.
+pub fn plan(path: &Path) -> miette::Result<Plan> {
+    let TextFile { path: name, text } = plan_text(path)?;
+    Plan::from_json(&name, &text).map_err(Kind::Plan.explain(path, &text))
+}
+
+/// The text of a plan.
+///
+/// # Errors
+/// The file is missing, too large or no text.
+pub fn plan_text(path: &Path) -> miette::Result<TextFile> {
+    text(path, Named::ByUser, |_| Kind::Plan)
+}
+
+/// The number of an option, within a range.
+///
+/// # Errors
+/// It is no number, or not in the range.
+pub fn number_within(text: &str, range: RangeInclusive<f64>) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
+    match range.contains(&value) {
+        true => Ok(value),
+        false => Err(format!("must be from {} to {}", range.start(), range.end())),
+    }
+}
+
+/// The path of a file that `path` names relative to itself, without `x/..` detours.
+pub fn beside(path: &Path, named: &str) -> PathBuf {
+    let mut resolved = path.parent().unwrap_or(Path::new("")).to_owned();
+    for part in Path::new(named).components() {
+        let detour = part == std::path::Component::ParentDir
+            && resolved.file_name().is_some_and(|folder| folder != "..");
+        if detour {
+            resolved.pop();
+        } else {
+            resolved.push(part);
+        }
+    }
+    resolved
+}
+
+#[cfg(test)]
+mod tests {
+    use super::beside;
+    use std::path::Path;
+
+    #[test]
+    fn named_files_lie_relative_to_the_file_that_names_them() {
+        for (from, named, expected) in [
+            ("motions/demo.toml", "walk.toml", "motions/walk.toml"),
+            ("motions/demo.toml", "../robots/a.toml", "robots/a.toml"),
+            ("demo.toml", "../robots/a.toml", "../robots/a.toml"),
+            ("../motions/demo.toml", "../robots/a.toml", "../robots/a.toml"),
+            ("../../demo.toml", "../a.toml", "../../../a.toml"),
+        ] {
+            assert_eq!(beside(Path::new(from), named), Path::new(expected), "{from} {named}");
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! Several runs of one robot, each fitted alone, as one answer.
+//!
+//! A run in which contacts slip otherwise than with us moves its numbers by more than their deviations say, and the same way in all of its parts: no
+//! estimate from that run sees it. Another motion slips otherwise, so that what motions disagree about measures it: `effects`.
+//!
+//! Means are of the search's parameters: logarithms, but for delays. A deviation is then a share of the value, and of two runs that are as sure the
+//! one with the smaller value does not count for more. Correlations between quantities of a run do not enter.
+
+use super::effects::{self, Report};
+use super::outcome::{Found, Identified, Verdict};
+use super::quantity::{Model, Quantity};
+use rollwalk_robot::Robot;
+
+/// What several runs give together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Together {
+    /// The robot with all quantities that changed.
+    pub model: Model,
+    /// Every quantity.
+    pub combined: Vec<Combined>,
+}
+
+/// A quantity from several runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Combined {
+    /// Its value, its deviation and the verdict on both. Of one run that tells it they are those of that run.
+    pub found: Found,
+    /// Deviation between runs beyond their own, which is part of its deviation; none if fewer than two runs tell it: then an error of the model is in
+    /// no deviation.
+    pub between: Option<f64>,
+    /// Numbers of the runs that tell it, from 0.
+    pub runs: Vec<usize>,
+}
+
+/// Combines fits of the same quantities of a robot to different runs.
+pub fn together(robot: &Robot, quantities: &[Quantity], fits: &[Identified]) -> Together {
+    let file = Model::new(robot);
+    let all: Vec<&[Found]> = fits.iter().map(|fit| &fit.found[..]).collect();
+    let combined: Vec<Combined> =
+        quantities.iter().map(|quantity| combine(quantity, quantity.value(&file), &all)).collect();
+    let mut model = file;
+    for Combined { found, .. } in combined.iter().filter(|of| of.found.is_adopted()) {
+        found.quantity.set(&mut model, found.fitted);
+    }
+    Together { model, combined }
+}
+
+/// One quantity, of which `before` is the value of the file, from what was found of each run.
+fn combine(quantity: &Quantity, before: f64, fits: &[&[Found]]) -> Combined {
+    let of_run = |(run, found): (usize, &&[Found])| {
+        found.iter().find(|of| of.quantity == *quantity).cloned().map(|of| (run, of))
+    };
+    let found: Vec<(usize, Found)> = fits.iter().enumerate().filter_map(of_run).collect();
+    let telling: Vec<&(usize, Found)> = found.iter().filter(|(_, of)| of.is_counted()).collect();
+    let runs: Vec<usize> = telling.iter().map(|(run, _)| *run).collect();
+    if let [(_, only)] = telling[..] {
+        return Combined { found: only.clone(), between: None, runs };
+    }
+    let report = |(_, of): &&(usize, Found)| Report {
+        value: quantity.to_parameter(before, of.fitted),
+        deviation: of.deviation / quantity.by_parameter(of.fitted),
+    };
+    let reports: Vec<Report> = telling.iter().map(report).collect();
+    let Some(mean) = effects::mean(&reports) else {
+        // Why a run does not tell it is worth more than that none does.
+        let absurd = found.iter().find(|(_, of)| of.verdict == Verdict::Absurd);
+        let found =
+            absurd.or(found.first()).map_or_else(|| silent(quantity, before), |(_, of)| of.clone());
+        return Combined { found, between: None, runs };
+    };
+    let fitted = quantity.of_parameter(before, mean.value);
+    let by = quantity.by_parameter(fitted);
+    let deviation = mean.deviation * by;
+    let verdict = Verdict::of(quantity, before, fitted, deviation);
+    let found = Found { quantity: quantity.clone(), before, fitted, deviation, verdict };
+    Combined { found, between: Some(mean.between * by), runs }
+}
+
+/// What no run has anything of.
+fn silent(quantity: &Quantity, before: f64) -> Found {
+    let (quantity, deviation) = (quantity.clone(), f64::INFINITY);
+    Found { quantity, before, fitted: before, deviation, verdict: Verdict::Silent }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identify::Kind;
+
+    fn quantity(kind: Kind) -> Quantity {
+        Quantity { kind, group: None }
+    }
+
+    /// As a run tells it, with a deviation as a share of the value (of delays, in s).
+    fn found(kind: Kind, before: f64, fitted: f64, share: f64) -> Found {
+        let quantity = quantity(kind);
+        let deviation = share * if kind == Kind::Delay { 1.0 } else { fitted };
+        let verdict = Verdict::of(&quantity, before, fitted, deviation);
+        Found { quantity, before, fitted, deviation, verdict }
+    }
+
+    fn friction(fitted: f64, share: f64) -> [Found; 1] {
+        [found(Kind::Friction, 0.8, fitted, share)]
+    }
+
+    fn combined(kind: Kind, before: f64, runs: &[[Found; 1]]) -> Combined {
+        let runs: Vec<&[Found]> = runs.iter().map(|found| &found[..]).collect();
+        combine(&quantity(kind), before, &runs)
+    }
+
+    fn near(found: f64, expected: f64) {
+        assert!((found - expected).abs() < 1e-12 * expected.abs().max(1.0), "{found}, {expected}");
+    }
+
+    #[test]
+    fn runs_that_disagree_have_their_geometric_mean_and_their_spread() {
+        // Logarithms differ by 2 d, so that their variance is 2 d².
+        let (d, own) = (0.2_f64, 0.05);
+        let of = |by: f64| friction(0.3 * by.exp(), own);
+        let all = combined(Kind::Friction, 0.8, &[of(d), of(-d)]);
+        near(all.found.fitted, 0.3);
+        let variance = 2.0 * d * d - own * own;
+        near(all.between.unwrap(), 0.3 * variance.sqrt());
+        near(all.found.deviation, 0.3 * ((variance + own * own) / 2.0 + variance).sqrt());
+        assert_eq!(all.runs, [0, 1]);
+        // More than a quarter of it.
+        assert_eq!(all.found.verdict, Verdict::Vague);
+    }
+
+    #[test]
+    fn delays_are_no_logarithms() {
+        let of = |delay_s| [found(Kind::Delay, 0.0, delay_s, 1e-4)];
+        let all = combined(Kind::Delay, 0.0, &[of(-4e-3), of(2e-3)]);
+        near(all.found.fitted, -1e-3);
+        near(all.between.unwrap(), (18e-6_f64 - 1e-8).sqrt());
+    }
+
+    #[test]
+    fn runs_that_agree_are_surer_than_each() {
+        let all = combined(Kind::Friction, 0.8, &[friction(0.3, 0.02), friction(0.3, 0.02)]);
+        near(all.found.fitted, 0.3);
+        near(all.found.deviation, 0.3 * 0.02 / 2.0_f64.sqrt());
+        assert_eq!((all.between, all.found.verdict), (Some(0.0), Verdict::Changed));
+    }
+
+    #[test]
+    fn a_run_that_cannot_tell_does_not_count() {
+        let [known, other] = [friction(0.3, 0.02), friction(0.32, 0.02)];
+        let silent = friction(0.5, f64::INFINITY);
+        // So far off that the search has lost its way.
+        let absurd = friction(0.8 * 4.0_f64.exp(), 1e-6);
+        let both = combined(Kind::Friction, 0.8, &[known.clone(), other.clone()]);
+        let more = [silent.clone(), known.clone(), absurd.clone(), other];
+        let all = combined(Kind::Friction, 0.8, &more);
+        assert_eq!(all.found, both.found);
+        assert_eq!((all.between, all.runs), (both.between, vec![1, 3]));
+        // One that tells it has the last word, without a spread.
+        let one = combined(Kind::Friction, 0.8, &[silent.clone(), known.clone()]);
+        assert_eq!(one, Combined { found: known[0].clone(), between: None, runs: vec![1] });
+        // None: the file's value stays, and the verdict says why.
+        let none = combined(Kind::Friction, 0.8, &[silent.clone(), absurd]);
+        assert_eq!((none.found.verdict, none.runs), (Verdict::Absurd, Vec::new()));
+        let none = combined(Kind::Friction, 0.8, &[silent.clone(), silent]);
+        assert_eq!((none.found.verdict, none.between), (Verdict::Silent, None));
+        assert_eq!(combined(Kind::Delay, 0.0, &[known]).found.verdict, Verdict::Silent);
+    }
+
+    #[test]
+    fn the_spread_decides_whether_a_number_changed() {
+        let sure = friction(0.7, 0.01);
+        assert_eq!(sure[0].verdict, Verdict::Changed);
+        let all = combined(
+            Kind::Friction,
+            0.8,
+            &[sure.clone(), friction(0.9, 0.01), friction(0.78, 0.01)],
+        );
+        assert_eq!(all.found.verdict, Verdict::Agrees, "{all:?}");
+        let alone = combined(Kind::Friction, 0.8, std::slice::from_ref(&sure));
+        assert_eq!(alone.found, sure[0]);
+    }
+
+    #[test]
+    fn the_model_has_what_changed_and_what_is_fitted_along() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped/robots/agilebot.toml");
+        let robot = Robot::from_toml("agilebot", &std::fs::read_to_string(path).unwrap()).unwrap();
+        let file = Model::new(&robot);
+        let stiffness = quantity(Kind::Stiffness).value(&file);
+        let fit = |friction: f64| Identified {
+            model: file.clone(),
+            found: vec![
+                found(Kind::Friction, 0.8, friction, 0.01),
+                // Uncertain, and fitted along.
+                found(Kind::Stiffness, stiffness, 2.0 * stiffness, 0.5),
+            ],
+            correlated: Vec::new(),
+            fitted: [None, None],
+            predicted: [None, None],
+            times_s: [0.0; 3],
+            horizon_s: 0.0,
+            rollouts: 0,
+        };
+        let quantities = [Kind::Friction, Kind::Stiffness].map(quantity);
+        let all = together(&robot, &quantities, &[fit(0.3), fit(0.3)]);
+        near(all.model.robot.end_effectors[0].friction_coefficient, 0.3);
+        near(all.model.parameters.normal.stiffness_n_m / stiffness, 2.0);
+        let all = together(&robot, &quantities, &[fit(0.8), fit(0.8)]);
+        near(all.model.robot.end_effectors[0].friction_coefficient, 0.8);
+        // No fit at all is the file.
+        assert_eq!(together(&robot, &quantities, &[]).model, file);
+    }
+}

@@ -1,0 +1,61 @@
+//! How the robot in the world differs from the one that was planned for.
+
+use crate::sensors::{Noise, SensorFault};
+use rollwalk_robot::Robot;
+
+/// Differences between the plan's robot and the simulated one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mismatch {
+    /// Masses and inertias of all links over the planned ones.
+    pub mass: f64,
+    /// Coefficient of friction of all feet, wheels and blades; `None` for the planned ones.
+    pub friction: Option<f64>,
+    /// Time from a measurement to the setpoints that answer it, s, in closed loop.
+    pub delay_s: f64,
+    /// Noise of the sensors from which a controller in closed loop estimates the state; `None` if it knows the state.
+    pub noise: Option<Noise>,
+    /// What breaks of those sensors.
+    pub sensor_fault: Option<SensorFault>,
+}
+
+impl Default for Mismatch {
+    /// No difference.
+    fn default() -> Self {
+        Self { mass: 1.0, friction: None, delay_s: 0.0, noise: None, sensor_fault: None }
+    }
+}
+
+impl Mismatch {
+    /// The robot in the world.
+    pub fn of(&self, planned: &Robot) -> Robot {
+        let mut robot = planned.clone();
+        for link in &mut robot.links {
+            link.mass_kg *= self.mass;
+            link.inertia_in_link_kg_m2 *= self.mass;
+        }
+        for end_effector in &mut robot.end_effectors {
+            end_effector.friction_coefficient =
+                self.friction.unwrap_or(end_effector.friction_coefficient);
+        }
+        robot
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn masses_inertias_and_friction_are_those_that_are_asked_for() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped/robots/agilebot.toml");
+        let robot = Robot::from_toml("agilebot", &fs::read_to_string(path).unwrap()).unwrap();
+        assert_eq!(Mismatch::default().of(&robot), robot);
+        let other = Mismatch { mass: 1.5, friction: Some(0.3), ..Mismatch::default() }.of(&robot);
+        for (one, other) in robot.links.iter().zip(&other.links) {
+            assert_eq!(other.mass_kg, 1.5 * one.mass_kg);
+            assert_eq!(other.inertia_in_link_kg_m2, one.inertia_in_link_kg_m2 * 1.5);
+        }
+        assert!(other.end_effectors.iter().all(|foot| foot.friction_coefficient == 0.3));
+    }
+}

@@ -1,7 +1,0 @@
-//! The `rollwalk-ros2` binary; everything it does is in the library of `ros2/`.
-
-use std::process::ExitCode;
-
-fn main() -> ExitCode {
-    rollwalk_ros2::main()
-}

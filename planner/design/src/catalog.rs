@@ -1,0 +1,182 @@
+//! The catalogue of servos: real ones with their makers' values, and what a motion may use of them.
+//!
+//! **Derating.** A maker's stall torque is a peak that is read in an instant, and at stall the motor does nothing but heat; its
+//! speed without load is one at which no torque is left. Motions may use [`SPEED_USED`] of that speed and [`TORQUE_USED`]
+//! of that torque, as the robot files that ship do. Where a maker rates what a drive holds without getting too hot, that counts.
+
+use rollwalk_robot::document::{Document, DocumentError, Table};
+use std::f64::consts::TAU;
+
+/// Part of the speed without load that motions may use.
+pub const SPEED_USED: f64 = 0.75;
+/// Part of the speed without load that wheels may use: they need hardly any torque on level ground.
+pub const WHEEL_SPEED_USED: f64 = 0.85;
+/// Part of the stall torque that motions may use.
+pub const TORQUE_USED: f64 = 0.60;
+/// Most servos of a catalogue.
+const SERVOS_MAX: usize = 1000;
+
+/// A servo or drive with position or speed control.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Servo {
+    /// Its name, as the maker's document has it.
+    pub name: String,
+    /// The maker.
+    pub maker: String,
+    /// Supply voltage to which the values belong.
+    pub voltage_v: f64,
+    /// Speed without load.
+    pub no_load_speed_rad_s: f64,
+    /// Stall torque; none for drives whose maker rates a torque instead.
+    pub stall_torque_nm: Option<f64>,
+    /// Speed that a joint may have.
+    pub speed_max_rad_s: f64,
+    /// Torque that a motion may use.
+    pub torque_max_nm: f64,
+    /// Mass.
+    pub mass_kg: f64,
+    /// The document that the values are from.
+    pub source: String,
+}
+
+/// Servos by name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Catalog {
+    servos: Vec<Servo>,
+}
+
+impl Servo {
+    /// Speed that a wheel of it may have, rad/s.
+    pub fn wheel_speed_max_rad_s(&self) -> f64 {
+        to_thousandth(WHEEL_SPEED_USED * self.no_load_speed_rad_s)
+    }
+}
+
+impl Catalog {
+    /// The catalogue that ships.
+    ///
+    /// # Panics
+    /// Never: a test reads what ships.
+    pub fn shipped() -> Self {
+        Self::from_toml("planner/design/servos.toml", SHIPPED)
+            .expect("the catalogue that ships is sound")
+    }
+
+    /// Reads a catalogue. `name` is for messages only.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it.
+    pub fn from_toml(name: &str, text: &str) -> Result<Self, DocumentError> {
+        let document = Document::parse(name, text)?;
+        let catalog = catalog(&document);
+        document.finish(catalog)
+    }
+
+    /// The servos, in the order of the file.
+    pub fn servos(&self) -> &[Servo] {
+        &self.servos
+    }
+
+    /// The servo of a name.
+    pub fn get(&self, name: &str) -> Option<&Servo> {
+        self.servos.iter().find(|servo| servo.name == name)
+    }
+}
+
+/// Text of the catalogue that ships.
+const SHIPPED: &str = include_str!("../servos.toml");
+
+fn catalog(document: &Document<'_>) -> Option<Catalog> {
+    let root = document.root();
+    let tables = root.tables_up_to("servo", SERVOS_MAX);
+    if tables.is_empty() {
+        root.fault("servo", "is missing", "no servos", "write [[servo]] tables");
+    }
+    root.done();
+    let mut servos: Vec<Servo> = Vec::new();
+    for table in tables {
+        let span = table.clone();
+        let servo = servo(table)?;
+        if servos.iter().any(|other| other.name == servo.name) {
+            let problem = format_args!("is \"{}\" a second time", servo.name);
+            span.fault("name", problem, "again", "servos are chosen by name: give each its own");
+        }
+        servos.push(servo);
+    }
+    Some(Catalog { servos })
+}
+
+fn servo(mut table: Table<'_>) -> Option<Servo> {
+    let name = table.string("name")?;
+    table.call(format!("servo `{name}`"));
+    let maker = table.string("maker");
+    let source = table.string("source");
+    let voltage_v = table.number_in("voltage_v", 1.0..=1000.0, "V");
+    let speed_rev_min = table.number_in("no_load_speed_rev_min", 0.1..=100_000.0, "rev/min");
+    let mass_kg = table.number_in("mass_kg", 1e-4..=100.0, "kg");
+    let torque = |key| table.given(key, |table, key| table.number_in(key, 1e-4..=10_000.0, "N·m"));
+    let [stall, rated] = ["stall_torque_nm", "rated_torque_nm"].map(torque);
+    table.done();
+    let Some(torque_max_nm) = rated.or(stall.map(|stall| TORQUE_USED * stall)) else {
+        let help = "give `stall_torque_nm`, or `rated_torque_nm` where the maker rates one";
+        table.fault("stall_torque_nm", "is missing", "no torque", help);
+        return None;
+    };
+    let no_load_speed_rad_s = speed_rev_min? * TAU / 60.0;
+    Some(Servo {
+        name,
+        maker: maker?,
+        voltage_v: voltage_v?,
+        no_load_speed_rad_s: to_thousandth(no_load_speed_rad_s),
+        stall_torque_nm: stall,
+        speed_max_rad_s: to_thousandth(SPEED_USED * no_load_speed_rad_s),
+        torque_max_nm: to_thousandth(torque_max_nm),
+        mass_kg: mass_kg?,
+        source: source?,
+    })
+}
+
+/// No datasheet has more digits, and robot files read better.
+fn to_thousandth(value: f64) -> f64 {
+    (value * 1000.0).round() / 1000.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_catalogue_agrees_with_the_shipped_robots() {
+        let catalog = Catalog::shipped();
+        assert!(catalog.servos().len() >= 20);
+        // Values of robots/agilebot.toml, from the same documents by hand.
+        for (name, speed, torque, mass) in
+            [("XM430-W210-T", 6.05, 1.8, 0.082), ("XM540-W150-T", 4.16, 4.38, 0.165)]
+        {
+            let servo = catalog.get(name).unwrap();
+            assert!((servo.speed_max_rad_s - speed).abs() < 0.005, "{servo:?}");
+            assert_eq!((servo.torque_max_nm, servo.mass_kg), (torque, mass));
+        }
+        let rated = catalog.get("AK80-6").unwrap();
+        assert_eq!((rated.torque_max_nm, rated.stall_torque_nm), (6.0, None));
+        assert_eq!(catalog.get("none"), None);
+    }
+
+    #[test]
+    fn faults_say_what_would_be_right() {
+        const SERVO: &str = "[[servo]]\nname = \"a\"\nmaker = \"m\"\nvoltage_v = 12.0\n\
+            no_load_speed_rev_min = 60.0\nstall_torque_nm = 2.0\nmass_kg = 0.1\nsource = \"s\"\n";
+        let faults = |text: &str| {
+            let error = Catalog::from_toml("servos.toml", text).unwrap_err();
+            error.faults().map(|fault| format!("{fault}; {}", fault.help)).collect::<String>()
+        };
+        assert!(Catalog::from_toml("servos.toml", SERVO).is_ok());
+        let twice = faults(&SERVO.repeat(2));
+        assert!(twice.contains("\"a\" a second time"), "{twice}");
+        let no_torque = faults(&SERVO.replace("stall_torque_nm = 2.0\n", ""));
+        assert!(no_torque.contains("or `rated_torque_nm`"), "{no_torque}");
+        let negative = faults(&SERVO.replace("mass_kg = 0.1", "mass_kg = -0.1"));
+        assert!(negative.contains("`mass_kg` is -0.1"), "{negative}");
+        assert!(faults("").contains("`servo` is missing"));
+    }
+}

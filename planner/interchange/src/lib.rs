@@ -1,0 +1,36 @@
+//! Robots and plans in the formats of other tools, so that they need nothing of ours to read them.
+//!
+//! | format | of | for |
+//! |---|---|---|
+//! | [`urdf`] | a robot | ROS, Pinocchio, viewers |
+//! | [`urdf_with_control`], [`controllers`] | a robot | `ros2_control` of ROS 2 |
+//! | [`mjcf`], [`motion`] | a robot; a plan as keyframes with controls | MuJoCo |
+//! | [`trajectory`] | a plan | ROS, by way of JSON |
+//! | [`foxglove`] | a plan as an MCAP file; robots as messages | Foxglove, Lichtblick |
+//!
+//! Formats go out here and nothing comes in: `rollwalk_robot::urdf` imports. Texts are values; the same robot or plan gives the
+//! same text.
+//!
+//! ```
+//! use rollwalk_robot::Robot;
+//!
+//! let text = std::fs::read_to_string("../../shipped/robots/agilebot.toml")?;
+//! let (robot, parts) = Robot::with_parts_from_toml("agilebot.toml", &text)?;
+//! assert!(rollwalk_interchange::urdf(&robot, &parts)?.contains("<robot name="));
+//! assert!(rollwalk_interchange::mjcf(&robot, &parts)?.contains("<mujoco model="));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod bodies;
+pub mod foxglove;
+mod mjcf;
+mod ros2_control;
+mod trajectory;
+mod urdf;
+mod xml;
+
+pub use bodies::joint_names;
+pub use mjcf::{mjcf, motion};
+pub use ros2_control::{MOCK, controllers, urdf_with_control};
+pub use trajectory::trajectory;
+pub use urdf::urdf;

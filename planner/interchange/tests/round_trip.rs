@@ -1,0 +1,159 @@
+//! What is exported as URDF comes back by the project's own import.
+
+use rollwalk_interchange::foxglove::{Figure, Posture};
+use rollwalk_robot::urdf::{Text, import, survey};
+use rollwalk_robot::{EndEffector, Joint, Robot};
+use std::collections::HashSet;
+use std::path::Path;
+
+fn shipped(name: &str) -> Robot {
+    let path =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../shipped/robots/{name}.toml"));
+    Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// A shipped robot as it comes back from what it was exported as, with the side file that the survey proposes; and as it was. Mass, joints,
+/// their limits and torques are the same to rounding.
+fn come_back(name: &str, exported: impl Fn(&Robot) -> String) -> [Robot; 2] {
+    let robot = shipped(name);
+    let text = exported(&robot);
+    let text = Text { name, text: &text };
+    let side = survey(text).unwrap().template;
+    let back = import(text, Text { name: "side", text: &side }).unwrap().robot;
+    assert!((back.total_mass_kg() - robot.total_mass_kg()).abs() < 1e-9, "{name}");
+    assert_eq!(back.joints.len(), robot.joints.len(), "{name}");
+    for joint in &robot.joints {
+        let found = found(&back, &joint.name);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{name} {}", joint.name);
+        near(found.position_min_rad, joint.position_min_rad);
+        near(found.position_max_rad, joint.position_max_rad);
+        near(found.actuator.torque_max_nm, joint.actuator.torque_max_nm);
+    }
+    [robot, back]
+}
+
+fn found<'r>(robot: &'r Robot, name: &str) -> &'r Joint {
+    let found = robot.joints.iter().find(|joint| joint.name == name);
+    found.unwrap_or_else(|| panic!("{} has no {name}", robot.name))
+}
+
+#[test]
+fn robots_come_back_from_urdf_with_their_joints_wheels_and_masses() {
+    for name in ["agilebot", "pup", "anymal_wheels", "swizzlebot", "creature3"] {
+        let [robot, back] =
+            come_back(name, |robot| rollwalk_interchange::urdf(robot, &[]).unwrap());
+        for joint in &robot.joints {
+            let found = found(&back, &joint.name);
+            let range = |joint: &Joint| [joint.position_min_rad, joint.position_max_rad];
+            assert_eq!(range(found), range(joint), "{name} {}", joint.name);
+            let motor =
+                |joint: &Joint| [joint.actuator.torque_max_nm, joint.actuator.speed_max_rad_s];
+            assert_eq!(motor(found), motor(joint), "{name} {}", joint.name);
+        }
+        assert_eq!(wheels(&back), wheels(&robot), "{name}");
+    }
+}
+
+#[test]
+fn robots_come_back_from_mjcf_with_their_joints_wheels_and_masses() {
+    for name in ["agilebot", "pup", "anymal_wheels", "legbot"] {
+        let [robot, back] =
+            come_back(name, |robot| rollwalk_interchange::mjcf(robot, &[]).unwrap());
+        for joint in &robot.joints {
+            let armature = |joint: &Joint| joint.actuator.armature_kg_m2;
+            assert_eq!(
+                armature(found(&back, &joint.name)),
+                armature(joint),
+                "{name} {}",
+                joint.name
+            );
+        }
+        assert_eq!(wheels(&back).len(), wheels(&robot).len(), "{name}");
+    }
+}
+
+#[test]
+fn wheels_without_motors_come_back_without_motors() {
+    for name in ["swizzlebot", "dinobot"] {
+        let urdf = |robot: &Robot| rollwalk_interchange::urdf(robot, &[]).unwrap();
+        let mjcf = |robot: &Robot| rollwalk_interchange::mjcf(robot, &[]).unwrap();
+        for [robot, back] in [come_back(name, urdf), come_back(name, mjcf)] {
+            let kinds = |robot: &Robot| {
+                let feet = robot.end_effectors.iter();
+                let kind =
+                    |foot: &EndEffector| (foot.contact.spins(), foot.contact.actuator().is_some());
+                let mut kinds: Vec<_> = feet.map(kind).collect();
+                kinds.sort();
+                kinds
+            };
+            assert_eq!(kinds(&back), kinds(&robot), "{name}");
+        }
+    }
+}
+
+/// Radii of what spins, in order of size, m.
+fn wheels(robot: &Robot) -> Vec<f64> {
+    let spins = robot.end_effectors.iter().filter(|foot| foot.contact.spins());
+    let mut radii: Vec<_> = spins.map(|foot| foot.radius_m).collect();
+    radii.sort_by(f64::total_cmp);
+    radii
+}
+
+#[test]
+fn names_that_a_format_takes_for_itself_are_given_once() {
+    let mut robot = shipped("legbot");
+    robot.joints[0].name = "base".to_owned();
+    robot.links[1].name = "world".to_owned();
+    robot.end_effectors[0].name = "ground".to_owned();
+    robot.joints[1].name = format!("{}_mount", robot.end_effectors[1].name);
+    let names = |text: &str, elements: &[&str]| {
+        let document = roxmltree::Document::parse(text).unwrap();
+        let all = document.descendants().filter(|node| elements.contains(&node.tag_name().name()));
+        let mut names: Vec<_> =
+            all.filter_map(|node| Some(node.attribute("name")?.to_owned())).collect();
+        names.sort();
+        names
+    };
+    let unique = |names: &[String]| assert!(names.windows(2).all(|two| two[0] != two[1]));
+    let model = rollwalk_interchange::mjcf(&robot, &[]).unwrap();
+    let bodies = names(&model, &["body"]);
+    unique(&bodies);
+    assert!(bodies.iter().any(|name| name == "world_link") && !bodies.contains(&"world".into()));
+    let joints = names(&model, &["joint", "freejoint"]);
+    unique(&joints);
+    assert!(joints.contains(&"base_joint".into()), "{joints:?}");
+    let geoms = names(&model, &["geom"]);
+    unique(&geoms);
+    assert!(geoms.contains(&"ground_foot".into()), "{geoms:?}");
+    let urdf = rollwalk_interchange::urdf(&robot, &[]).unwrap();
+    unique(&names(&urdf, &["joint"]));
+    unique(&names(&urdf, &["link"]));
+}
+
+#[test]
+fn a_joint_and_a_wheel_of_one_name_are_two_joint_states() {
+    let mut robot = shipped("agilebot");
+    robot.joints[0].name.clone_from(&robot.end_effectors[0].name);
+    let figure = Figure::new(&robot, &[], "", [1.0; 4]);
+    let (joint_rad, wheel_rad) = (vec![0.1; robot.joints.len()], vec![0.2; 4]);
+    let posture = Posture {
+        world_from_body: nalgebra::Isometry3::identity(),
+        joint_rad: &joint_rad,
+        wheel_rad: &wheel_rad,
+    };
+    let states = figure.joint_states(&posture, &[], &[], 0.0).joints;
+    let names: HashSet<_> = states.iter().map(|state| &state.name).collect();
+    assert_eq!(names.len(), robot.joints.len() + 4);
+    let angles: Vec<_> = states.iter().filter_map(|state| state.position).collect();
+    assert_eq!(angles, [joint_rad, wheel_rad].concat());
+}
+
+#[test]
+fn a_link_and_a_wheel_of_one_name_are_two_bodies() {
+    let mut robot = shipped("agilebot");
+    robot.end_effectors[0].name.clone_from(&robot.links[1].name);
+    let text = rollwalk_interchange::mjcf(&robot, &[]).unwrap();
+    let name = &robot.links[1].name;
+    assert_eq!(text.matches(&format!("<body name=\"{name}\"")).count(), 1);
+    assert_eq!(text.matches(&format!("<body name=\"{name}_wheel\"")).count(), 1);
+}

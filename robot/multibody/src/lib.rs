@@ -1,0 +1,70 @@
+//! Kinematics and dynamics of any robot file, shared by planner, simulators and controllers.
+//!
+//! A [`Tree`] is a robot prepared once. From a configuration come the poses of its links ([`Frames`]),
+//! from velocities their motion ([`Kinematics`]), from both the mass matrix ([`CompositeInertia`]), bias
+//! forces ([`Kinematics::inverse_dynamics`]) and the kinematics of contact points ([`RimContact`]).
+//!
+//! Generalised velocities ν, in this order: linear velocity of the base origin (m/s), angular velocity of
+//! the base (rad/s), both in world axes; joint speeds in joint order (rad/s); speeds of the spinning wheels
+//! relative to their links, about the axis of the robot file, in end-effector order (rad/s). Generalised
+//! forces are dual to them. [`euler`] has the coordinates of the planner: base position,
+//! yaw–pitch–roll, joint angles.
+//!
+//! Accelerations and forces follow Featherstone, *Rigid Body Dynamics Algorithms* (RBDA), written with
+//! ordinary 3-vectors in world axes: no transform between link frames, and every intermediate is a
+//! velocity, force or moment that can be looked at.
+//!
+//! The caller's vectors and matrices have the tree's size: [`Tree::dofs`], one angle for each joint. Loops of
+//! controllers reuse them, so nothing here returns an error for a wrong size; it panics.
+//!
+//! ```
+//! use nalgebra::Vector3;
+//! use rollwalk_multibody::{Kinematics, LINEAR, State, Tree};
+//!
+//! let text = std::fs::read_to_string("../../shipped/robots/agilebot.toml")?;
+//! let robot = rollwalk_robot::Robot::from_toml("agilebot.toml", &text)?;
+//! let tree = Tree::new(&robot);
+//! let state = State::nominal(&tree);
+//! let mut kinematics = Kinematics::new(&tree, &state.configuration());
+//! kinematics.update(&tree, &state.configuration(), &state.velocity);
+//! kinematics.accelerate(&tree, &vec![0.0; tree.dofs()]);
+//!
+//! // At rest, the ground must carry the weight.
+//! let mut force = vec![0.0; tree.dofs()];
+//! kinematics.inverse_dynamics(&tree, &Vector3::new(0.0, 0.0, -9.806_65), &mut force);
+//! assert!((force[LINEAR + 2] - 9.806_65 * tree.total_mass_kg()).abs() < 1e-9);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod centroidal;
+mod clearance;
+mod composite;
+mod contact;
+pub mod distance;
+pub mod euler;
+mod frames;
+mod inverse_dynamics;
+mod jacobian;
+mod kinematics;
+pub mod rotation;
+mod standing;
+mod state;
+mod tree;
+mod wheel_body;
+
+pub use centroidal::{about_com, centroidal_momentum_matrix};
+pub use composite::{CompositeInertia, forward_dynamics};
+pub use contact::{ContactMotion, RimContact};
+pub use frames::{Configuration, Frames};
+pub use kinematics::Kinematics;
+pub use standing::{Standing, StandingContact};
+pub use state::{State, turn_base};
+pub use tree::{Tree, Wheel};
+pub use wheel_body::{RigidPart, WHEEL_MASS_SHARE, rest_of_link, spinning_wheels};
+
+/// Index in ν of the first component of the base's linear velocity.
+pub const LINEAR: usize = 0;
+/// Index in ν of the first component of the base's angular velocity.
+pub const ANGULAR: usize = 3;
+/// Index in ν of the first joint speed; in the planner's `q`, of the first joint angle.
+pub const JOINTS: usize = 6;

@@ -1,0 +1,44 @@
+//! The flash of the bench: that of the store's own tests, with the words and units of an STM32G4, and
+//! nothing goes wrong in it.
+
+extern crate std;
+
+use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore};
+use rollwalk_protocol::crc::file_digest;
+
+/// Flash that can fail in every way that flash fails.
+#[path = "../../../firmware/src/store/tests/nor.rs"]
+#[allow(missing_docs, dead_code)]
+pub mod nor;
+
+/// Flash of the bench.
+pub type Flash = nor::Nor<8, 2048>;
+
+const TRIAL_BOOTS: u8 = 3;
+
+/// A store of which everything is blank, or one that holds a confirmed library.
+pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
+    let mut store = FlashStore::mount(Flash::blank(18), TRIAL_BOOTS).expect("sound geometry");
+    if let Some(bytes) = library {
+        store.begin(bytes.len(), file_digest(bytes)).expect("there is room");
+        store.write(0, bytes).expect("flash that works");
+        store.seal().expect("flash that works");
+        store.activate().expect("flash that works");
+        store.confirm().expect("flash that works");
+    }
+    store
+}
+
+/// A blank memory for parameters.
+pub fn parameters() -> FlashParameters<Flash> {
+    FlashParameters::mount(Flash::blank(3)).expect("sound geometry")
+}
+
+/// What the flash of both stores holds after the power was off.
+pub fn mounted_again(
+    (library, parameters): (FlashStore<Flash>, FlashParameters<Flash>),
+) -> (FlashStore<Flash>, FlashParameters<Flash>) {
+    let library = FlashStore::mount(library.into_flash(), TRIAL_BOOTS).expect("sound geometry");
+    let parameters = FlashParameters::mount(parameters.into_flash()).expect("sound geometry");
+    (library, parameters)
+}

@@ -1,0 +1,79 @@
+//! Motion libraries: arbitrary bytes, forged ones with sound checksums, and encoded ones. What validates is
+//! played for ten seconds with commands in between, and is within the robot's limits all the time.
+
+mod play;
+#[path = "../../../protocol/tests/protocol/reseal.rs"]
+#[allow(missing_docs)]
+mod reseal;
+mod spec;
+
+use arbitrary::{Result, Unstructured};
+use rollwalk_protocol::config::RobotConfig;
+use rollwalk_protocol::library::{Library, validate};
+
+use crate::robot;
+
+/// The first byte: how the rest is taken.
+const AS_IS: u8 = 0;
+/// With lengths and checksums made good, so that what is behind them is reached.
+const RESEALED: u8 = 1;
+/// As a description of robot and motions to encode.
+const DESCRIBED: u8 = 2;
+
+/// Bytes before the library: how, and the commands.
+const HEAD: usize = 1 + play::COMMANDS;
+
+fn play_if_valid(bytes: &[u8], config: &RobotConfig, commands: &[u8]) {
+    if let Ok(index) = validate(bytes, config) {
+        let library = Library::open(bytes, &index).expect("the bytes that were validated");
+        play::ten_seconds(&library, config, commands);
+    }
+}
+
+fn described(commands: &[u8], description: &[u8]) -> Result<()> {
+    let mut u = Unstructured::new(description);
+    let (config, library) = spec::encoded(&mut u)?;
+    if let Some(bytes) = library {
+        let index = validate(&bytes, &config).expect("what the encoder lets pass is valid");
+        let library = Library::open(&bytes, &index).expect("the bytes that were validated");
+        play::ten_seconds(&library, &config, commands);
+    }
+    Ok(())
+}
+
+/// A library, or a description of one, with commands before it.
+pub fn run(data: &[u8]) {
+    let Some((head, body)) = data.split_first_chunk::<HEAD>() else { return };
+    let (how, commands) = (head[0] % 3, &head[1..]);
+    match how {
+        AS_IS => play_if_valid(body, &robot::config(), commands),
+        RESEALED => {
+            let mut forged = body.to_vec();
+            reseal::reseal(&mut forged);
+            play_if_valid(&forged, &robot::config(), commands);
+        }
+        // An error means that the description was too short.
+        _ => drop(described(commands, body)),
+    }
+}
+
+/// The libraries of the firmware's tests, and descriptions.
+pub fn seeds() -> Vec<Vec<u8>> {
+    let commands: Vec<u8> = [[20, 1], [90, 2], [200, 0], [30, 2]].concat().repeat(2);
+    let seed = |how: u8, body: &[u8]| [&[how], &commands[..play::COMMANDS], body].concat();
+    let mut seeds = Vec::new();
+    for library in [robot::library(), robot::library_that_settles(), spec::smallest()] {
+        seeds.push(seed(AS_IS, &library));
+        seeds.push(seed(RESEALED, &library));
+    }
+    // Those among many that the encoder takes, so that the fuzzer knows what plays looks like.
+    let descriptions = (1..=255u8).map(|n| -> Vec<u8> {
+        (0..160u8).map(|i| i.wrapping_mul(n).wrapping_add(n) >> (n % 4)).collect()
+    });
+    let encodes =
+        |text: &Vec<u8>| matches!(spec::encoded(&mut Unstructured::new(text)), Ok((_, Some(_))));
+    let sound: Vec<_> = descriptions.filter(encodes).take(8).collect();
+    assert_eq!(sound.len(), 8, "hardly a description is one");
+    seeds.extend(sound.iter().map(|text| seed(DESCRIBED, text)));
+    seeds
+}

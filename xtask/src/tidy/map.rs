@@ -1,0 +1,153 @@
+//! Map of the crates in `ARCHITECTURE.md` against the manifests, and against the folders that exist.
+//!
+//! A row of the map is `` | `folder/` | `crate` | dependencies | … ``. Rows stand in the order of the data flow: a crate depends on
+//! crates above it only, and the third cell lists those of its own manifest, without the common prefix of their names.
+
+use super::TextFile;
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+
+const PAGE: &str = "ARCHITECTURE.md";
+const PREFIX: &str = "rollwalk-";
+
+/// Row of the map.
+struct Row<'a> {
+    folder: &'a str,
+    name: &'a str,
+    dependencies: BTreeSet<&'a str>,
+}
+
+/// Crates and folders without a row, rows without a crate, dependencies that differ, and arrows upwards.
+///
+/// # Errors
+/// `metadata` is not what `cargo metadata --no-deps` prints.
+pub fn violations(files: &[TextFile], metadata: &str) -> Result<Vec<String>, String> {
+    let Some(page) = files.iter().find(|file| file.path == PAGE) else {
+        return Ok(vec![format!("{PAGE}: missing")]);
+    };
+    let rows: Vec<Row> = page.text.lines().filter_map(row).collect();
+    let metadata: Value =
+        serde_json::from_str(metadata).map_err(|error| format!("cargo metadata: {error}"))?;
+    let packages = metadata["packages"].as_array().ok_or("cargo metadata: no packages")?;
+    let root = metadata["workspace_root"].as_str().unwrap_or_default();
+    let ours: BTreeMap<&str, &Value> =
+        packages.iter().filter_map(|package| Some((package["name"].as_str()?, package))).collect();
+    let mut found = folders(files, &rows);
+    for name in ours.keys().filter(|name| rows.iter().all(|row| row.name != **name)) {
+        found.push(format!("{PAGE}: the map lacks `{name}`"));
+    }
+    for (at, row) in rows.iter().enumerate().filter(|(_, row)| !row.name.is_empty()) {
+        let Some(package) = ours.get(row.name) else {
+            found.push(format!("{PAGE}: the map has `{}`, which is no crate here", row.name));
+            continue;
+        };
+        let manifest = format!("{root}/{}Cargo.toml", row.folder);
+        if package["manifest_path"] != manifest.as_str() {
+            found.push(format!("{PAGE}: `{}` does not lie in `{}`", row.name, row.folder));
+        }
+        found.extend(arrows(row, &rows[..at], package, &ours));
+    }
+    Ok(found)
+}
+
+/// Dependencies of a crate against its row, and against the rows above it; those of tests only point up.
+fn arrows(row: &Row, above: &[Row], package: &Value, ours: &BTreeMap<&str, &Value>) -> Vec<String> {
+    let all = package["dependencies"].as_array().into_iter().flatten();
+    let all = all.filter_map(|on| Some((on["name"].as_str()?, on["kind"] == "dev")));
+    let all: Vec<_> = all.filter(|(on, _)| ours.contains_key(on) && *on != row.name).collect();
+    let of_library = all.iter().filter(|(_, of_tests)| !of_tests).map(|(on, _)| short(on));
+    let of_library: BTreeSet<&str> = of_library.collect();
+    let mut found = Vec::new();
+    if of_library != row.dependencies {
+        let list = of_library.into_iter().collect::<Vec<_>>().join(", ");
+        found.push(format!("{PAGE}: `{}` depends on: {list}", row.name));
+    }
+    for (on, _) in all.iter().filter(|(on, _)| above.iter().all(|above| above.name != *on)) {
+        found
+            .push(format!("{} must not depend on {on}, which stands below it in {PAGE}", row.name));
+    }
+    found
+}
+
+/// Folders at the top without a row, and rows without a folder.
+fn folders(files: &[TextFile], rows: &[Row]) -> Vec<String> {
+    let top = |path: &str| path.split_once('/').map(|(top, _)| top.to_owned());
+    let existing: BTreeSet<String> = files.iter().filter_map(|file| top(&file.path)).collect();
+    let existing: BTreeSet<String> =
+        existing.into_iter().filter(|folder| !folder.starts_with('.')).collect();
+    let mapped: BTreeSet<String> = rows.iter().filter_map(|row| top(row.folder)).collect();
+    let missing = existing.difference(&mapped);
+    let missing = missing.map(|folder| format!("{PAGE}: the map lacks the folder `{folder}/`"));
+    let gone = rows.iter().filter(|row| !files.iter().any(|of| of.path.starts_with(row.folder)));
+    missing.chain(gone.map(|row| format!("{PAGE}: there is no `{}`", row.folder))).collect()
+}
+
+fn row(line: &str) -> Option<Row<'_>> {
+    let mut cells = line.strip_prefix("| `")?.split(" | ");
+    let folder = cells.next()?.strip_suffix('`').filter(|folder| folder.ends_with('/'))?;
+    let name = cells.next()?.trim_matches('`');
+    let dependencies = cells.next()?.split(", ").map(str::trim).filter(|on| !on.is_empty());
+    Some(Row { folder, name, dependencies: dependencies.collect() })
+}
+
+fn short(name: &str) -> &str {
+    name.strip_prefix(PREFIX).unwrap_or(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::tidy::file;
+    use serde_json::json;
+
+    /// A map of two crates and a folder, and a manifest of `rollwalk-b` with these dependencies.
+    fn found(map: &str, dependencies: &serde_json::Value) -> Vec<String> {
+        let files = [
+            file("ARCHITECTURE.md", map),
+            file("a/Cargo.toml", ""),
+            file("x/b/Cargo.toml", ""),
+            file("docs/page.md", ""),
+            file(".ci/run", ""),
+        ];
+        let package = |name: &str, folder: &str, dependencies: &serde_json::Value| {
+            json!({
+                "name": name,
+                "manifest_path": format!("/w/{folder}/Cargo.toml"),
+                "dependencies": dependencies,
+            })
+        };
+        let a = package("rollwalk-a", "a", &json!([]));
+        let packages = [a, package("rollwalk-b", "x/b", dependencies)];
+        let metadata = json!({ "workspace_root": "/w", "packages": packages });
+        super::violations(&files, &metadata.to_string()).unwrap()
+    }
+
+    const A: &str = "| `a/` | `rollwalk-a` |  | first |\n";
+    const B: &str = "| `x/b/` | `rollwalk-b` | a | second |\n";
+    const DOCS: &str = "| `docs/` |  |  | pages |\n";
+
+    #[test]
+    fn a_map_of_what_there_is_is_fine() {
+        let on = json!([{ "name": "rollwalk-a" }, { "name": "serde" }]);
+        assert_eq!(found(&[A, B, DOCS].concat(), &on), [""; 0]);
+        let more = json!([{ "name": "rollwalk-a" }, { "name": "rollwalk-a", "kind": "dev" }]);
+        assert_eq!(found(&[A, B, DOCS].concat(), &more), [""; 0]);
+    }
+
+    #[test]
+    fn what_differs_is_named() {
+        let on = json!([{ "name": "rollwalk-a" }]);
+        assert!(found(&[B, A, DOCS].concat(), &on)[0].contains("must not depend on rollwalk-a"));
+        assert!(found(&[A, B, DOCS].concat(), &json!([]))[0].contains("`rollwalk-b` depends on:"));
+        assert!(found(&[A, B].concat(), &on)[0].contains("lacks the folder `docs/`"));
+        let no_b = found(&[A, DOCS].concat(), &on);
+        assert!(no_b.iter().any(|one| one.contains("the map lacks `rollwalk-b`")), "{no_b:?}");
+        let moved = found(&[A, &B.replace("x/b/", "x/")[..], DOCS].concat(), &on);
+        assert!(moved.iter().any(|one| one.contains("does not lie in `x/`")), "{moved:?}");
+        let gone = "| `c/` | `rollwalk-c` |  | third |\n";
+        let gone = found(&[A, B, DOCS, gone].concat(), &on);
+        assert!(gone.iter().any(|one| one.contains("`rollwalk-c`, which is no crate here")));
+        assert!(gone.iter().any(|one| one.contains("there is no `c/`")), "{gone:?}");
+        let of_tests = json!([{ "name": "rollwalk-a" }, { "name": "rollwalk-b", "kind": "dev" }]);
+        assert_eq!(found(&[A, B, DOCS].concat(), &of_tests), [""; 0]);
+    }
+}
