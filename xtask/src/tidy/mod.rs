@@ -1,5 +1,6 @@
 //! House rules that no compiler checks, each in its own module, run over the files of the checkout.
 
+mod circles;
 mod commands;
 mod dependencies;
 mod folder_map;
@@ -36,6 +37,7 @@ pub fn check(root: &Path) -> Result<(), String> {
     violations.extend(paths::dead_references(&files, |path| root.join(path).exists()));
     violations.extend(folder_map::violations(&files));
     violations.extend(dependencies::violations(&metadata)?);
+    violations.extend(circles::violations(&files));
     violations.extend(prose::violations(&files));
     let (dead, links) = links::violations(&files, |path| root.join(path).exists());
     let (wrong, commands) = commands::violations(&files, &crate::Cli::command());
