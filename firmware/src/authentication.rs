@@ -11,17 +11,6 @@ pub(crate) use absent::Authentication;
 #[cfg(feature = "authenticated")]
 pub(crate) use present::Authentication;
 
-use crate::controller::Controller;
-use crate::store::{LibraryStore, ParameterStore};
-use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::wire::authentication::request_id;
-#[cfg(feature = "authenticated")]
-use rollwalk_protocol::wire::{
-    Response,
-    authentication::{LinkKey, SessionRequest},
-    transport::{Reply, TransferResult},
-};
-
 /// Decision on a message of a host.
 #[cfg_attr(not(feature = "authenticated"), expect(dead_code, reason = "everything is admitted"))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,71 +23,10 @@ pub(crate) enum Admission {
     Wrong,
 }
 
-impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// Decides on a frame that needs authentication.
-    pub(crate) fn admit_frame(&mut self, now_us: u64, frame: &Frame) -> Admission {
-        let id = frame.standard_id().unwrap_or_default();
-        let admission = self.authentication.admit(now_us, id, frame.data());
-        self.count(now_us, admission);
-        admission
-    }
-
-    /// Decides on the complete request of a transfer.
-    pub(crate) fn admit_request(&mut self, now_us: u64) -> Admission {
-        let id = self.link.node.map_or(0, request_id);
-        let admission = self.authentication.admit(now_us, id, self.link.request());
-        self.count(now_us, admission);
-        admission
-    }
-
-    #[cfg(not(feature = "authenticated"))]
-    fn count(&mut self, _: u64, _: Admission) {}
-
-    #[cfg(feature = "authenticated")]
-    fn count(&mut self, now_us: u64, admission: Admission) {
-        if admission != Admission::Admitted
-            && let Some(count) = self.authentication.count_refused()
-        {
-            self.note_refused(now_us, count);
-        }
-    }
-}
-
-#[cfg(feature = "authenticated")]
-impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// From here on commands, parameter requests, library transfers and the host's heartbeats count only from hosts
-    /// with `key`. `boot` is a number above that of every boot before ([`crate::store::BootCounter`]); without one no
-    /// session begins, and the robot obeys nothing but emergency stops.
-    pub fn insist_on(&mut self, key: LinkKey, boot: Option<u32>) {
-        self.authentication.insist(key, boot);
-    }
-
-    /// Count of messages on the link that were refused because nothing proved that they were from a host with the key.
-    pub fn unauthenticated_messages(&self) -> u32 {
-        self.authentication.refused()
-    }
-
-    /// Answers the request if it is one for a session; whether it is.
-    pub(crate) fn answers_session_request(&mut self, now_us: u64) -> bool {
-        let Ok(request) = SessionRequest::decode(self.link.request()) else { return false };
-        let Some(node) = self.link.node.filter(|_| self.authentication.insists()) else {
-            return false;
-        };
-        match self.authentication.offer(now_us, node, request) {
-            Some(offer) => self.link.send_message(&offer.encode()),
-            None => self.link.respond(&Response::Reply(Reply::new(
-                SessionRequest::KIND,
-                TransferResult::StoreFailed,
-                self.storage.next(),
-            ))),
-        }
-        true
-    }
-}
-
 #[cfg(not(feature = "authenticated"))]
 mod absent {
     use super::Admission;
+    use crate::link::Link;
     use rollwalk_protocol::can::Frame;
     use rollwalk_protocol::wire::Node;
 
@@ -114,6 +42,14 @@ mod absent {
             Admission::Admitted
         }
 
+        pub fn count_refused(&mut self) -> Option<u32> {
+            None
+        }
+
+        pub fn answer_session_request(&mut self, _: u64, _: &mut Link, _: u32) -> bool {
+            false
+        }
+
         pub fn insists(&self) -> bool {
             false
         }
@@ -123,12 +59,14 @@ mod absent {
 #[cfg(feature = "authenticated")]
 mod present {
     use super::Admission;
+    use crate::link::Link;
     use rollwalk_protocol::can::Frame;
-    use rollwalk_protocol::wire::Node;
     use rollwalk_protocol::wire::authentication::{
         Authenticator, COUNTERS, LinkKey, LinkSession, SessionOffer, SessionRequest, Subject,
         response_id,
     };
+    use rollwalk_protocol::wire::transport::{Reply, TransferResult};
+    use rollwalk_protocol::wire::{Node, Response};
 
     /// Sessions at a time: a host, and visitors that command now and then.
     const SESSIONS: usize = 4;
@@ -254,8 +192,24 @@ mod present {
             }
         }
 
+        /// Answers the link's request if it asks for a session; returns whether it does. `next` is the next offset of the
+        /// store, which a refusal carries.
+        pub fn answer_session_request(&mut self, now_us: u64, link: &mut Link, next: u32) -> bool {
+            let Ok(request) = SessionRequest::decode(link.request()) else { return false };
+            let Some(node) = link.node.filter(|_| self.insists()) else { return false };
+            match self.offer(now_us, node, request) {
+                Some(offer) => link.send_message(&offer.encode()),
+                None => link.respond(&Response::Reply(Reply::new(
+                    SessionRequest::KIND,
+                    TransferResult::StoreFailed,
+                    next,
+                ))),
+            }
+            true
+        }
+
         /// The answer to a request for a session. `None`: boots cannot be counted, or there were 2^32 offers.
-        pub fn offer(
+        fn offer(
             &mut self,
             now_us: u64,
             node: Node,

@@ -1,12 +1,16 @@
 //! The controller: connects state machine, motion, library and link, and runs the timers.
 
+mod messages;
+
 use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::library::{Attitude, Library, Reject};
 use rollwalk_protocol::serial::BusState;
-use rollwalk_protocol::wire::{State, Torque};
+#[cfg(feature = "authenticated")]
+use rollwalk_protocol::wire::authentication::LinkKey;
+use rollwalk_protocol::wire::{State, Status, Torque};
 
 use crate::actuators::load::loads;
 use crate::authentication::Authentication;
@@ -30,17 +34,17 @@ use crate::tuning::Tuning;
 ///
 /// Times are microseconds of the controller's monotonic clock, the same clock in every call.
 pub struct Controller<S, P = NoParameters> {
-    pub(crate) setup: Setup,
-    pub(crate) storage: LibraryStorage<S>,
-    pub(crate) motion: Motion,
-    pub(crate) link: Link,
-    pub(crate) gate: Gate,
-    pub(crate) tuning: Tuning<P>,
-    pub(crate) bus_watch: BusWatch,
-    pub(crate) tilt: TiltWatch,
-    pub(crate) imu: Imu,
-    pub(crate) journal: Journal,
-    pub(crate) authentication: Authentication,
+    setup: Setup,
+    storage: LibraryStorage<S>,
+    motion: Motion,
+    link: Link,
+    gate: Gate,
+    tuning: Tuning<P>,
+    bus_watch: BusWatch,
+    tilt: TiltWatch,
+    imu: Imu,
+    journal: Journal,
+    authentication: Authentication,
     safety: StateMachine,
     events: EventSet,
     /// Time at which the current state was entered.
@@ -49,7 +53,7 @@ pub struct Controller<S, P = NoParameters> {
     held_since_us: Option<u64>,
     /// Time of the last tick and the interval before it.
     last_tick_us: Option<u64>,
-    pub(crate) tick_gap_us: u64,
+    tick_gap_us: u64,
     ticks_to_frame: u16,
 }
 
@@ -142,7 +146,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     /// Expected attitude of the body: that of the playing clip, before that the one of SAFE.
-    pub(crate) fn expected_attitude(&self) -> Attitude {
+    fn expected_attitude(&self) -> Attitude {
         let clip = |library: &Library<'_>| match self.motion.playing() {
             Some(playing) => playing.clip,
             None => library.safe_node().clip(),
@@ -205,6 +209,20 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// servos may be answering.
     pub fn poll_serial(&mut self, bus: u8) -> Option<Packet> {
         self.motion.actuators.poll_serial(&self.setup.config, bus)
+    }
+
+    /// From here on commands, parameter requests, library transfers and the host's heartbeats count only from hosts
+    /// with `key`. `boot` is a number above that of every boot before ([`crate::store::BootCounter`]); without one no
+    /// session begins, and the robot obeys nothing but emergency stops.
+    #[cfg(feature = "authenticated")]
+    pub fn insist_on(&mut self, key: LinkKey, boot: Option<u32>) {
+        self.authentication.insist(key, boot);
+    }
+
+    /// Count of messages on the link that were refused because nothing proved that they were from a host with the key.
+    #[cfg(feature = "authenticated")]
+    pub fn unauthenticated_messages(&self) -> u32 {
+        self.authentication.refused()
     }
 
     /// The current state.
@@ -280,14 +298,52 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.storage.reject()
     }
 
+    /// The STATUS message.
+    fn status(&self, counter: u8) -> Status {
+        let playing = self.playing();
+        let faults = self.faults();
+        Status {
+            state: self.state(),
+            severity: self.state().severity(faults),
+            faults,
+            clip: playing.map(|p| p.clip.0),
+            frame: playing.map_or(self.motion.streamed_frames() & 0xFFF, |p| p.frame),
+            counter,
+            library: self.storage.library().map_or(0, |library| library.index().id() as u8),
+        }
+    }
+
+    /// Channel and current value of a fault.
+    fn details(&self, now_us: u64, fault: Fault) -> (Option<u8>, f32) {
+        let about = self.motion.details(&self.setup, fault);
+        match fault {
+            Fault::HostLost => {
+                let since = self.link.host_seen_us().map(|at| now_us.saturating_sub(at));
+                (None, since.map_or(0.0, |us| us as f32 * 1e-6))
+            }
+            Fault::Tilt => {
+                // −1 for an IMU without fresh measurements.
+                let awake = self.tilt.is_awake(now_us);
+                let excess = self.tilt.excess_rad(&self.expected_attitude());
+                (None, excess.filter(|_| awake).unwrap_or(-1.0))
+            }
+            Fault::Overrun => (None, self.tick_gap_us as f32 * 1e-6),
+            Fault::SetpointTimeout => (None, self.motion.starved_s(&self.setup.settings)),
+            Fault::BusNoAck | Fault::BusPassive | Fault::BusOff => {
+                (None, self.bus_watch.about(fault).map_or(0.0, f32::from))
+            }
+            _ => about.map_or((None, 0.0), |(channel, value)| (Some(channel), value)),
+        }
+    }
+
     /// Whether the host's heartbeat has timed out.
-    pub(crate) fn host_silent(&self, now_us: u64) -> bool {
+    fn host_silent(&self, now_us: u64) -> bool {
         let timeout = u64::from(self.setup.settings.heartbeat_timeout_us);
         self.link.host_seen_us().is_none_or(|at| now_us.saturating_sub(at) > timeout)
     }
 
     /// Raises `HostLost` if the heartbeat has timed out while torque is on.
-    pub(crate) fn notice_lost_host(&mut self, now_us: u64) {
+    fn notice_lost_host(&mut self, now_us: u64) {
         if self.state().torque() != Torque::Off && self.host_silent(now_us) {
             self.raise(now_us, Event::HostLost);
         }
@@ -329,7 +385,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     /// Raises an event and handles it before returning.
-    pub(crate) fn raise(&mut self, now_us: u64, event: Event) {
+    fn raise(&mut self, now_us: u64, event: Event) {
         self.events.insert(event);
         self.settle(now_us);
     }
@@ -348,7 +404,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             let (before, known) = (self.state(), self.safety.latched());
             let action = self.safety.handle(event);
             if (self.state(), self.safety.latched()) != (before, known) {
-                self.note(now_us, event, before);
+                // Before the action: afterwards the joint furthest from its setpoint can no longer be determined.
+                let details = event.fault().map(|fault| self.details(now_us, fault));
+                self.journal.note(now_us, event, [before, self.state()], details);
             }
             self.storage.observe(event);
             if self.state() != before || event == Event::EStop {
@@ -376,7 +434,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 if event == Event::ClearConfirmed {
                     self.bus_watch.allow_restart();
                 }
-                self.load_parameters();
+                self.tuning.load(&self.setup, &mut self.motion.parameters);
                 self.self_test();
                 Ok(())
             }

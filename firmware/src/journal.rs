@@ -7,9 +7,6 @@ use rollwalk_protocol::faults::Event;
 use rollwalk_protocol::time::wrapping_ms;
 use rollwalk_protocol::wire::{Log, LogEntry, MAX_LOG_ENTRIES, State};
 
-use crate::controller::Controller;
-use crate::store::{LibraryStore, ParameterStore};
-
 /// Ring buffer of the last entries, each at its number modulo the capacity.
 #[derive(Clone, Debug)]
 pub(crate) struct Journal {
@@ -20,6 +17,28 @@ pub(crate) struct Journal {
 impl Journal {
     pub fn new() -> Self {
         Self { entries: [None; MAX_LOG_ENTRIES], next: 0 }
+    }
+
+    /// Records an event that changed the state, or a new fault, with channel and value of that fault.
+    pub fn note(
+        &mut self,
+        at_us: u64,
+        event: Event,
+        [before, after]: [State; 2],
+        details: Option<(Option<u8>, f32)>,
+    ) {
+        let (at_ms, fault) = (wrapping_ms(at_us), event.fault());
+        let (channel, value) = details.unwrap_or((None, 0.0));
+        let event = event.code();
+        self.record(LogEntry { at_ms, event, before, after, fault, channel, value });
+    }
+
+    /// Records that messages were refused because they were not authentic, with their count as the value.
+    pub fn note_refused(&mut self, at_us: u64, state: State, count: u32) {
+        let (at_ms, event) = (wrapping_ms(at_us), Event::Unauthenticated.code());
+        let (before, after, fault, channel) = (state, state, None, None);
+        let value = count as f32;
+        self.record(LogEntry { at_ms, event, before, after, fault, channel, value });
     }
 
     fn record(&mut self, entry: LogEntry) {
@@ -41,28 +60,6 @@ impl Journal {
             }
         }
         log
-    }
-}
-
-impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// Records an event that changed the state, or a new fault. Must be called before the reaction is carried out:
-    /// afterwards the joint furthest from its setpoint can no longer be determined.
-    pub(crate) fn note(&mut self, at_us: u64, event: Event, before: State) {
-        let (at_ms, after, fault) = (wrapping_ms(at_us), self.state(), event.fault());
-        let details = fault.map(|fault| self.details(at_us, fault));
-        let (channel, value) = details.unwrap_or((None, 0.0));
-        let event = event.code();
-        self.journal.record(LogEntry { at_ms, event, before, after, fault, channel, value });
-    }
-
-    /// Records that messages were refused because they were not authentic, with their count as the value.
-    #[cfg(feature = "authenticated")]
-    pub(crate) fn note_refused(&mut self, at_us: u64, count: u32) {
-        let (at_ms, event, state) =
-            (wrapping_ms(at_us), Event::Unauthenticated.code(), self.state());
-        let (before, after, fault, channel) = (state, state, None, None);
-        let value = count as f32;
-        self.journal.record(LogEntry { at_ms, event, before, after, fault, channel, value });
     }
 }
 

@@ -32,7 +32,6 @@ mod imu;
 mod journal;
 pub mod limiter;
 mod link;
-mod messages;
 mod motion;
 mod parameters;
 pub mod periods;

@@ -6,12 +6,12 @@
 
 mod health;
 mod host;
+mod soft_gains;
 
-use health::QUERY_HZ;
 use heapless::Vec;
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::faults::Event;
-use rollwalk_protocol::library::{Library, NodeId, Unreadable};
+use rollwalk_protocol::library::{Library, NodeId, RATE_HZ, Unreadable};
 
 use crate::actuators::{Actuators, FRESH_TICKS, Hold};
 use crate::align::{Ramp, RampEnds};
@@ -25,11 +25,10 @@ use crate::settings::Settings;
 use crate::stream::Stream;
 use crate::track::{Track, Tracking};
 use crate::window::WINDOW;
+use soft_gains::SoftGains;
 
-/// Fastest rise of the part of a channel's gains that acts, 1/s: eightfold in 0.1 s at 120 Hz.
-const GAIN_RISE_1_S: f32 = 23.0;
-/// Part from which gains rise that were 0.
-const LEAST_PART: f32 = 0.02;
+/// Rate at which each actuator is queried for its pose while torque is off, Hz.
+const QUERY_HZ: u16 = 20;
 
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "no allocator to box with, and there is one stage")]
@@ -64,12 +63,7 @@ pub(crate) struct Motion {
     tracking: Option<Tracking>,
     /// Number of the sample that is due.
     sample: Option<u8>,
-    /// Parts of the gains that act, of each channel: kp, kd.
-    parts: [[f32; 2]; MAX_CHANNELS],
-    /// Whether any of them is not all.
-    is_soft: bool,
-    /// Torque of a joint's angle when its gains began to rise, over all of kp, rad: it stays while they rise.
-    leans_rad: [f32; MAX_CHANNELS],
+    soft_gains: SoftGains,
 }
 
 impl Motion {
@@ -84,9 +78,7 @@ impl Motion {
             ticks_to_query: 0,
             tracking: None,
             sample: None,
-            parts: [[1.0; 2]; MAX_CHANNELS],
-            is_soft: false,
-            leans_rad: [0.0; MAX_CHANNELS],
+            soft_gains: SoftGains::new(),
         }
     }
 
@@ -108,12 +100,16 @@ impl Motion {
         }
     }
 
+    /// Whether setpoints that answer samples are followed.
+    pub fn is_tracking(&self) -> bool {
+        matches!(self.stage, Stage::Tracking(_))
+    }
+
     /// Switches torque off at once.
     pub fn cut(&mut self) {
         self.stage = Stage::Off;
         self.limiter.stop();
-        self.parts = [[1.0; 2]; MAX_CHANNELS];
-        self.is_soft = false;
+        self.soft_gains.reset();
         self.emitted = [None; MAX_CHANNELS];
         self.actuators.disable_all();
         self.ticks_to_query = 0;
@@ -252,7 +248,7 @@ impl Motion {
         if let Stage::Tracking(track) = &self.stage {
             if !track.holds() {
                 // An answer says where all gains are to be.
-                self.leans_rad = [0.0; MAX_CHANNELS];
+                self.soft_gains.drop_leans();
             }
             let periods = setup.settings.ticks_per_frame().saturating_mul(WINDOW as u16);
             let halted = (track.is_halted(), track.rests(periods));
@@ -274,18 +270,32 @@ impl Motion {
         Ok(())
     }
 
-    /// The value of a channel around which all of its gains make the torque that the present parts of them make around the last
-    /// setpoint; of a wheel that setpoint.
+    /// Time since the last setpoints of the host were taken, s.
+    pub fn starved_s(&self, settings: &Settings) -> f32 {
+        match &self.stage {
+            Stage::Streaming(stream) => f32::from(stream.starved()) / f32::from(RATE_HZ),
+            Stage::Tracking(track) => f32::from(track.starved()) * settings.period_s(),
+            _ => 0.0,
+        }
+    }
+
+    /// Raises events of setpoints that have ended, or that do not come any more.
+    fn watch_host(&self, setup: &Setup, (is_halted, rests): (bool, bool), events: &mut EventSet) {
+        let patience_s = setup.settings.heartbeat_timeout_us as f32 * 1e-6;
+        if rests {
+            events.insert(Event::StreamHalted);
+        } else if !is_halted && self.starved_s(&setup.settings) > patience_s {
+            events.insert(Event::StreamLost);
+        }
+    }
+
+    /// The value that takes a channel over from its last setpoint without a change of its torque ([`SoftGains::rest`]).
     #[inline(never)]
     fn rest(&mut self, setup: &Setup, channel: usize) -> Option<f32> {
         let meant = self.limiter.meant(channel)?;
-        let [kp, _] = *self.parts.get(channel)?;
-        let lean_rad = self.leans_rad.get_mut(channel)?;
         let is_joint = setup.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
-        let measured = self.actuators.measured(&setup.config, channel);
-        let measured = measured.filter(|_| is_joint && kp < 1.0).unwrap_or(meant);
-        *lean_rad = kp * (meant - measured);
-        Some(measured + *lean_rad)
+        let measured = self.actuators.measured(&setup.config, channel).filter(|_| is_joint);
+        self.soft_gains.rest(channel, meant, measured)
     }
 
     /// Has the joints of a robot that is tracked rest where they are.
@@ -298,35 +308,6 @@ impl Motion {
                 track.rest_at(i, rest);
             }
         }
-    }
-
-    /// The parts of a channel's gains that act now, of those that are wanted, and how far the angle of a joint is to be from its target, rad.
-    ///
-    /// They fall at once and rise by [`GAIN_RISE_1_S`], while the angle comes as near as they rise: a joint that is away from its setpoint
-    /// is not pulled there. They rise no faster than the setpoint may move.
-    fn parts(&mut self, settings: &Settings, channel: usize, wanted: [f32; 2]) -> ([f32; 2], f32) {
-        let rise = 1.0 + GAIN_RISE_1_S * settings.period_s();
-        let most_rad = self.parameters.driven(channel).map_or(0.0, |limits| limits.max_rate)
-            * settings.period_s();
-        let (Some(parts), Some(lean_rad)) =
-            (self.parts.get_mut(channel), self.leans_rad.get_mut(channel))
-        else {
-            return (wanted, 0.0);
-        };
-        let [before, _] = *parts;
-        for (part, wanted) in parts.iter_mut().zip(wanted) {
-            *part = wanted.min(part.max(LEAST_PART) * rise);
-        }
-        let [kp, _] = parts;
-        if *lean_rad != 0.0 {
-            let nearest = 1.0 / before - most_rad / lean_rad.abs();
-            *kp = if *kp * nearest > 1.0 { 1.0 / nearest } else { *kp };
-        }
-        if *kp >= 1.0 {
-            *lean_rad = 0.0;
-        }
-        let off_rad = if *lean_rad == 0.0 { 0.0 } else { *lean_rad * (1.0 / *kp - 1.0) };
-        (*parts, off_rad)
     }
 
     fn start_ramp(&mut self, setup: &Setup, library: &Library<'_>) -> Result<(), Unreadable> {
@@ -347,8 +328,9 @@ impl Motion {
             Stage::Playing(_) | Stage::Streaming(_) => self.parameters.feed_forward(),
             _ => 1.0,
         };
+        let period_s = setup.settings.period_s();
         // Else nothing is to be looked up.
-        let may_be_soft = core::mem::take(&mut self.is_soft) || self.is_tracking();
+        let may_be_soft = self.soft_gains.take_soft() || self.is_tracking();
         for i in 0..setup.config.channels.len() {
             let mut wanted = [1.0; 2];
             let target = match &self.stage {
@@ -365,9 +347,10 @@ impl Motion {
                 target.torque_nm *= feed_forward;
                 let mut parts = None;
                 if may_be_soft {
-                    let (acting, off_rad) = self.parts(&setup.settings, i, wanted);
+                    let most = self.parameters.driven(i).map_or(0.0, |limits| limits.max_rate);
+                    let (acting, off_rad) =
+                        self.soft_gains.advance(period_s, most * period_s, i, wanted);
                     target.value += off_rad;
-                    self.is_soft |= acting != [1.0; 2];
                     parts = Some(acting);
                 }
                 self.emit(setup, i, target, Hold::Driven, parts);

@@ -7,9 +7,19 @@ use rollwalk_protocol::wire::{
     State, Torque,
 };
 
-use crate::controller::Controller;
-use crate::parameters::Refusal;
-use crate::store::{LibraryStore, ParameterStore};
+use crate::gate::Gate;
+use crate::motion::{Motion, Setup};
+use crate::parameters::{Parameters, Refusal};
+use crate::store::ParameterStore;
+
+/// What a request changes, and what decides whether it may.
+pub(crate) struct Robot<'a> {
+    pub state: State,
+    pub setup: &'a Setup,
+    pub motion: &'a mut Motion,
+    /// Voided by every change: an operator who is about to arm has requested that with other gains.
+    pub gate: &'a mut Gate,
+}
 
 /// The parameter store, and the last request with its answer.
 pub(crate) struct Tuning<P> {
@@ -29,6 +39,45 @@ impl<P: ParameterStore> Tuning<P> {
         self.store
     }
 
+    /// Applies the parameters saved for this robot, in the first self test after power-on.
+    pub fn load(&mut self, setup: &Setup, parameters: &mut Parameters) {
+        if core::mem::replace(&mut self.loaded, true) {
+            return;
+        }
+        self.origin = match self.store.load() {
+            None => ParameterOrigin::Configuration,
+            Some(set) if set.config_hash != setup.config.hash() => {
+                ParameterOrigin::OtherConfiguration
+            }
+            Some(set) => {
+                if parameters.restore(&setup.config, &setup.settings, &set) {
+                    ParameterOrigin::Saved
+                } else {
+                    ParameterOrigin::OutOfRange
+                }
+            }
+        };
+    }
+
+    /// Executes a request, which came in `frame`, unless it is a repetition; returns the answer.
+    pub fn answer(
+        &mut self,
+        frame: &Frame,
+        request: ParameterRequest,
+        robot: Robot<'_>,
+    ) -> ParameterAck {
+        let outcome = match self.known(frame, request.seq) {
+            Some(Ok(ack)) => return ack,
+            Some(Err(refusal)) => Err(refusal),
+            None => self.tune(request.action, robot),
+        };
+        let ack = ack(request, outcome);
+        if ack.result != ParameterResult::OutOfOrder {
+            self.last = Some((*frame, ack));
+        }
+        ack
+    }
+
     /// The answer to a request that is not to be executed, because it has been before or is out of order.
     fn known(&self, frame: &Frame, seq: u8) -> Option<Result<ParameterAck, Refusal>> {
         let (last, ack) = self.last?;
@@ -40,76 +89,15 @@ impl<P: ParameterStore> Tuning<P> {
             _ => Some(Err((ParameterResult::OutOfOrder, 0.0))),
         }
     }
-}
 
-impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// Applies the parameters saved for this robot, in the first self test after power-on.
-    pub(crate) fn load_parameters(&mut self) {
-        if core::mem::replace(&mut self.tuning.loaded, true) {
-            return;
-        }
-        let setup = &self.setup;
-        self.tuning.origin = match self.tuning.store.load() {
-            None => ParameterOrigin::Configuration,
-            Some(set) if set.config_hash != setup.config.hash() => {
-                ParameterOrigin::OtherConfiguration
-            }
-            Some(set) => {
-                let parameters = &mut self.motion.parameters;
-                if parameters.restore(&setup.config, &setup.settings, &set) {
-                    ParameterOrigin::Saved
-                } else {
-                    ParameterOrigin::OutOfRange
-                }
-            }
-        };
-    }
-
-    /// Answers a request that is not authentic, without learning of it.
-    pub(crate) fn refuse_parameter(&mut self, request: ParameterRequest) {
-        let (parameter, channel) = request.action.about();
-        self.link.acknowledge_parameter(ParameterAck {
-            seq: request.seq,
-            kind: request.action.kind(),
-            result: ParameterResult::AuthenticationRequired,
-            parameter,
-            channel,
-            value: 0.0,
-        });
-    }
-
-    /// Processes a request, which came in `frame`.
-    pub(crate) fn on_parameter(&mut self, frame: &Frame, request: ParameterRequest) {
-        let outcome = match self.tuning.known(frame, request.seq) {
-            Some(Ok(ack)) => {
-                self.link.acknowledge_parameter(ack);
-                return;
-            }
-            Some(Err(refusal)) => Err(refusal),
-            None => self.tune(request.action),
-        };
-        let (result, value) = match outcome {
-            Ok(value) => (ParameterResult::Ok, value),
-            Err(refusal) => refusal,
-        };
-        let (parameter, channel) = request.action.about();
-        let kind = request.action.kind();
-        let ack = ParameterAck { seq: request.seq, kind, result, parameter, channel, value };
-        if result != ParameterResult::OutOfOrder {
-            self.tuning.last = Some((*frame, ack));
-        }
-        self.link.acknowledge_parameter(ack);
-    }
-
-    fn tune(&mut self, action: ParameterAction) -> Result<f32, Refusal> {
-        let state = self.state();
+    fn tune(&mut self, action: ParameterAction, robot: Robot<'_>) -> Result<f32, Refusal> {
+        let Robot { state, setup, motion, gate } = robot;
         let driven = state.torque() != Torque::Off;
-        let setup = &self.setup;
-        let parameters = &mut self.motion.parameters;
+        let parameters = &mut motion.parameters;
         match action {
             ParameterAction::Get { parameter, channel } => parameters.get(parameter, channel),
             ParameterAction::Set { parameter, channel, value } => {
-                let actuators = &self.motion.actuators;
+                let actuators = &motion.actuators;
                 let heeded = |which| actuators.heeds(&setup.config, usize::from(channel), which);
                 if parameters.get(parameter, channel).is_ok()
                     && !Parameter::from_code(parameter).is_some_and(heeded)
@@ -128,13 +116,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 }
                 let which = (parameter, channel);
                 let set = parameters.set(&setup.config, &setup.settings, which, value, driven)?;
-                // An operator who is about to arm has requested that with other gains.
-                self.gate.void();
+                gate.void();
                 Ok(set)
             }
             ParameterAction::Reset => {
                 parameters.reset(&setup.config, driven);
-                self.gate.void();
+                gate.void();
                 Ok(0.0)
             }
             // The control loop stops while flash is written.
@@ -143,12 +130,27 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             }
             ParameterAction::Save => {
                 let set = parameters.all(&setup.config);
-                let saved = self.tuning.store.save(&set);
-                self.gate.void();
+                let saved = self.store.save(&set);
+                gate.void();
                 saved.map(|()| 0.0).map_err(|_| (ParameterResult::StoreFailed, 0.0))
             }
-            ParameterAction::Origin => Ok(f32::from(self.tuning.origin.code())),
+            ParameterAction::Origin => Ok(f32::from(self.origin.code())),
             ParameterAction::Unknown { .. } => Err((ParameterResult::UnknownRequest, 0.0)),
         }
     }
+}
+
+/// The answer to a request that is not authentic.
+pub(crate) fn unauthenticated(request: ParameterRequest) -> ParameterAck {
+    ack(request, Err((ParameterResult::AuthenticationRequired, 0.0)))
+}
+
+fn ack(request: ParameterRequest, outcome: Result<f32, Refusal>) -> ParameterAck {
+    let (result, value) = match outcome {
+        Ok(value) => (ParameterResult::Ok, value),
+        Err(refusal) => refusal,
+    };
+    let (parameter, channel) = request.action.about();
+    let kind = request.action.kind();
+    ParameterAck { seq: request.seq, kind, result, parameter, channel, value }
 }

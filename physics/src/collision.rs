@@ -2,10 +2,9 @@
 //! solid that lies in it (thesis 4.5.3).
 
 use crate::contact::Normal;
-use crate::force::{By, Derivative, Force, Held, View, Wrench};
+use crate::force::{By, Derivative, Force, Held, Kink, View, Wrench};
 use crate::friction::Friction;
 use crate::ground::{Ground, Surface};
-use crate::kinks::Kink;
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Matrix6x3, Vector3};
 use rollwalk_multibody::rotation::skew;

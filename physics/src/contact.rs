@@ -3,15 +3,14 @@
 //! The contact point of a wheel is the point of its rim that is deepest for the ground's normal at its centre; that of a
 //! foot is the deepest point of a sphere. Both move over the body as it turns, and all derivatives know that.
 
+mod by_number;
 mod normal;
 mod place;
 
-use crate::force::{By, Derivative, Force, Held, View, Wrench};
+use crate::force::{By, Derivative, Force, Held, Kink, View, Wrench};
 use crate::friction::Friction;
 use crate::ground::{Ground, Surface};
-use crate::kinks::Kink;
 use crate::motion::Motion;
-use crate::sensitivity::parameter::OfContact;
 use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6x3, RowVector3, Vector3};
 pub(crate) use normal::Press;
@@ -19,6 +18,7 @@ use place::{Place, across};
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
 
+pub use by_number::OfContact;
 pub use normal::Normal;
 pub use place::Tip;
 
@@ -83,7 +83,7 @@ struct Varied {
 impl Contact {
     /// The contact at a motion of its body.
     pub fn touch_at(&self, body: &Motion) -> Touch {
-        let place = Place::new(self, body);
+        let place = self.place(body);
         let Surface { gap_m, normal, .. } = place.surface;
         let velocity = body.velocity + body.spin.cross(&place.arm);
         let mut touch = Touch {
@@ -102,6 +102,10 @@ impl Contact {
             touch = Touch { force, normal_n, slips, ..touch };
         }
         touch
+    }
+
+    fn place(&self, body: &Motion) -> Place {
+        Place::new(&self.center, self.radius_m, self.tip, self.ground.as_ref(), body)
     }
 
     /// Share of the normal force that resists rolling, at a rolling velocity, and its derivative.
@@ -136,7 +140,7 @@ impl Contact {
 
     /// Where it is, at a motion of its body.
     pub(crate) fn spot(&self, body: &Motion) -> Spot {
-        let place = Place::new(self, body);
+        let place = self.place(body);
         let Surface { gap_m, normal, .. } = place.surface;
         let velocity = body.velocity + body.spin.cross(&place.arm);
         let blade = match (self.tip, place.axis) {
@@ -184,56 +188,6 @@ impl Contact {
         (force, by_shift)
     }
 
-    /// Derivative of the wrench by one of the contact's numbers; none while it does not touch.
-    pub(crate) fn wrench_by(&self, number: OfContact, view: &View<'_>) -> Option<Wrench> {
-        let body = &view.now[0];
-        let place = Place::new(self, body);
-        let Surface { gap_m, normal, .. } = place.surface;
-        if gap_m >= 0.0 {
-            return None;
-        }
-        let velocity = body.velocity + body.spin.cross(&place.arm);
-        let opening = normal.dot(&velocity);
-        let press = self.normal.press(gap_m, opening);
-        let spring = press.spring_n;
-        let mut sliding = velocity - normal * opening;
-        // Directions, and the derivative of what resists along a blade or about a rim by its share of the load.
-        let (mut ahead, mut axis, mut speed) = (Vector3::zeros(), Vector3::zeros(), 0.0);
-        match (self.tip, place.axis) {
-            (Tip::Blade { .. }, Some(of_blade)) => {
-                let (across, _, _) = across(&of_blade, &normal);
-                sliding = across * across.dot(&velocity);
-                ahead = across.cross(&normal);
-                speed = ahead.dot(&velocity);
-            }
-            (Tip::Rim { .. }, Some(of_rim)) => {
-                axis = of_rim;
-                speed = self.radius_m * axis.dot(&body.spin);
-            }
-            _ => {}
-        }
-        let friction = self.friction.held_force(view.held.as_ref(), &sliding, spring);
-        let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
-        let mut resist = |by: f64| {
-            force = ahead * -by;
-            moment = axis * -(self.radius_m * by);
-        };
-        let [by_stiffness, by_damping, by_ramp] = self.normal.press_by(gap_m, opening);
-        match number {
-            OfContact::Stiffness => {
-                resist(-gap_m * self.resistance(speed).0);
-                force += normal * by_stiffness - friction.by_normal * gap_m;
-            }
-            OfContact::Damping => force = normal * by_damping,
-            OfContact::Ramp => force = normal * by_ramp,
-            OfContact::Friction => force = friction.by_coefficient,
-            OfContact::Stick => force = friction.by_stick,
-            OfContact::Resistance => resist(spring * (speed / RESISTANCE_SPEED_M_S).tanh()),
-            OfContact::ResistancePerSpeed => resist(spring * speed),
-        }
-        Some(Wrench { force, moment: moment + place.arm.cross(&force) })
-    }
-
     /// Moment of the rolling resistance of a rim about its axis.
     fn rolling_moment(&self, body: &Motion, place: &Place) -> Vector3<f64> {
         match (self.tip, place.axis) {
@@ -263,7 +217,7 @@ impl Force for Contact {
 
     fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
         let body = &view.now[0];
-        let place = Place::new(self, body);
+        let place = self.place(body);
         if place.surface.gap_m >= 0.0 {
             return;
         }
@@ -281,7 +235,7 @@ impl Force for Contact {
     ) {
         const PARTS: [By; 4] = [By::Position, By::Rotation, By::Velocity, By::Spin];
         let body = &view.now[0];
-        let place = Place::new(self, body);
+        let place = self.place(body);
         let Surface { gap_m, normal, .. } = place.surface;
         if gap_m >= 0.0 {
             return;
@@ -408,7 +362,7 @@ impl Force for Contact {
     }
 
     fn energy(&self, now: &[Motion]) -> f64 {
-        let gap = Place::new(self, &now[0]).surface.gap_m.min(0.0);
+        let gap = self.place(&now[0]).surface.gap_m.min(0.0);
         0.5 * self.normal.stiffness_n_m * gap * gap
     }
 }

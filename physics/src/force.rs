@@ -5,12 +5,13 @@
 //! So one element serves every integrator, and its derivatives can be tested by themselves.
 
 use crate::friction::Friction;
-use crate::kinks::Kink;
 use crate::motion::{Motion, Trial, Weights};
 use crate::touch::Touch;
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Matrix6x3, Vector3, Vector6};
 use std::any::Any;
-use std::fmt::Debug;
+use std::fmt::{self, Debug};
+
+pub use crate::friction::Held;
 
 /// Force, N, and moment about the centre of mass, N·m, in world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -118,13 +119,23 @@ pub struct View<'a> {
     pub held: Option<Held>,
 }
 
-/// Friction of a sticking contact: the friction force found so far, minus a stiffness times the remaining sliding velocity.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
-    /// N.
-    pub force: Vector3<f64>,
-    /// Stiffness against sliding, N·s/m.
-    pub stick_n_s_m: f64,
+/// A force that may have a kink, near a motion of its bodies: a law of the displacement of one point, or of one angle.
+pub struct Kink<'a> {
+    /// Force and moment on each of its bodies by what the law gives; their transposes give the displacement.
+    pub(crate) levers: [Matrix6x3<f64>; 2],
+    /// Directions in which the law acts.
+    pub(crate) directions: usize,
+    /// Whether it is always solved with the others, or only where it leaves its tangent.
+    pub(crate) always: bool,
+    /// What it gives after a displacement, of which the rate changes by `gain` times as much; and the derivative by it.
+    #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
+    pub(crate) law: Box<dyn Fn(f64, &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) + 'a>,
+}
+
+impl Debug for Kink<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Kink").field("levers", &self.levers).finish_non_exhaustive()
+    }
 }
 
 /// Something that acts on bodies. Results are functions of the motions alone, so that a step can be tried again.

@@ -1,6 +1,5 @@
 //! Friction of a contact point as a force that depends on its sliding velocity (thesis 4.4.2).
 
-use crate::force::Held;
 use nalgebra::{Matrix3, Vector3};
 
 /// How friction grows with sliding.
@@ -24,6 +23,15 @@ pub struct Friction {
     pub coefficient: f64,
     /// Force over sliding velocity while it sticks, N·s/m. It is a parameter of its own: tied to the step, as in the
     /// thesis (k_t = k_n h), refining the step would make contacts slip more.
+    pub stick_n_s_m: f64,
+}
+
+/// Friction of a sticking contact: the friction force found so far, minus a stiffness times the remaining sliding velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held {
+    /// N.
+    pub force: Vector3<f64>,
+    /// Stiffness against sliding, N·s/m.
     pub stick_n_s_m: f64,
 }
 

@@ -7,11 +7,10 @@
 //! method is smooth.
 
 use crate::body::Body;
-use crate::force::{Force, Held};
+use crate::force::{Force, Held, Kink};
 use crate::matrix::BlockMatrix;
 use crate::residual::{Equations, Step};
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6x3, Vector3};
-use std::fmt;
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// Most kinks on particles for which this pays.
 const MOST: usize = 24;
@@ -33,25 +32,6 @@ const HALVINGS: usize = 6;
 const BISECTIONS: usize = 40;
 /// Smallest share of a step.
 const SHORTEST: f64 = 0.02;
-
-/// A force that may have a kink, near a motion of its bodies: a law of the displacement of one point, or of one angle.
-pub struct Kink<'a> {
-    /// Force and moment on each of its bodies by what the law gives; their transposes give the displacement.
-    pub(crate) levers: [Matrix6x3<f64>; 2],
-    /// Directions in which the law acts.
-    pub(crate) directions: usize,
-    /// Whether it is always solved with the others, or only where it leaves its tangent.
-    pub(crate) always: bool,
-    /// What it gives after a displacement, of which the rate changes by `gain` times as much; and the derivative by it.
-    #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
-    pub(crate) law: Box<dyn Fn(f64, &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) + 'a>,
-}
-
-impl fmt::Debug for Kink<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Kink").field("levers", &self.levers).finish_non_exhaustive()
-    }
-}
 
 /// The forces with kinks.
 #[derive(Debug)]

@@ -15,11 +15,10 @@
 //! | [`ground`] | signed distance of terrain and fixed solids |
 //! | [`collision`] | contact of a point of one body with another body |
 //! | [`contact`], [`friction`], [`touch`], [`event`] | contact with the ground, its friction law, its reported state, and touch-down, lift-off and slip |
-//! | [`kinks`] | where forces are not smooth, and how the solver passes there |
 //! | [`system`] | the step, halved where it does not converge |
 //! | [`sensitivity`] | derivatives of whole rollouts by what they depend on, direct and adjoint |
 //! | [`curve`] | curves of time through knots, which motors' targets follow |
-//! | `newton`, `residual`, `matrix`, `block_lu`, `sticking` | how a step is solved: the method, the equations, their matrix and its factors, what friction holds |
+//! | `newton`, `kinks`, `residual`, `matrix`, `block_lu`, `sticking` | how a step is solved: the method, how it passes where forces are not smooth, the equations, their matrix and its factors, what friction holds |
 //! | [`world`] | a robot from its description |
 //!
 //! ```
@@ -54,13 +53,14 @@ pub mod friction;
 pub mod ground;
 pub mod hold;
 pub mod joint;
-pub mod kinks;
+mod kinks;
 mod matrix;
 pub mod motion;
 pub mod motor;
 mod newton;
 pub mod points;
 pub mod push;
+mod report;
 mod residual;
 pub mod rotation;
 pub mod sensitivity;

@@ -1,7 +1,6 @@
 //! A motor on a hinge: a position and speed loop within the motor's limits, the inertia of its rotor, and the stops of the hinge.
 
-use crate::force::{By, Derivative, Force, Held, View, Wrench};
-use crate::kinks::Kink;
+use crate::force::{By, Derivative, Force, Held, Kink, View, Wrench};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Matrix6x3, Vector3};
 use rollwalk_multibody::rotation::skew;

@@ -7,9 +7,9 @@ use crate::body::Body;
 use crate::force::Force;
 use crate::kinks::{Kinks, Leap};
 use crate::motion::Displacement;
+use crate::report::StepReport;
 use crate::residual::{Derive, Equations, Step};
 use crate::sticking::Sticking;
-use crate::system::StepReport;
 use nalgebra::Vector3;
 use std::ops::Range;
 

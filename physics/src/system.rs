@@ -2,15 +2,16 @@
 
 use crate::assembly::Assembly;
 use crate::body::Body;
-use crate::event::{ContactEvent, Contacts};
+use crate::event::Contacts;
 use crate::force::Force;
 use crate::motion::{Displacement, Motion, Scheme, Weights};
 use crate::newton::{Failure, Newton};
 use crate::residual::Step;
-use crate::sensitivity::Recorder;
 use crate::touch::Touch;
 use nalgebra::Vector3;
 use std::any::Any;
+
+pub use crate::report::StepReport;
 
 /// Parameters of the stepper.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,22 +39,6 @@ impl Default for Settings {
 
 /// Times that a step that does not converge is halved.
 const SUBDIVISIONS: u32 = 6;
-
-/// What a step took.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct StepReport {
-    /// Newton iterations, each with a new matrix; those of halved steps included. What the solver does with a matrix that it
-    /// has already does not count.
-    pub iterations: u32,
-    /// Halvings of the line search.
-    pub halvings: u32,
-    /// Steps that did not converge and were taken in two halves.
-    pub subdivisions: u32,
-    /// Norm of the last residual, N and N·m.
-    pub residual: f64,
-    /// What began and ended at contacts, by the index of their forces.
-    pub events: Vec<ContactEvent>,
-}
 
 /// A step has no solution that Newton's method finds, even in parts.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -90,6 +75,18 @@ impl Energy {
     pub fn total_j(&self) -> f64 {
         self.kinetic_j + self.weight_j + self.stored_j
     }
+}
+
+/// Follows the steps of a system as they are solved.
+pub(crate) trait Observer {
+    /// A step begins that is to end at this time, s.
+    fn begin_step(&mut self, end_s: f64);
+
+    /// A step, or a part of one, is at its solution.
+    fn part(&mut self, step: &Step<'_>, moved: &[Displacement], newton: &Newton);
+
+    /// A step has come to its end, or to none.
+    fn end_step(&mut self, motions: &[Motion], report: Option<&StepReport>);
 }
 
 /// Bodies with forces between them, and with the world.
@@ -249,29 +246,18 @@ impl System {
         self.take(step_s, None)
     }
 
-    /// [`step`](Self::step), with what derivatives need kept in a record of this system.
-    ///
-    /// # Errors
-    /// As `step`. The record, too, is then as it was before.
-    pub fn step_recorded(
+    /// [`step`](Self::step), which an observer follows.
+    pub(crate) fn take(
         &mut self,
         step_s: f64,
-        recorder: &mut Recorder,
-    ) -> Result<StepReport, StepError> {
-        self.take(step_s, Some(recorder))
-    }
-
-    fn take(
-        &mut self,
-        step_s: f64,
-        mut recorder: Option<&mut Recorder>,
+        mut observer: Option<&mut dyn Observer>,
     ) -> Result<StepReport, StepError> {
         let kept = self.state.clone();
         let mut report = StepReport::default();
-        if let Some(recorder) = &mut recorder {
-            recorder.begin_step(self.state.time_s + step_s);
+        if let Some(observer) = &mut observer {
+            observer.begin_step(self.state.time_s + step_s);
         }
-        let taken = self.advance(step_s, SUBDIVISIONS, &mut report, &mut recorder);
+        let taken = self.advance(step_s, SUBDIVISIONS, &mut report, &mut observer);
         let taken = match taken {
             Ok(()) => {
                 report.events = self.contacts.update(&self.forces, &self.state.now);
@@ -283,8 +269,8 @@ impl System {
                 Err(error)
             }
         };
-        if let Some(recorder) = recorder {
-            recorder.end_step(&self.state.now, taken.as_ref().ok());
+        if let Some(observer) = observer {
+            observer.end_step(&self.state.now, taken.as_ref().ok());
         }
         taken
     }
@@ -294,14 +280,14 @@ impl System {
         step_s: f64,
         parts: u32,
         report: &mut StepReport,
-        recorder: &mut Option<&mut Recorder>,
+        observer: &mut Option<&mut dyn Observer>,
     ) -> Result<(), StepError> {
-        match self.solve(step_s, report, recorder) {
+        match self.solve(step_s, report, observer) {
             Ok(()) => Ok(()),
             Err(_) if parts > 0 => {
                 report.subdivisions += 1;
-                self.advance(0.5 * step_s, parts - 1, report, recorder)?;
-                self.advance(0.5 * step_s, parts - 1, report, recorder)
+                self.advance(0.5 * step_s, parts - 1, report, observer)?;
+                self.advance(0.5 * step_s, parts - 1, report, observer)
             }
             Err(Failure { residual, iterations, body }) => {
                 let time_s = self.state.time_s;
@@ -315,7 +301,7 @@ impl System {
         &mut self,
         step_s: f64,
         report: &mut StepReport,
-        recorder: &mut Option<&mut Recorder>,
+        observer: &mut Option<&mut dyn Observer>,
     ) -> Result<(), Failure> {
         let Settings { scheme, gravity_m_s2, tolerance, iterations } = self.settings;
         let goes_on = self.state.last_step_s == Some(step_s);
@@ -337,8 +323,8 @@ impl System {
             acceleration_share,
         };
         let moved = self.newton.solve(&step, tolerance, iterations, report)?;
-        if let Some(recorder) = recorder {
-            recorder.part(&step, &moved, &self.newton);
+        if let Some(observer) = observer {
+            observer.part(&step, &moved, &self.newton);
         }
         let ends = self.newton.equations().motions.clone();
         let state = &mut self.state;

@@ -7,7 +7,7 @@
 
 use core::fmt;
 
-use crate::wire::coded;
+use crate::coded::coded;
 
 coded! {
     /// A reaction of the controller; of several that are called for, the strongest wins.

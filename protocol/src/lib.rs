@@ -37,6 +37,7 @@ extern crate std;
 pub mod actuator;
 pub mod actuators;
 pub mod can;
+mod coded;
 pub mod config;
 pub mod crc;
 pub mod faults;

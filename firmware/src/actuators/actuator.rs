@@ -5,6 +5,10 @@ use rollwalk_protocol::actuators::{self, Command, Faults, Gains};
 
 use super::orders::PendingRequests;
 
+/// Feedback at most so many ticks old counts as fresh: asked for in one tick, it is there in the
+/// next, or in the one after when the bus is busy.
+pub const FRESH_TICKS: u16 = 2;
+
 /// The torque switch that was sent last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Switched {

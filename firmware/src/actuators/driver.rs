@@ -1,20 +1,15 @@
-//! One bus: its transmit schedule, and all frames of a command in sequence.
-//!
-//! A command of several frames is not kept as frames: it is encoded again for each, and the next one
-//! goes out. Setpoints on CAN are one frame, so they are encoded once.
+//! One bus: its transmit schedule, and the order for a channel.
 
 use rollwalk_protocol::actuator::Feedback;
-use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
+use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose};
 use rollwalk_protocol::actuators::serial::ReceiveBuffer;
 use rollwalk_protocol::actuators::{ActuatorCommand, Answers, Capabilities, UpdatePolicy};
-use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, RobotConfig};
 
 use crate::channel_bits::bit;
 
-use super::actuator::Actuator;
+use super::actuator::{Actuator, FRESH_TICKS};
 use super::orders::{self, DriveRequest};
-use super::{Actuators, FRESH_TICKS};
 
 /// Retransmission interval of "enable" for drives that report their state on a timer only, ticks. ODrive's
 /// heartbeat comes every 100 ms.
@@ -127,7 +122,7 @@ impl BusDriver {
     }
 
     /// What to go on with or to begin: of an order that is not single, all its actuators.
-    fn due(&self, list: &[Actuator]) -> Option<Transmission> {
+    pub fn due(&self, list: &[Actuator]) -> Option<Transmission> {
         if self.transmission.is_some() {
             return self.transmission;
         }
@@ -180,47 +175,6 @@ pub fn channels(mut bits: u32) -> impl Iterator<Item = usize> {
         bits &= bits.wrapping_sub(1);
         first
     })
-}
-
-/// Frame `n` of an order, and how many there are; none for an order that the protocol refuses.
-fn nth(protocol: &Protocol, order: &ActuatorCommand, n: u8) -> (Option<Frame>, u8) {
-    let (mut frame, mut count) = (None, 0u8);
-    let result = protocol.emit(order, &mut |sent| {
-        if count == n {
-            frame = Some(sent);
-        }
-        count = count.saturating_add(1);
-    });
-    if result.is_ok() { (frame, count) } else { (None, 0) }
-}
-
-impl Actuators {
-    /// The next frame for a bus: torque switches first.
-    pub fn poll(&mut self, config: &RobotConfig, bus: u8) -> Option<Frame> {
-        // Every turn ends an order, if it does not return.
-        loop {
-            let driver = self.drivers.get_mut(usize::from(bus))?;
-            // A board polls for frames far more often than there are any.
-            if driver.idle || driver.bus.protocol.is_serial() {
-                return None;
-            }
-            let Some(transmission) = driver.due(&self.list) else {
-                driver.idle = true;
-                return None;
-            };
-            let channel = transmission.channels.trailing_zeros() as usize;
-            let order =
-                order(&self.list, config, &driver.bus, &driver.can, transmission.content, channel);
-            let (frame, frames) = match order {
-                Some(order) => nth(&driver.bus.protocol, &order, transmission.sent),
-                None => (None, 0),
-            };
-            driver.frame_sent(&mut self.list, transmission, frames);
-            if frame.is_some() {
-                return frame;
-            }
-        }
-    }
 }
 
 /// The order for a channel.

@@ -6,7 +6,7 @@ use rollwalk_protocol::actuators::traffic::Overload;
 use rollwalk_protocol::actuators::{Refusal, Traffic};
 use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
 
-use super::FRESH_TICKS;
+use super::actuator::FRESH_TICKS;
 
 /// A bus that a robot has actuators on.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,8 @@
 //! | [`orders`] | the commands for an actuator, as far as its protocol can carry them |
 //! | [`actuator`] | one actuator: its feedback and its pending requests |
 //! | [`load`] | whether buses and protocols can carry the traffic |
-//! | [`driver`] | one bus: its transmit schedule, and the frames of a command in sequence |
+//! | [`driver`] | one bus: its transmit schedule, and the order for a channel |
+//! | [`can`], [`serial`] | frames of CAN buses and packets of serial lines, in sequence |
 //!
 //! Towards the bus every actuator has one place for each request and one for a setpoint, and what is
 //! newer replaces what is there. Nothing queues, and bytes are made when the bus takes them: when a bus
@@ -25,19 +26,17 @@ use crate::channel_bits::bit;
 use crate::limiter::Target;
 
 mod actuator;
+mod can;
 mod driver;
 pub mod load;
 mod orders;
 mod serial;
 
 use actuator::Actuator;
+pub use actuator::FRESH_TICKS;
 use driver::BusDriver;
 pub use orders::Hold;
 use orders::{DriveRequest, PendingRequests};
-
-/// Feedback at most so many ticks old counts as fresh: asked for in one tick, it is there in the
-/// next, or in the one after when the bus is busy.
-pub const FRESH_TICKS: u16 = 2;
 
 /// How the actuators are, together.
 #[derive(Clone, Copy, Debug)]

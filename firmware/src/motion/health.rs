@@ -3,12 +3,9 @@
 use rollwalk_protocol::config::ChannelKind;
 use rollwalk_protocol::faults::{Event, Fault};
 
-use super::{Motion, Setup, Stage};
+use super::{Motion, QUERY_HZ, Setup, Stage};
 use crate::actuators::FRESH_TICKS;
 use crate::safety::EventSet;
-
-/// Rate at which each actuator is queried for its pose while torque is off, Hz.
-pub(super) const QUERY_HZ: u16 = 20;
 
 impl Motion {
     /// Age in ticks beyond which feedback counts as missing.

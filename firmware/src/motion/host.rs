@@ -1,12 +1,10 @@
 //! Setpoints of the host, which the motion stage follows instead of a player: streamed frames, or answers to samples.
 
-use rollwalk_protocol::faults::Event;
-use rollwalk_protocol::library::{Library, RATE_HZ, Unreadable};
+use rollwalk_protocol::library::{Library, Unreadable};
 use rollwalk_protocol::wire::{Answered, Setpoint};
 
 use super::{Motion, Setup, Stage, ramp_to_safe, safe};
 use crate::limiter::within;
-use crate::safety::EventSet;
 use crate::settings::Settings;
 use crate::stream::Stream;
 use crate::track::{Track, Tracking};
@@ -15,11 +13,6 @@ impl Motion {
     /// Says whether the next stream is of setpoints that answer samples.
     pub fn want_tracking(&mut self, tracking: Option<Tracking>) {
         self.tracking = tracking;
-    }
-
-    /// Whether setpoints that answer samples are followed.
-    pub fn is_tracking(&self) -> bool {
-        matches!(self.stage, Stage::Tracking(_))
     }
 
     /// Number of the sample that is due, once.
@@ -105,30 +98,6 @@ impl Motion {
             Stage::Streaming(stream) => stream.taken(),
             Stage::Tracking(track) => track.answers(),
             _ => 0,
-        }
-    }
-
-    /// Time since the last setpoints of the host were taken, s.
-    pub fn starved_s(&self, settings: &Settings) -> f32 {
-        match &self.stage {
-            Stage::Streaming(stream) => f32::from(stream.starved()) / f32::from(RATE_HZ),
-            Stage::Tracking(track) => f32::from(track.starved()) * settings.period_s(),
-            _ => 0.0,
-        }
-    }
-
-    /// Raises events of setpoints that have ended, or that do not come any more.
-    pub(super) fn watch_host(
-        &self,
-        setup: &Setup,
-        (is_halted, rests): (bool, bool),
-        events: &mut EventSet,
-    ) {
-        let patience_s = setup.settings.heartbeat_timeout_us as f32 * 1e-6;
-        if rests {
-            events.insert(Event::StreamHalted);
-        } else if !is_halted && self.starved_s(&setup.settings) > patience_s {
-            events.insert(Event::StreamLost);
         }
     }
 }

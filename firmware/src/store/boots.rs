@@ -12,8 +12,8 @@
 use embedded_storage::nor_flash::NorFlash;
 use rollwalk_protocol::crc::crc32c;
 
-use super::log::{Log, Record};
-use super::record::RECORD_LEN;
+use super::log::Log;
+use super::record::{RECORD_LEN, Record};
 use super::{GeometryError, StoreError};
 
 const MAGIC: [u8; 8] = *b"RW-BOOT1";

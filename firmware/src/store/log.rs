@@ -12,22 +12,13 @@
 
 use embedded_storage::nor_flash::NorFlash;
 
-use super::record::{RECORD_LEN, is_blank};
+use super::record::{RECORD_LEN, Record, is_blank};
 use super::{GeometryError, StoreError};
 
 /// Largest number of units; the log is at the start of its flash.
 pub(super) const MOST_UNITS: usize = 3;
 /// Attempts to write a record, each at another place.
 const ATTEMPTS: usize = 4;
-
-/// Content of a log, in records of `N` bytes: a multiple of the flash's word.
-pub(super) trait Record<const N: usize>: Sized {
-    /// The record with generation `generation`.
-    fn encode(&self, generation: u32) -> [u8; N];
-
-    /// Generation and content of a record; `None` when the bytes are not a valid one.
-    fn decode(bytes: &[u8; N]) -> Option<(u32, Self)>;
-}
 
 /// Place of the next record.
 #[derive(Clone, Copy, Debug)]

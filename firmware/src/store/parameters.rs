@@ -9,7 +9,8 @@ use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::Parameter;
 
-use super::log::{Log, Record};
+use super::log::Log;
+use super::record::Record;
 use super::{GeometryError, StoreError};
 
 /// Parameters of a channel.

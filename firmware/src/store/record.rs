@@ -5,13 +5,20 @@
 
 use rollwalk_protocol::crc::crc32c;
 
-use super::log::Record;
-
 /// Bytes of a record and of a footer.
 pub(super) const RECORD_LEN: usize = 32;
 
 const MAGIC: u8 = 0xA7;
 const FOOTER_MAGIC: [u8; 8] = *b"RW-SLOT1";
+
+/// Content of a log, in records of `N` bytes: a multiple of the flash's word.
+pub(super) trait Record<const N: usize>: Sized {
+    /// The record with generation `generation`.
+    fn encode(&self, generation: u32) -> [u8; N];
+
+    /// Generation and content of a record; `None` when the bytes are not a valid one.
+    fn decode(bytes: &[u8; N]) -> Option<(u32, Self)>;
+}
 
 /// One of the two places for a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,7 +1,6 @@
 //! Where a contact is: the lowest point of a sphere, rim or blade, and how it moves over the body as that turns.
 
-use crate::contact::Contact;
-use crate::ground::Surface;
+use crate::ground::{Ground, Surface};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, RowVector3, Vector3};
 use rollwalk_multibody::rotation::skew;
@@ -42,20 +41,26 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Of a contact at a motion of its body.
-    pub fn new(contact: &Contact, body: &Motion) -> Self {
-        let fixed = body.rotation * contact.center;
+    /// Of a tip about a centre in body axes, at a motion of its body.
+    pub fn new(
+        center: &Vector3<f64>,
+        radius_m: f64,
+        tip: Tip,
+        ground: &dyn Ground,
+        body: &Motion,
+    ) -> Self {
+        let fixed = body.rotation * center;
         let center_by_rotation = -skew(&fixed);
-        let at_center = contact.ground.at(&(body.position + fixed));
+        let at_center = ground.at(&(body.position + fixed));
         let normal = at_center.normal;
-        let (lever, by_rotation, by_normal, axis) = match contact.tip {
+        let (lever, by_rotation, by_normal, axis) = match tip {
             Tip::Sphere => {
                 let none = Matrix3::zeros();
-                (normal * -contact.radius_m, none, Matrix3::identity() * -contact.radius_m, None)
+                (normal * -radius_m, none, Matrix3::identity() * -radius_m, None)
             }
             Tip::Rim { axis } | Tip::Blade { axis } => {
                 let axis = body.rotation * axis;
-                let (lever, by_axis, by_normal) = rim(contact.radius_m, &axis, &normal);
+                let (lever, by_axis, by_normal) = rim(radius_m, &axis, &normal);
                 (lever, by_axis * -skew(&axis), by_normal, Some(axis))
             }
         };
@@ -63,7 +68,7 @@ impl Place {
         // The centre moves with the body, and with it the normal that the lever hangs by.
         let point_by_position = Matrix3::identity() + by_normal * at_center.curvature;
         let point_by_rotation = point_by_position * center_by_rotation + by_rotation;
-        if contact.ground.is_distance() {
+        if ground.is_distance() {
             // The lever is as deep as the centre is high: inside a solid the nearest face says nothing of the edge that was
             // touched.
             let by_center = lever.transpose() * at_center.curvature;
@@ -81,7 +86,7 @@ impl Place {
                 axis,
             };
         }
-        let surface = contact.ground.at(&(body.position + arm));
+        let surface = ground.at(&(body.position + arm));
         Self {
             surface,
             arm,

@@ -41,7 +41,8 @@ use nalgebra::Vector3;
 use std::any::Any;
 use std::fmt::Debug;
 
-pub use contact::{OfContact, Touching};
+pub use crate::contact::OfContact;
+pub use contact::Touching;
 pub use control::Control;
 pub use gravity::Gravity;
 pub use handle::Handle;

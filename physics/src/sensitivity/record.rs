@@ -5,12 +5,13 @@ use crate::force::{Derivative, Held, View, Wrench};
 use crate::matrix::BlockMatrix;
 use crate::motion::{Displacement, Motion, Trial};
 use crate::newton::Newton;
+use crate::report::StepReport;
 use crate::residual::{Equations, Step};
 use crate::rotation::Increment;
 use crate::sensitivity::parameter::{Column, Parameter, Solved, Start};
 use crate::sensitivity::rows::Rows;
 use crate::sticking::Sticking;
-use crate::system::{StepReport, System};
+use crate::system::{Observer, StepError, System};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use std::collections::BTreeMap;
 
@@ -200,75 +201,6 @@ impl Recorder {
         self.rollout
     }
 
-    pub(crate) fn begin_step(&mut self, end_s: f64) {
-        self.time_s = end_s;
-    }
-
-    /// A step has come to its end, or to none.
-    pub(crate) fn end_step(&mut self, motions: &[Motion], report: Option<&StepReport>) {
-        let Rollout { parts, ends, motions: all, times_s, reports, .. } = &mut self.rollout;
-        match report {
-            Some(report) => {
-                ends.push(parts.len());
-                all.push(motions.to_vec());
-                times_s.push(self.time_s);
-                reports.push(report.clone());
-            }
-            None => parts.truncate(ends.last().copied().unwrap_or(0)),
-        }
-    }
-
-    /// Takes down a step, or a part of one, at its solution.
-    pub(crate) fn part(&mut self, step: &Step<'_>, moved: &[Displacement], newton: &Newton) {
-        let sticking = newton.sticking();
-        let trials: Vec<Trial> = (moved.iter().zip(step.now).zip(step.moved))
-            .map(|((moved, now), before)| Trial::new(step.weights, now, before, moved))
-            .collect();
-        let motions: Vec<Motion> = trials.iter().map(|trial| trial.motion).collect();
-        let held = harder(step, &motions, sticking.held());
-        self.derive(step, &motions, &held, newton.equations());
-        let solved = Solved { step, motions: &motions, held: &held, time_s: self.time_s };
-        let mut columns = self.columns(&solved);
-        self.hold(sticking, &mut columns);
-        let columns = entries(&columns);
-        let turns = trials.iter().zip(moved).map(|(trial, moved)| Turn {
-            carried: Increment::new(moved.turn).rotation(),
-            turn_by_phi: trial.turn_by_phi,
-            spin_by_phi: trial.spin_by_phi,
-        });
-        let turns: Vec<Turn> = turns.collect();
-        let gain = step.weights.gain();
-        self.matrix.clear();
-        let layout = &self.rollout.layout;
-        for (&(row, column), block) in layout.pairs.iter().zip(&self.blocks[0]) {
-            let block = block.chained(&trials[column], gain, layout.turns(column));
-            self.matrix.add(&self.matrix.slot(row, column), &block);
-        }
-        let [_, share] = step.weights.earlier_gains();
-        let [now, last, before] = &self.blocks;
-        let carried = |pair: usize, column: usize| {
-            let mut by_pose = last[pair].by_pose + now[pair].by_pose;
-            let by_turn = now[pair].by_pose.fixed_columns::<3>(3)
-                * (turns[column].carried - Matrix3::identity());
-            let mut target = by_pose.fixed_columns_mut::<3>(3);
-            target += by_turn;
-            [by_pose, last[pair].by_rate]
-        };
-        let by_last = layout.rows(carried);
-        let by_before = (share != 0.0).then(|| {
-            let by_moved = |pair: usize, column: usize| {
-                let mut by_moved = now[pair].by_rate * -share;
-                let by_turn = by_moved.fixed_columns::<3>(3) * turns[column].turn_by_phi;
-                by_moved.fixed_columns_mut::<3>(3).copy_from(&by_turn);
-                [by_moved]
-            };
-            let by_before = layout.rows(|pair, _| [before[pair].by_pose, before[pair].by_rate]);
-            (by_before, layout.rows(by_moved))
-        });
-        let matrix = self.matrix.values().to_vec();
-        self.rollout.parts.push(Part { matrix, by_last, by_before, turns, gain, share, columns });
-    }
-
     /// The derivatives of the residual by motions.
     fn derive(
         &mut self,
@@ -364,6 +296,89 @@ impl Recorder {
                     .extend((0..3).map(|k| (first + k, mixed[k])).filter(|(_, part)| *part != 0.0));
             }
         }
+    }
+}
+
+impl Observer for Recorder {
+    fn begin_step(&mut self, end_s: f64) {
+        self.time_s = end_s;
+    }
+
+    fn end_step(&mut self, motions: &[Motion], report: Option<&StepReport>) {
+        let Rollout { parts, ends, motions: all, times_s, reports, .. } = &mut self.rollout;
+        match report {
+            Some(report) => {
+                ends.push(parts.len());
+                all.push(motions.to_vec());
+                times_s.push(self.time_s);
+                reports.push(report.clone());
+            }
+            None => parts.truncate(ends.last().copied().unwrap_or(0)),
+        }
+    }
+
+    fn part(&mut self, step: &Step<'_>, moved: &[Displacement], newton: &Newton) {
+        let sticking = newton.sticking();
+        let trials: Vec<Trial> = (moved.iter().zip(step.now).zip(step.moved))
+            .map(|((moved, now), before)| Trial::new(step.weights, now, before, moved))
+            .collect();
+        let motions: Vec<Motion> = trials.iter().map(|trial| trial.motion).collect();
+        let held = harder(step, &motions, sticking.held());
+        self.derive(step, &motions, &held, newton.equations());
+        let solved = Solved { step, motions: &motions, held: &held, time_s: self.time_s };
+        let mut columns = self.columns(&solved);
+        self.hold(sticking, &mut columns);
+        let columns = entries(&columns);
+        let turns = trials.iter().zip(moved).map(|(trial, moved)| Turn {
+            carried: Increment::new(moved.turn).rotation(),
+            turn_by_phi: trial.turn_by_phi,
+            spin_by_phi: trial.spin_by_phi,
+        });
+        let turns: Vec<Turn> = turns.collect();
+        let gain = step.weights.gain();
+        self.matrix.clear();
+        let layout = &self.rollout.layout;
+        for (&(row, column), block) in layout.pairs.iter().zip(&self.blocks[0]) {
+            let block = block.chained(&trials[column], gain, layout.turns(column));
+            self.matrix.add(&self.matrix.slot(row, column), &block);
+        }
+        let [_, share] = step.weights.earlier_gains();
+        let [now, last, before] = &self.blocks;
+        let carried = |pair: usize, column: usize| {
+            let mut by_pose = last[pair].by_pose + now[pair].by_pose;
+            let by_turn = now[pair].by_pose.fixed_columns::<3>(3)
+                * (turns[column].carried - Matrix3::identity());
+            let mut target = by_pose.fixed_columns_mut::<3>(3);
+            target += by_turn;
+            [by_pose, last[pair].by_rate]
+        };
+        let by_last = layout.rows(carried);
+        let by_before = (share != 0.0).then(|| {
+            let by_moved = |pair: usize, column: usize| {
+                let mut by_moved = now[pair].by_rate * -share;
+                let by_turn = by_moved.fixed_columns::<3>(3) * turns[column].turn_by_phi;
+                by_moved.fixed_columns_mut::<3>(3).copy_from(&by_turn);
+                [by_moved]
+            };
+            let by_before = layout.rows(|pair, _| [before[pair].by_pose, before[pair].by_rate]);
+            (by_before, layout.rows(by_moved))
+        });
+        let matrix = self.matrix.values().to_vec();
+        self.rollout.parts.push(Part { matrix, by_last, by_before, turns, gain, share, columns });
+    }
+}
+
+impl System {
+    /// [`step`](Self::step), with what derivatives need kept in a record of this system.
+    ///
+    /// # Errors
+    /// As `step`. The record, too, is then as it was before.
+    pub fn step_recorded(
+        &mut self,
+        step_s: f64,
+        recorder: &mut Recorder,
+    ) -> Result<StepReport, StepError> {
+        self.take(step_s, Some(recorder))
     }
 }
 

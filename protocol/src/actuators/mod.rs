@@ -20,12 +20,12 @@
 
 use core::fmt::Arguments;
 
-use heapless::Vec;
 use thiserror::Error;
 
 pub mod bus;
 pub mod cybergear;
 pub mod dynamixel;
+mod feedback;
 pub mod feetech;
 mod fixed;
 pub mod list;
@@ -38,16 +38,13 @@ pub mod serial;
 pub mod settings;
 pub mod traffic;
 
+pub use feedback::{Faults, Feedback};
+pub use serial::{MAX_PACKET, Packet};
 pub use traffic::Traffic;
 
 use crate::can::Frame;
 use serial::{Answer, ReceiveBuffer};
 use settings::{Keys, Report};
-
-/// Longest packet on a serial line, bytes: gains for 24 servos in one sync write, with stuffing.
-pub const MAX_PACKET: usize = 256;
-/// A packet for a serial line.
-pub type Packet = Vec<u8, MAX_PACKET>;
 
 /// A command for one actuator.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -146,79 +143,6 @@ pub enum Refusal {
     /// Not a number, or beyond the protocol's scale.
     #[error("{0} is beyond its scale")]
     OutOfRange(&'static str),
-}
-
-/// Feedback of an actuator. A frame of most protocols carries a part of it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Feedback {
-    /// Angle, rad.
-    pub position_rad: Option<f32>,
-    /// Speed, rad/s.
-    pub speed_rad_s: Option<f32>,
-    /// Torque, N·m.
-    pub torque_nm: Option<f32>,
-    /// Temperature of the motor, °C.
-    pub temperature_c: Option<f32>,
-    /// Whether torque is on.
-    pub enabled: Option<bool>,
-    /// Its faults.
-    pub faults: Option<Faults>,
-}
-
-impl Feedback {
-    /// Takes over the values that `newer` contains.
-    pub fn merge(&mut self, newer: &Feedback) {
-        self.position_rad = newer.position_rad.or(self.position_rad);
-        self.speed_rad_s = newer.speed_rad_s.or(self.speed_rad_s);
-        self.torque_nm = newer.torque_nm.or(self.torque_nm);
-        self.temperature_c = newer.temperature_c.or(self.temperature_c);
-        self.enabled = newer.enabled.or(self.enabled);
-        self.faults = newer.faults.or(self.faults);
-    }
-}
-
-/// Faults of an actuator, as bits. Any fault in its own protocol sets at least one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Faults(pub u8);
-
-impl Faults {
-    /// No fault.
-    pub const NONE: Faults = Faults(0);
-    /// Its watchdog has expired: no command for too long.
-    pub const TIMED_OUT: Faults = Faults(1 << 0);
-    /// Too hot.
-    pub const OVERHEATED: Faults = Faults(1 << 1);
-    /// Supply voltage out of range.
-    pub const BAD_VOLTAGE: Faults = Faults(1 << 2);
-    /// Too much current, or overload.
-    pub const OVERCURRENT: Faults = Faults(1 << 3);
-    /// Position sensor.
-    pub const SENSOR: Faults = Faults(1 << 4);
-    /// Stopped by an emergency stop of its own protocol.
-    pub const ESTOPPED: Faults = Faults(1 << 5);
-    /// It refused a command.
-    pub const REFUSED: Faults = Faults(1 << 6);
-    /// Anything else.
-    pub const OTHER: Faults = Faults(1 << 7);
-
-    /// Whether there is no fault.
-    pub fn none(self) -> bool {
-        self.0 == 0
-    }
-
-    /// Whether all faults of `other` are present.
-    pub fn contains(self, other: Faults) -> bool {
-        self.0 & other.0 == other.0
-    }
-
-    /// Translates an actuator's bits: the faults of every row whose bits meet `bits`, and
-    /// [`Faults::OTHER`] for bits in no row.
-    fn translate(bits: u32, table: &[(u32, Faults)]) -> Faults {
-        let known = table.iter().filter(|(mask, _)| bits & mask != 0);
-        let sum = known.fold(0, |sum, (_, fault)| sum | fault.0);
-        let listed = table.iter().fold(0, |all, (mask, _)| all | mask);
-        Faults(sum | if bits & !listed != 0 { Faults::OTHER.0 } else { 0 })
-    }
 }
 
 /// When a quantity is sent to an actuator.

@@ -1,6 +1,12 @@
 //! What codecs on serial lines have in common: the bytes received so far, and whose answer they are.
 
-use super::{Feedback, Packet};
+use super::feedback::Feedback;
+use heapless::Vec;
+
+/// Longest packet on a serial line, bytes: gains for 24 servos in one sync write, with stuffing.
+pub const MAX_PACKET: usize = 256;
+/// A packet for a serial line.
+pub type Packet = Vec<u8, MAX_PACKET>;
 
 /// Bytes of a line that are no whole message yet.
 #[derive(Clone, Debug, Default)]

@@ -1,17 +1,11 @@
 //! The cursor: a place in a clip, with the frame there. From one frame to the next, or to any frame within bounded work.
 
 use super::ClipId;
-use super::check::Entry;
+use super::block::Unreadable;
 use super::decoder::{Decoder, Shape};
+use super::entry::Entry;
 use super::records::FLAG_LOOPING;
 use super::view::{Library, Track};
-use thiserror::Error;
-
-/// The frames are not those that were validated: the library was overwritten, or the cursor belongs
-/// to another one. Also a clip, a frame or an output that does not fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("no such frame, or the library changed after it was validated")]
-pub struct Unreadable;
 
 /// What a step to the next frame did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -171,5 +165,15 @@ impl ClipCursor {
             step(decoder, blocks, &self.shape)?;
         }
         Ok(())
+    }
+}
+
+impl Library<'_> {
+    /// Writes the torques in the safe pose, N·m; 0 when the library has none. As
+    /// [`safe_pose_into`](Self::safe_pose_into).
+    pub fn safe_torques_into(&self, out: &mut [f32]) -> Result<(), Unreadable> {
+        let clip = self.safe_node().clip();
+        let frames = self.clip(clip).ok_or(Unreadable)?.frames;
+        ClipCursor::new(self, clip, frames.saturating_sub(1))?.torques_into(self, out)
     }
 }

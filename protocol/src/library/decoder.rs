@@ -2,10 +2,9 @@
 //!
 //! Both tracks have the same blocks, group for group, so that one decoder reads either.
 
-use super::check::BlockCheck;
+use super::block::{BlockCheck, BlockPlace, Unreadable, block_end, block_of};
 use super::codec::{BLOCK_HEADER_LEN, BitReader, GROUP, WIDTH_BITS, unzigzag, width_of};
 use super::container::u16_at;
-use super::cursor::Unreadable;
 use super::{BLOCK_FRAMES, ClipId};
 use crate::config::MAX_CHANNELS;
 
@@ -26,24 +25,6 @@ pub(super) struct Shape {
     pub frames: u16,
     pub looping: bool,
     pub channels: u8,
-}
-
-/// A clip of a track, and the check of the block that will be entered next, as far as it has come.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct BlockPlace {
-    /// First block of the clip, bytes from the start of the track's section.
-    pub clip_at: u32,
-    pub check: BlockCheck,
-}
-
-impl BlockPlace {
-    /// Of a track that the library does not have.
-    pub const NONE: Self = Self { clip_at: 0, check: BlockCheck::NONE };
-
-    /// Block `n` of the clip that begins at `clip_at`, of which nothing has been checked.
-    pub fn new(blocks: &[u8], clip_at: u32, n: u16) -> Result<Self, Unreadable> {
-        Ok(Self { clip_at, check: BlockCheck::of(block_of(blocks, clip_at, n)?) })
-    }
 }
 
 /// A place in a track, with the frame there.
@@ -185,18 +166,4 @@ impl Decoder {
         self.in_block = self.in_block.saturating_add(1);
         Ok(())
     }
-}
-
-fn block_end(block: u32, payload: u16) -> Result<u32, Unreadable> {
-    block.checked_add(BLOCK_HEADER_LEN as u32 + u32::from(payload)).ok_or(Unreadable)
-}
-
-/// Block `n` after the one at `block`, bytes from the start of the track's section.
-fn block_of(blocks: &[u8], mut block: u32, n: u16) -> Result<u32, Unreadable> {
-    for _ in 0..n {
-        let header = usize::try_from(block).map_err(|_| Unreadable)?;
-        let payload = u16_at(blocks, header.saturating_add(4)).ok_or(Unreadable)?;
-        block = block_end(block, payload)?;
-    }
-    Ok(block)
 }

@@ -31,12 +31,13 @@
 //! The byte format is normative in `docs/motion-library.md`.
 
 mod attitude;
-mod check;
+mod block;
 mod codec;
 mod container;
 mod cursor;
 mod decoder;
 mod encode;
+mod entry;
 mod quantise;
 mod records;
 mod reject;
@@ -50,10 +51,11 @@ mod view;
 mod writer;
 
 pub use attitude::{Attitude, MAX_TILT_RAD};
-pub use check::Entry;
+pub use block::Unreadable;
 pub use container::identity;
-pub use cursor::{Advance, ClipCursor, Unreadable};
+pub use cursor::{Advance, ClipCursor};
 pub use encode::{encode, encode_with_attitudes};
+pub use entry::Entry;
 pub use reject::{Reject, Section, Why};
 pub use signature::{
     FINGERPRINT_LEN, SIGNATURE_BLOCK_LEN, SIGNATURE_LEN, SIGNATURE_MAGIC, SignedFile,

@@ -4,8 +4,9 @@
 //! clip, then the graph. Work is bounded by the size of the library: each frame is decoded once,
 //! each transition's four joints by a seek, each of at most 32 · 32 routes is followed.
 
+use super::block::BlockPlace;
 use super::container::{self, Container, SECTIONS, Span};
-use super::decoder::{BlockPlace, Decoder, Shape};
+use super::decoder::{Decoder, Shape};
 use super::records::*;
 use super::reject::{Reject, Section, Why};
 use super::view::{ClipInfo, ClipKind, Index, Library, Track};

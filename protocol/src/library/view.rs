@@ -2,7 +2,6 @@
 
 use super::attitude::Attitude;
 use super::container::{FOOTER_LEN, SECTIONS, Span, u16_at, u32_at};
-use super::cursor::{ClipCursor, Unreadable};
 use super::records::{AttitudeRecord, CLIP_LEN, CodeRecord, EdgeRecord, FLAG_LOOPING};
 use super::reject::Section;
 use super::{ClipId, EdgeId, NO_EDGE, NodeId, quantise, records};
@@ -264,14 +263,6 @@ impl<'a> Library<'a> {
             *slot = self.value(i, i32::from(quanta))?;
         }
         Some(())
-    }
-
-    /// Writes the torques in the safe pose, N·m; 0 when the library has none. As
-    /// [`safe_pose_into`](Self::safe_pose_into).
-    pub fn safe_torques_into(&self, out: &mut [f32]) -> Result<(), Unreadable> {
-        let clip = self.safe_node().clip();
-        let frames = self.clip(clip).ok_or(Unreadable)?.frames;
-        ClipCursor::new(self, clip, frames.saturating_sub(1))?.torques_into(self, out)
     }
 
     /// The size of a quantum of a channel: rad for a joint, rad/s for a wheel.

@@ -1,7 +1,8 @@
 //! Class 2: commands of the host. Each is acknowledged.
 
-use super::{DecodeError, Kind, Node, State, coded};
+use super::{DecodeError, Kind, Node, State};
 use crate::can::Frame;
+use crate::coded::coded;
 
 const COMMAND: Kind = Kind::new(2, 0);
 const ACK: Kind = Kind::new(3, 2);

@@ -3,8 +3,9 @@
 //! Lost and repeated requests do no harm: the controller acknowledges a repetition of the last request
 //! again without executing it, and refuses an older one as out of order.
 
-use super::{DecodeError, Kind, Node, coded};
+use super::{DecodeError, Kind, Node};
 use crate::can::Frame;
+use crate::coded::coded;
 
 const REQUEST: Kind = Kind::new(6, 0);
 const ACK: Kind = Kind::new(6, 1);

@@ -1,7 +1,8 @@
 //! Class 3: controller status and fault reports.
 
-use super::{DecodeError, Kind, Node, coded};
+use super::{DecodeError, Kind, Node};
 use crate::can::Frame;
+use crate::coded::coded;
 use crate::faults::{Fault, FaultBits, Severity};
 
 const STATUS: Kind = Kind::new(3, 0);

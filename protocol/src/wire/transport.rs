@@ -19,8 +19,9 @@
 //! After a lost link the host sends the same Begin again, and goes on at the answer's `next`.
 
 use super::isotp;
-use super::{Kind, LOG_ENTRY_BYTES, Log, Node, coded};
+use super::{Kind, LOG_ENTRY_BYTES, Log, Node};
 use crate::can::Frame;
+use crate::coded::coded;
 use crate::crc::crc32c;
 use crate::library::Reject;
 

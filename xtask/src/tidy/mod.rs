@@ -1,5 +1,6 @@
 //! House rules that no compiler checks, each in its own module, run over the files of the checkout.
 
+mod circles;
 mod commands;
 mod links;
 mod map;
@@ -34,6 +35,7 @@ pub fn check(root: &Path) -> Result<(), String> {
     violations.extend(paths::machine_paths(&files));
     violations.extend(paths::dead_references(&files, |path| root.join(path).exists()));
     violations.extend(map::violations(&files, &metadata)?);
+    violations.extend(circles::violations(&files));
     violations.extend(prose::violations(&files));
     let (dead, links) = links::violations(&files, |path| root.join(path).exists());
     let (wrong, commands) = commands::violations(&files, &crate::Cli::command());

@@ -9,8 +9,9 @@ use super::nor::{ALL_TORN, Nor, Torn};
 use super::std::string::String;
 use super::std::{format, println};
 use super::*;
-use crate::store::log::{Log, Record};
+use crate::store::log::Log;
 use crate::store::parameters::SET_LEN;
+use crate::store::record::Record;
 use embedded_storage::nor_flash::NorFlash;
 use rollwalk_protocol::crc::crc32c;
 

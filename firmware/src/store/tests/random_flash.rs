@@ -2,7 +2,7 @@
 
 use super::nor::Nor;
 use super::*;
-use crate::store::log::Record;
+use crate::store::record::Record;
 use proptest::prelude::*;
 
 type Flash = Nor<4, 256>;

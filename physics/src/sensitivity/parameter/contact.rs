@@ -1,6 +1,6 @@
 //! Contacts: stiffness and damping, friction, rolling resistance.
 
-use crate::contact::Contact;
+use crate::contact::{Contact, OfContact};
 use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
 use crate::system::System;
 
@@ -11,39 +11,6 @@ pub struct Touching {
     of: OfContact,
     /// Of each contact, its share of the first one's number.
     shares: Vec<f64>,
-}
-
-/// A number of a contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OfContact {
-    /// Stiffness along the normal, N/m.
-    Stiffness,
-    /// Damping along the normal, N·s/m.
-    Damping,
-    /// Depth over which the damping comes in, m.
-    Ramp,
-    /// Coefficient of friction.
-    Friction,
-    /// Friction over sliding velocity while it sticks, N·s/m.
-    Stick,
-    /// Rolling resistance at any speed, as a share of the load.
-    Resistance,
-    /// What is added to it per speed, s/m.
-    ResistancePerSpeed,
-}
-
-impl OfContact {
-    fn place(self, contact: &mut Contact) -> &mut f64 {
-        match self {
-            Self::Stiffness => &mut contact.normal.stiffness_n_m,
-            Self::Damping => &mut contact.normal.damping_n_s_m,
-            Self::Ramp => &mut contact.normal.ramp_m,
-            Self::Friction => &mut contact.friction.coefficient,
-            Self::Stick => &mut contact.friction.stick_n_s_m,
-            Self::Resistance => &mut contact.resistance.constant,
-            Self::ResistancePerSpeed => &mut contact.resistance.per_speed_s_m,
-        }
-    }
 }
 
 impl Touching {

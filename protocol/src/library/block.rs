@@ -1,13 +1,16 @@
-//! CRCs of blocks of frames, taken in portions before a block is entered, so that entering it costs
-//! little more than any other step.
+//! Blocks of frames: where they are, and their CRCs, taken in portions before a block is entered, so that
+//! entering it costs little more than any other step.
 
 use super::codec::{BLOCK_CRC_AT, BLOCK_HEADER_LEN};
 use super::container::{u16_at, u32_at};
-use super::cursor::Unreadable;
-use super::decoder::BlockPlace;
-use super::view::{Library, Track};
-use super::{BLOCK_FRAMES, ClipId};
 use crate::crc::crc32c_append;
+use thiserror::Error;
+
+/// The frames are not those that were validated: the library was overwritten, or the cursor belongs
+/// to another one. Also a clip, a frame or an output that does not fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("no such frame, or the library changed after it was validated")]
+pub struct Unreadable;
 
 /// Bytes of a portion. With one in every frame a block of the shipped libraries is checked within a
 /// fifth of a second.
@@ -80,53 +83,35 @@ impl BlockCheck {
     }
 }
 
-/// A place where playback will probably go on, and the checks of its blocks.
-///
-/// Borrows nothing: each call takes the library again, and it must be the one of [`Entry::new`].
+/// A clip of a track, and the check of the block that will be entered next, as far as it has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Entry {
-    pub(super) library: u32,
-    pub(super) clip: ClipId,
-    pub(super) frame: u16,
-    /// By [`Track`].
-    pub(super) places: [BlockPlace; Track::ALL.len()],
+pub(super) struct BlockPlace {
+    /// First block of the clip, bytes from the start of the track's section.
+    pub clip_at: u32,
+    pub check: BlockCheck,
 }
 
-impl Entry {
-    /// A frame of a clip, of which nothing has been checked.
-    pub fn new(library: &Library<'_>, clip: ClipId, frame: u16) -> Result<Self, Unreadable> {
-        let record = library.clip_record(clip).ok_or(Unreadable)?;
-        if frame >= record.frames {
-            return Err(Unreadable);
-        }
-        let mut places = [BlockPlace::NONE; Track::ALL.len()];
-        for (place, &track) in places.iter_mut().zip(library.tracks()) {
-            let (clip_at, _) = library.clip_span(track, clip).ok_or(Unreadable)?;
-            let blocks = library.payload(track.blocks()).ok_or(Unreadable)?;
-            *place = BlockPlace::new(blocks, clip_at, frame / BLOCK_FRAMES)?;
-        }
-        Ok(Self { library: library.index().id(), clip, frame, places })
-    }
+impl BlockPlace {
+    /// Of a track that the library does not have.
+    pub const NONE: Self = Self { clip_at: 0, check: BlockCheck::NONE };
 
-    /// Whether it is this frame of this clip.
-    pub fn is_at(&self, clip: ClipId, frame: u16) -> bool {
-        (self.clip, self.frame) == (clip, frame)
+    /// Block `n` of the clip that begins at `clip_at`, of which nothing has been checked.
+    pub fn new(blocks: &[u8], clip_at: u32, n: u16) -> Result<Self, Unreadable> {
+        Ok(Self { clip_at, check: BlockCheck::of(block_of(blocks, clip_at, n)?) })
     }
+}
 
-    /// Checks a portion of a block, 64 bytes. `false` when nothing was left to do.
-    pub fn check_a_portion(&mut self, library: &Library<'_>) -> bool {
-        if library.index().id() != self.library {
-            return false;
-        }
-        let mut tracks = self.places.iter_mut().zip(library.tracks());
-        let Some((place, track)) = tracks.find(|(place, _)| !place.check.is_over()) else {
-            return false;
-        };
-        library.payload(track.blocks()).inspect(|blocks| place.check.step(blocks)).is_some()
-    }
+/// Where the track's section goes on after a block.
+pub(super) fn block_end(block: u32, payload: u16) -> Result<u32, Unreadable> {
+    block.checked_add(BLOCK_HEADER_LEN as u32 + u32::from(payload)).ok_or(Unreadable)
+}
 
-    /// Checks what is left of the blocks.
-    pub fn check_all(&mut self, library: &Library<'_>) {
-        while self.check_a_portion(library) {}
+/// Block `n` after the one at `block`, bytes from the start of the track's section.
+pub(super) fn block_of(blocks: &[u8], mut block: u32, n: u16) -> Result<u32, Unreadable> {
+    for _ in 0..n {
+        let header = usize::try_from(block).map_err(|_| Unreadable)?;
+        let payload = u16_at(blocks, header.saturating_add(4)).ok_or(Unreadable)?;
+        block = block_end(block, payload)?;
     }
+    Ok(block)
 }

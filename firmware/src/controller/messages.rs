@@ -4,15 +4,16 @@ use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
+use rollwalk_protocol::wire::authentication::request_id;
 use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult, TransportError};
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, CommandResult, DecodeError, Discovered, EstopAck, FaultReport,
-    JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request, Response, SCHEMA_HASH, Sample,
-    State, Status, ToController, Torque,
+    JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterAck, ParameterRequest, Request,
+    Response, SCHEMA_HASH, Sample, State, ToController, Torque,
 };
 
+use super::Controller;
 use crate::authentication::Admission;
-use crate::controller::Controller;
 use crate::gate::{Permit, Verdict};
 use crate::imu::{Imu, Sampled};
 use crate::link::Outgoing;
@@ -20,6 +21,7 @@ use crate::motion::Setup;
 use crate::player::PLANNED_SPEED_64THS;
 use crate::store::{LibraryStore, ParameterStore};
 use crate::track::Tracking;
+use crate::tuning::{self, Robot};
 
 /// Lowest rate of samples of a robot that is tracked, Hz.
 const SLOWEST_HZ: u16 = 20;
@@ -77,11 +79,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 }
             }
             ToController::Parameter(request) => {
-                if self.admit_frame(now_us, frame) == Admission::Admitted {
-                    self.on_parameter(frame, request);
+                let ack = if self.admit_frame(now_us, frame) == Admission::Admitted {
+                    self.tune(frame, request)
                 } else {
-                    self.refuse_parameter(request);
-                }
+                    // Tuning does not learn of it: it must not move the order of the host's.
+                    tuning::unauthenticated(request)
+                };
+                self.link.acknowledge_parameter(ack);
             }
             ToController::Discover => self.link.discover(),
         }
@@ -356,9 +360,39 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         Ok((Some(node), frames))
     }
 
+    fn tune(&mut self, frame: &Frame, request: ParameterRequest) -> ParameterAck {
+        let state = self.state();
+        let Self { setup, motion, gate, tuning, .. } = self;
+        tuning.answer(frame, request, Robot { state, setup, motion, gate })
+    }
+
+    /// Decides on a frame that needs authentication.
+    fn admit_frame(&mut self, now_us: u64, frame: &Frame) -> Admission {
+        let id = frame.standard_id().unwrap_or_default();
+        let admission = self.authentication.admit(now_us, id, frame.data());
+        self.log_refusal(now_us, admission);
+        admission
+    }
+
+    /// Decides on the complete request of a transfer.
+    fn admit_request(&mut self, now_us: u64) -> Admission {
+        let id = self.link.node.map_or(0, request_id);
+        let admission = self.authentication.admit(now_us, id, self.link.request());
+        self.log_refusal(now_us, admission);
+        admission
+    }
+
+    fn log_refusal(&mut self, now_us: u64, admission: Admission) {
+        if admission != Admission::Admitted
+            && let Some(count) = self.authentication.count_refused()
+        {
+            self.journal.note_refused(now_us, self.state(), count);
+        }
+    }
+
     fn on_request(&mut self, now_us: u64) {
-        #[cfg(feature = "authenticated")]
-        if self.answers_session_request(now_us) {
+        let next = self.storage.next();
+        if self.authentication.answer_session_request(now_us, &mut self.link, next) {
             return;
         }
         let kind = self.link.request().first().copied().unwrap_or(0);
@@ -399,21 +433,6 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.link.respond(&Response::Log(self.journal.since(now_us, since)));
     }
 
-    /// The STATUS message.
-    pub(crate) fn status(&self, counter: u8) -> Status {
-        let playing = self.playing();
-        let faults = self.faults();
-        Status {
-            state: self.state(),
-            severity: self.state().severity(faults),
-            faults,
-            clip: playing.map(|p| p.clip.0),
-            frame: playing.map_or(self.motion.streamed_frames() & 0xFFF, |p| p.frame),
-            counter,
-            library: self.storage.library().map_or(0, |library| library.index().id() as u8),
-        }
-    }
-
     fn telemetry(&mut self, channel: u8) -> Option<JointTelemetry> {
         let actuators = &mut self.motion.actuators;
         let mut feedback = actuators.feedback(usize::from(channel))?;
@@ -433,29 +452,6 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         let fault = Fault::from_code(bit)?;
         let (channel, value) = self.details(now_us, fault);
         Some(FaultReport { counter, fault, channel, value })
-    }
-
-    /// Channel and current value of a fault.
-    pub(crate) fn details(&self, now_us: u64, fault: Fault) -> (Option<u8>, f32) {
-        let about = self.motion.details(&self.setup, fault);
-        match fault {
-            Fault::HostLost => {
-                let since = self.link.host_seen_us().map(|at| now_us.saturating_sub(at));
-                (None, since.map_or(0.0, |us| us as f32 * 1e-6))
-            }
-            Fault::Tilt => {
-                // −1 for an IMU without fresh measurements.
-                let awake = self.tilt.is_awake(now_us);
-                let excess = self.tilt.excess_rad(&self.expected_attitude());
-                (None, excess.filter(|_| awake).unwrap_or(-1.0))
-            }
-            Fault::Overrun => (None, self.tick_gap_us as f32 * 1e-6),
-            Fault::SetpointTimeout => (None, self.motion.starved_s(&self.setup.settings)),
-            Fault::BusNoAck | Fault::BusPassive | Fault::BusOff => {
-                (None, self.bus_watch.about(fault).map_or(0.0, f32::from))
-            }
-            _ => about.map_or((None, 0.0), |(channel, value)| (Some(channel), value)),
-        }
     }
 }
 

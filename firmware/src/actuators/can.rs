@@ -1,0 +1,53 @@
+//! CAN buses: all frames of a command in sequence.
+//!
+//! A command of several frames is not kept as frames: it is encoded again for each, and the next one
+//! goes out. Setpoints are one frame, so they are encoded once.
+
+use rollwalk_protocol::actuators::ActuatorCommand;
+use rollwalk_protocol::actuators::bus::Protocol;
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::config::RobotConfig;
+
+use super::Actuators;
+use super::driver::order;
+
+impl Actuators {
+    /// The next frame for a bus: torque switches first.
+    pub fn poll(&mut self, config: &RobotConfig, bus: u8) -> Option<Frame> {
+        // Every turn ends an order, if it does not return.
+        loop {
+            let driver = self.drivers.get_mut(usize::from(bus))?;
+            // A board polls for frames far more often than there are any.
+            if driver.idle || driver.bus.protocol.is_serial() {
+                return None;
+            }
+            let Some(transmission) = driver.due(&self.list) else {
+                driver.idle = true;
+                return None;
+            };
+            let channel = transmission.channels.trailing_zeros() as usize;
+            let order =
+                order(&self.list, config, &driver.bus, &driver.can, transmission.content, channel);
+            let (frame, frames) = match order {
+                Some(order) => nth(&driver.bus.protocol, &order, transmission.sent),
+                None => (None, 0),
+            };
+            driver.frame_sent(&mut self.list, transmission, frames);
+            if frame.is_some() {
+                return frame;
+            }
+        }
+    }
+}
+
+/// Frame `n` of an order, and how many there are; none for an order that the protocol refuses.
+fn nth(protocol: &Protocol, order: &ActuatorCommand, n: u8) -> (Option<Frame>, u8) {
+    let (mut frame, mut count) = (None, 0u8);
+    let result = protocol.emit(order, &mut |sent| {
+        if count == n {
+            frame = Some(sent);
+        }
+        count = count.saturating_add(1);
+    });
+    if result.is_ok() { (frame, count) } else { (None, 0) }
+}

@@ -1,0 +1,19 @@
+//! Report of a step: iterations, halvings, residual, and what happened at contacts.
+
+use crate::event::ContactEvent;
+
+/// What a step took.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// Newton iterations, each with a new matrix; those of halved steps included. What the solver does with a matrix that it
+    /// has already does not count.
+    pub iterations: u32,
+    /// Halvings of the line search.
+    pub halvings: u32,
+    /// Steps that did not converge and were taken in two halves.
+    pub subdivisions: u32,
+    /// Norm of the last residual, N and N·m.
+    pub residual: f64,
+    /// What began and ended at contacts, by the index of their forces.
+    pub events: Vec<ContactEvent>,
+}

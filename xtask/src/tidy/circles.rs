@@ -1,0 +1,167 @@
+//! Modules of a folder use one another one way, and so do the folder's own file and they.
+//!
+//! The check reads text: imports, and paths that begin with `crate`, `super`, `self` or a module of the folder. A path
+//! through a re-export leads to the item's own module. A folder's file does not use what it only re-exports.
+
+use super::TextFile;
+use std::collections::BTreeMap;
+
+/// Folders of the crates that are checked.
+const CRATES: [&str; 3] = ["firmware", "physics", "protocol"];
+
+/// Names from the crate's root to a module or an item.
+type Path = Vec<String>;
+/// Uses of one module of a folder by another, an example each.
+type Uses = BTreeMap<[String; 2], String>;
+
+/// Circles of all checked crates, one line each folder.
+pub fn violations(files: &[TextFile]) -> Vec<String> {
+    CRATES.iter().flat_map(|folder| of_crate(folder, files)).collect()
+}
+
+fn of_crate(folder: &str, files: &[TextFile]) -> Vec<String> {
+    let source = |file: &TextFile| Some((module(folder, &file.path)?, code(&file.text)));
+    let modules: BTreeMap<Path, String> = files.iter().filter_map(source).collect();
+    let (mut imports, mut uses) = (BTreeMap::new(), Vec::new());
+    for (from, code) in &modules {
+        for statement in code.split(';') {
+            let (mut inline, mut tree, mut line) = (statement, "", "");
+            if let Some((before, after)) = statement.rsplit_once("use ") {
+                line = before.rsplit('\n').next().unwrap_or_default().trim();
+                if line.is_empty() || line.starts_with("pub") {
+                    (inline, tree) = (before, after);
+                }
+            }
+            for path in branches(tree).iter().filter_map(|path| absolute(&modules, from, path)) {
+                let name = path.last().cloned();
+                imports.insert([from, name.as_slice()].concat(), path.clone());
+                uses.push((from, path, line.starts_with("pub")));
+            }
+            for word in inline.split(|c: char| !c.is_alphanumeric() && c != '_' && c != ':') {
+                let path = absolute(&modules, from, word).filter(|_| word.contains("::"));
+                uses.extend(path.map(|path| (from, path, false)));
+            }
+        }
+    }
+    let mut folders: BTreeMap<Path, Uses> = BTreeMap::new();
+    for (from, path, is_public) in uses {
+        let to = home(&modules, &imports, path.clone());
+        let shared = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
+        if *from != to && !(is_public && from.len() == shared) {
+            let ends = [from, &to].map(|end| end.get(shared).cloned().unwrap_or_default());
+            let example = format!("{} -> {}", from.join("::"), path.join("::"));
+            folders.entry(to[..shared].to_vec()).or_default().insert(ends, example);
+        }
+    }
+    let describe = |(within, uses): (Path, Uses)| {
+        let circle = circle(&uses)?.join(", ");
+        let within = within.join("/");
+        let advice = "move what two modules share into one of its own";
+        Some(format!("{folder}/src/{within}: uses in a circle ({circle}); {advice}"))
+    };
+    folders.into_iter().filter_map(describe).collect()
+}
+
+/// The module of a source file that is no test.
+fn module(folder: &str, path: &str) -> Option<Path> {
+    let path = path.strip_prefix(folder)?.strip_prefix("/src/")?.strip_suffix(".rs")?;
+    let mut names: Path = path.split('/').map(str::to_owned).collect();
+    names.pop_if(|name| ["lib", "main", "mod"].contains(&name.as_str()));
+    (!names.iter().any(|name| name == "tests")).then_some(names)
+}
+
+/// The text before a module's tests, without comments.
+fn code(text: &str) -> String {
+    let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+    text.lines().map(|line| line.split("//").next().unwrap_or_default().to_owned() + "\n").collect()
+}
+
+/// The paths of an import, one for each branch of its braces.
+fn branches(tree: &str) -> Vec<String> {
+    let Some((head, rest)) = tree.split_once('{') else {
+        let path = tree.split(" as ").next().unwrap_or_default().trim();
+        return if path.is_empty() { Vec::new() } else { vec![path.to_owned()] };
+    };
+    let mut depth = 0;
+    let parts = rest.rsplit_once('}').map_or(rest, |(inside, _)| inside).split(|c| {
+        depth += i32::from(c == '{') - i32::from(c == '}');
+        c == ',' && depth == 0
+    });
+    parts.flat_map(branches).map(|path| head.trim().to_owned() + &path).collect()
+}
+
+/// A path of the crate itself, from its root.
+fn absolute(modules: &BTreeMap<Path, String>, from: &Path, path: &str) -> Option<Path> {
+    let first = path.split("::").next()?;
+    let child = [&from[..], &[first.to_owned()]].concat();
+    let is_own = ["crate", "super", "self"].contains(&first) || modules.contains_key(&child);
+    let step = |mut names: Path, name| {
+        match name {
+            "crate" => names.clear(),
+            "super" => drop(names.pop()),
+            "self" | "*" | "" => {}
+            _ => names.push(name.to_owned()),
+        }
+        names
+    };
+    is_own.then(|| path.split("::").fold(from.clone(), step))
+}
+
+/// The module of a path's item, behind imports.
+fn home(modules: &BTreeMap<Path, String>, imports: &BTreeMap<Path, Path>, mut path: Path) -> Path {
+    for _ in 0..8 {
+        let is_module = |&depth: &usize| modules.contains_key(&path[..depth]);
+        let depth = (0..=path.len()).rev().find(is_module).unwrap_or(0);
+        match path.get(..=depth).and_then(|item| imports.get(item)) {
+            Some(item) => path = [item, &path[depth + 1..]].concat(),
+            None => return path[..depth].to_vec(),
+        }
+    }
+    path
+}
+
+/// A circle of uses.
+fn circle(uses: &Uses) -> Option<Vec<&str>> {
+    let mut left: Vec<_> = uses.iter().collect();
+    let ends = |left: &[(&[String; 2], _)], to| !left.iter().any(|([from, _], _)| from == to);
+    while let Some(end) = left.iter().position(|([_, to], _)| ends(&left, to)) {
+        left.remove(end);
+    }
+    let mut walk = vec![*left.first()?];
+    loop {
+        let ([_, to], _) = walk.last()?;
+        if let Some(begin) = walk.iter().position(|([from, _], _)| from == to) {
+            return Some(walk[begin..].iter().map(|(_, example)| example.as_str()).collect());
+        }
+        walk.push(*left.iter().find(|([from, _], _)| from == to)?);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::tidy::file;
+
+    #[test]
+    fn circles_are_found_behind_re_exports_and_in_folders() {
+        let tests = "#[cfg(test)]\nmod tests {\n    use crate::a::A;\n}\n";
+        let mut files = [
+            file("physics/src/lib.rs", "pub mod a;\nmod b;\nmod c;\npub use a::A;\n"),
+            file("physics/src/a.rs", "use super::{c::C as D,\n    b::{self, B},\n};\n"),
+            file("physics/src/b.rs", &format!("// crate::a::A\nuse std::fmt;\n{tests}")),
+            file("physics/src/c/mod.rs", "mod inner;\nfn f() -> u8 {\n    inner::g(1)\n}\n"),
+            file("physics/src/c/inner.rs", "pub fn g(_: u8) -> crate::b::B {}\n"),
+        ];
+        assert_eq!(super::violations(&files), [""; 0]);
+
+        files[2].text = "use crate::A;\n".to_owned() + &files[2].text;
+        files[4].text += "use super::f;\n";
+        let advice = "move what two modules share into one of its own";
+        let expected = [
+            format!("physics/src/: uses in a circle (a -> b::B, b -> A); {advice}"),
+            format!(
+                "physics/src/c: uses in a circle (c -> c::inner::g, c::inner -> c::f); {advice}"
+            ),
+        ];
+        assert_eq!(super::violations(&files), expected);
+    }
+}
