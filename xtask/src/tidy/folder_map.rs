@@ -2,7 +2,7 @@
 //!
 //! A row of the map is a table row whose first cell is one folder: `` | `planner/` | ... ``.
 
-use super::TextFile;
+use crate::checkout::TextFile;
 use std::collections::BTreeSet;
 
 /// Folders that the map lacks, and rows without a folder.
@@ -34,7 +34,7 @@ fn folder_of_row(line: &str) -> Option<&str> {
 
 #[cfg(test)]
 mod tests {
-    use crate::tidy::file;
+    use crate::checkout::file;
 
     #[test]
     fn the_map_must_match_in_both_directions() {
