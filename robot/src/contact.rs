@@ -3,10 +3,9 @@
 //! Only this crate distinguishes the kinds: here, in the reader of robot files (`file/`) and in the URDF import
 //! (`urdf/`). All other crates ask for a capability (an axis, a motor, a drag).
 
-use crate::model::{Actuator, EndEffector};
+use crate::actuator::Actuator;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::FRAC_PI_2;
 
 /// Kind of end effector (thesis sec. 2.4.1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -165,34 +164,5 @@ impl Contact {
     /// Length of the blade of a skate, m.
     pub fn blade_length_m(&self) -> Option<f64> {
         self.capabilities().blade_length_m
-    }
-}
-
-/// Geometry of the blade of a skate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Blade {
-    /// Unit vector from the centre of curvature to the blade's middle, in the link frame: opposite to
-    /// the link's z axis, square to the axis across the blade.
-    pub middle_in_link: Vector3<f64>,
-    /// Largest distance of the contact from the middle along the blade, R sin(L / 2R), m.
-    pub reach_m: f64,
-}
-
-impl EndEffector {
-    /// Geometry of the blade of a skate; none for others.
-    pub fn blade(&self) -> Option<Blade> {
-        let axis_in_link = self.contact.axis_in_link()?;
-        let blade_length_m = self.contact.blade_length_m()?;
-        let down = axis_in_link * axis_in_link.z - Vector3::z();
-        let half_angle = (0.5 * blade_length_m / self.radius_m).min(FRAC_PI_2);
-        Some(Blade {
-            middle_in_link: down.try_normalize(1e-6)?,
-            reach_m: self.radius_m * half_angle.sin(),
-        })
-    }
-
-    /// Radius around the contact point that other end effectors keep clear of, m (Eq. 2.10: r).
-    pub fn clearance_radius_m(&self) -> f64 {
-        self.contact.blade_length_m().map_or(self.radius_m, |length_m| 0.5 * length_m)
     }
 }

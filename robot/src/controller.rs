@@ -1,68 +1,10 @@
-//! The controller's view of a robot: channels in order, and the configuration derived from them.
+//! Configuration of the controller, derived from a valid robot.
 
-use crate::GRAVITY_M_S2;
-use crate::model::{Actuator, EndEffector, Joint, Robot};
+use crate::model::Robot;
 use crate::rules::{self, InvalidRobot};
 use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
-use rollwalk_protocol::config::{self, ChannelKind, RobotConfig, robot_id};
+use rollwalk_protocol::config::{RobotConfig, robot_id};
 use rollwalk_protocol::crc::crc32c_append;
-
-/// A motor-driven degree of freedom, in channel order (`docs/conventions.md`).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Channel<'r> {
-    /// A joint, commanded by angle.
-    Joint(&'r Joint),
-    /// An actuated wheel, commanded by motor speed.
-    Wheel(&'r EndEffector, &'r Actuator),
-}
-
-impl Channel<'_> {
-    /// Name of the joint or end effector.
-    pub fn name(&self) -> &str {
-        match self {
-            Channel::Joint(joint) => &joint.name,
-            Channel::Wheel(wheel, _) => &wheel.name,
-        }
-    }
-
-    /// The motor.
-    pub fn actuator(&self) -> &Actuator {
-        match self {
-            Channel::Joint(joint) => &joint.actuator,
-            Channel::Wheel(_, actuator) => actuator,
-        }
-    }
-
-    /// Limits, gains and address, for the controller.
-    pub fn config(&self) -> config::Channel {
-        let actuator = self.actuator();
-        let (kind, min, max, max_rate) = match self {
-            Channel::Joint(joint) => (
-                ChannelKind::JointPosition,
-                joint.position_min_rad,
-                joint.position_max_rad,
-                actuator.speed_max_rad_s,
-            ),
-            Channel::Wheel(wheel, _) => {
-                let grip = wheel.friction_coefficient * GRAVITY_M_S2 / wheel.radius_m;
-                let spin_up = actuator.torque_max_nm / actuator.armature_kg_m2;
-                let speed = actuator.speed_max_rad_s;
-                (ChannelKind::WheelSpeed, -speed, speed, grip.min(spin_up))
-            }
-        };
-        config::Channel {
-            kind,
-            min: min as f32,
-            max: max as f32,
-            max_rate: max_rate as f32,
-            max_torque_nm: actuator.torque_max_nm as f32,
-            kp_nm_rad: actuator.kp_nm_rad as f32,
-            kd_nm_s_rad: actuator.kd_nm_s_rad as f32,
-            bus: actuator.bus,
-            id: actuator.id,
-        }
-    }
-}
 
 impl Robot {
     /// Checks every rule of robot files; for robots that come from elsewhere, such as plan files.
@@ -80,14 +22,6 @@ impl Robot {
     /// Mass of all links, kg.
     pub fn total_mass_kg(&self) -> f64 {
         self.links.iter().map(|link| link.mass_kg).sum()
-    }
-
-    /// Joints in file order, then actuated wheels in end-effector order.
-    pub fn channels(&self) -> impl Iterator<Item = Channel<'_>> {
-        let wheels = self.end_effectors.iter().filter_map(|end_effector| {
-            Some(Channel::Wheel(end_effector, end_effector.contact.actuator()?))
-        });
-        self.joints.iter().map(Channel::Joint).chain(wheels)
     }
 
     /// Index of the end effector with this name.

@@ -16,6 +16,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod actuator;
+mod blade;
+mod channel;
+mod clearance;
 mod contact;
 mod controller;
 pub mod document;
@@ -27,9 +31,12 @@ pub mod shape;
 mod solid;
 pub mod urdf;
 
-pub use contact::{Blade, Contact, RollingDrag};
-pub use controller::Channel;
-pub use model::{Actuator, EndEffector, Joint, Link, Robot, SoftMaterial, TorqueSpeedLine};
+pub use actuator::{Actuator, TorqueSpeedLine};
+pub use blade::Blade;
+pub use channel::Channel;
+pub use clearance::ClearancePair;
+pub use contact::{Contact, RollingDrag};
+pub use model::{EndEffector, Joint, Link, Robot, SoftMaterial};
 pub use rules::{InvalidRobot, Place, Violation};
 pub use solid::{Form, Solid};
 

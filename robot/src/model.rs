@@ -1,5 +1,6 @@
 //! The validated robot: plain data, indices instead of names, SI units.
 
+use crate::actuator::Actuator;
 use crate::contact::Contact;
 use crate::shape::{self, Shape};
 use nalgebra::{Isometry3, Matrix3, Vector3};
@@ -68,41 +69,6 @@ pub struct Joint {
     pub nominal_rad: f64,
     /// The servo that drives the joint.
     pub actuator: Actuator,
-}
-
-/// The motor of a joint or of an actuated wheel, after its gearbox.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Actuator {
-    /// Model name, such as `XM430-W210-T`.
-    pub model: String,
-    /// Speed limit at the output, rad/s.
-    pub speed_max_rad_s: f64,
-    /// Torque limit at the output, N·m.
-    pub torque_max_nm: f64,
-    /// Torque-speed line; `None` if the data sheet has none.
-    pub torque_speed: Option<TorqueSpeedLine>,
-    /// Default proportional gain, N·m/rad (joints; 0 for wheels).
-    pub kp_nm_rad: f64,
-    /// Default damping gain, N·m·s/rad.
-    pub kd_nm_s_rad: f64,
-    /// Inertia of rotor and gearbox seen at the output, kg·m².
-    pub armature_kg_m2: f64,
-    /// Number of the motor's bus at the controller.
-    pub bus: u8,
-    /// Address of the motor on that bus.
-    pub id: u8,
-}
-
-/// The straight line of a DC motor at its supply voltage: while it drives its load,
-/// |torque| / stall torque + |speed| / no-load speed ≤ 1.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TorqueSpeedLine {
-    /// Torque at standstill, N·m.
-    pub stall_torque_nm: f64,
-    /// Speed without a load, rad/s.
-    pub no_load_speed_rad_s: f64,
 }
 
 /// A foot or wheel that may touch the ground.

@@ -6,6 +6,7 @@ mod edit;
 mod library;
 mod motion;
 mod plan;
+pub mod robot;
 mod scene;
 mod slopes;
 
@@ -16,7 +17,7 @@ pub use plan::{Columns, Culprit, Fix, FramesHeader, Period, Solve};
 pub use scene::{Body, EndEffector, Form, Joint, Parameter, Role, Scene, Shape};
 pub use slopes::{Slope, SlopesOf};
 
-use crate::robot::{self, RobotView};
+use robot::RobotView;
 use rollwalk_planner::Progress;
 use rollwalk_planner::report::Report;
 use serde::{Deserialize, Serialize};

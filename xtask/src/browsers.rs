@@ -3,7 +3,7 @@
 //! In `cargo xtask test` the page has the native engine of `rollwalk studio`, which is built in any case; in `nightly` it also has
 //! the engine as WebAssembly.
 
-use crate::steps::Extent;
+use crate::extent::Extent;
 use crate::{debian, shell, studio, workspace};
 use std::fs;
 use std::process::Command;

@@ -2,7 +2,7 @@
 //! `tests/hostile/`, programs that share no code with the workspace. Controllers with a key are attacked in the firmware's own
 //! tests as well, by a node that can hold messages back.
 
-use crate::steps::Extent;
+use crate::extent::Extent;
 use crate::workspace::{self, Program};
 use crate::{debian, shell};
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! Kinematics and dynamics of every robot file against MuJoCo, which is installed below the target folder.
 
-use crate::steps::Extent;
+use crate::extent::Extent;
 use crate::{python, shell, workspace};
 use std::ffi::OsString;
 

@@ -1,7 +1,7 @@
 //! What turns a plan into what motors do: its setpoints to the servos, or a controller that sees the robot.
 
 use crate::closed_loop::{ClosedLoop, Feedback, Measured, Timing, Untracked};
-use crate::run::Options;
+use crate::mismatch::Mismatch;
 use crate::script::Script;
 use crate::sensors::SimulatedSensors;
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion};
@@ -59,13 +59,14 @@ impl<'s, 'p> Controller<'s, 'p> {
     /// setpoints act after a delay, s, that it knows of.
     pub fn new(
         script: &'s Script<'p>,
-        options: &Options,
+        control: Control,
+        mismatch: &Mismatch,
         world: &World,
         world_from_plan: &Rotation3<f64>,
         step_s: f64,
     ) -> Self {
-        let delay = (options.mismatch.delay_s / step_s).round() as usize;
-        let tracking = match options.control {
+        let delay = (mismatch.delay_s / step_s).round() as usize;
+        let tracking = match control {
             Control::Servos | Control::FeedForward => None,
             Control::Tracking(feedback) => {
                 let start_m = script.start(world_from_plan).base_position_m;
@@ -78,8 +79,8 @@ impl<'s, 'p> Controller<'s, 'p> {
                 let start = world.state(closed_loop.tree());
                 closed_loop.align(&start).expect("the state of a world is finite");
                 let tree = closed_loop.tree();
-                let noise = options.mismatch.noise;
-                let fault = options.mismatch.sensor_fault;
+                let noise = mismatch.noise;
+                let fault = mismatch.sensor_fault;
                 let sensors = noise.map(|noise| {
                     SimulatedSensors::new(tree.clone(), noise, SEED).with_fault(fault)
                 });

@@ -2,18 +2,15 @@
 //!
 //! [`crate::closed_loop`] has one for one plan, [`crate::sequence`] one for plans that follow each other.
 
-use crate::closed_loop::{Measured, Timing, Untracked, law};
 use crate::safe_stop::SafeStop;
 use crate::script::{Script, servo};
+use crate::tick::{LOST_S, Measured, Timing, Untracked, law};
 use rollwalk_multibody::Tree;
 use rollwalk_physics::motor::Law;
 use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_tracking::absence::Absence;
 use rollwalk_tracking::tasks::Weights;
 use rollwalk_tracking::{Estimator, Gains, Reference, Sensors, Tracker};
-
-/// Time without setpoints of the tracker after which the motion is ended, s.
-pub(crate) const LOST_S: f64 = 0.1;
 
 /// Follows plans of one robot.
 pub(crate) struct Follower {

@@ -7,6 +7,7 @@
 //! | [`closed_loop`] | a plan tracked in any world: measurements in, what motors do out |
 //! | [`sequence`] | plans tracked one after the other |
 //! | `follower` | a tick of either |
+//! | `tick` | its measurements, timing and setpoints |
 //! | `safe_stop` | how a robot comes to rest whose state is no longer known |
 //! | [`control`] | setpoints of the plan for the servos, open loop, or a controller that sees the robot |
 //! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
@@ -50,6 +51,7 @@ pub mod script;
 pub mod sensors;
 pub mod sequence;
 pub mod steered;
+mod tick;
 
 pub use closed_loop::Feedback;
 pub use control::Control;

@@ -72,7 +72,14 @@ pub fn play(
     let step_s = step_s(&script, options.rate_hz);
     let (beats, total) = beats(&script, options.cycles, step_s);
     let total_s = total as f64 * step_s;
-    let mut controller = Controller::new(&script, options, &world, &world_from_plan, step_s);
+    let mut controller = Controller::new(
+        &script,
+        options.control,
+        &options.mismatch,
+        &world,
+        &world_from_plan,
+        step_s,
+    );
     let mut from_s = 0.0;
     for (done, beat) in (1..).zip(beats) {
         let done_s = done as f64 * step_s;

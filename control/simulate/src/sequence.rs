@@ -3,9 +3,10 @@
 //! One estimator and one tracker run through all plans, so that the state estimate survives a change of plan. Each plan lies where the
 //! one before ended. Times are those of the caller's measurements: samples may be missing.
 
-use crate::closed_loop::{Measured, Placed, Timing, Untracked};
+use crate::closed_loop::Placed;
 use crate::follower::{Followed, Follower};
 use crate::script::Script;
+use crate::tick::{Measured, Timing, Untracked};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{State, Tree};
 use rollwalk_physics::motor::Law;

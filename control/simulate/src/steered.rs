@@ -4,8 +4,9 @@
 //! that is expected then. Until then the plan before goes on, and the measured state is expected to keep its distance
 //! to it. A plan that is not accepted does not take over.
 
-use crate::closed_loop::{Placed, law};
+use crate::closed_loop::Placed;
 use crate::script::servo;
+use crate::tick::law;
 use rollwalk_multibody::State;
 use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Law;

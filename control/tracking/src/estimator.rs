@@ -19,6 +19,7 @@ mod rest;
 
 use crate::absence::Absence;
 use crate::plausible;
+use crate::sensors::Sensors;
 use filter::{Contact, Filter};
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 use rest::Rest;
@@ -59,22 +60,6 @@ const JUMP_RAD_S2: f64 = 2500.0;
 const REST_S: f64 = 0.4;
 /// Largest mean of the gyro less its bias at which zero angular velocity is a measurement, rad/s.
 const STILL_RAD_S: f64 = 0.02;
-
-/// What a robot measures at a tick.
-#[derive(Clone, Copy, Debug)]
-pub struct Sensors<'a> {
-    /// Angular velocity of the root link in its own axes, rad/s; `None` if the IMU gave none.
-    pub gyro_rad_s: Option<Vector3<f64>>,
-    /// Specific force at the origin of the root link in its axes (acceleration minus gravity: at rest 9.81 m/s² upwards), mean since
-    /// the last tick, m/s²; `None` if the IMU gave none.
-    pub accelerometer_m_s2: Option<Vector3<f64>>,
-    /// Angles in joint order, rad.
-    pub joint_rad: &'a [f64],
-    /// Speeds of the joints, then of all spinning wheels relative to their links, rad/s: ν without the base.
-    pub speed_rad_s: &'a [f64],
-    /// Whether each end effector touches the ground.
-    pub touches: &'a [bool],
-}
 
 /// Why an estimate must not be used. The controller has to bring the robot to a safe state without it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

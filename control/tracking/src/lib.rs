@@ -4,6 +4,7 @@
 //! | module | is |
 //! |---|---|
 //! | [`absence`] | how long something is missing that comes and goes |
+//! | `sensors` | readings of a tick |
 //! | `plausible` | what a robot in order can measure |
 //! | [`estimator`] | the state from IMU, encoders and contacts |
 //! | [`mod@reference`] | what is planned for a moment |
@@ -53,10 +54,12 @@ mod plausible;
 mod quadratic;
 mod recovery;
 pub mod reference;
+mod sensors;
 pub mod tasks;
 pub mod tracker;
 
-pub use estimator::{Estimator, Sensors, Untrusted};
+pub use estimator::{Estimator, Untrusted};
 pub use gains::Gains;
 pub use reference::Reference;
+pub use sensors::Sensors;
 pub use tracker::{NoSetpoints, Setpoint, Tracker};

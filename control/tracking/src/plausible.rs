@@ -1,7 +1,7 @@
 //! What a robot in order can measure. Beyond it a value is a fault of its sensor, not the robot's motion, and must reach neither the
 //! estimate nor the motors.
 
-use crate::estimator::Sensors;
+use crate::sensors::Sensors;
 use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, State};
 use rollwalk_robot::Robot;
 

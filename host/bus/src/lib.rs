@@ -35,6 +35,8 @@ pub mod name;
 
 // What follows opens devices, which a browser has not.
 #[cfg(not(target_family = "wasm"))]
+mod error;
+#[cfg(not(target_family = "wasm"))]
 mod line;
 #[cfg(not(target_family = "wasm"))]
 pub mod open;

@@ -1,18 +1,9 @@
 //! Opens a bus by its name.
 
+pub use crate::error::OpenError;
 use crate::name::{BusName, DEFAULT_BAUD};
 use crate::port::Port;
 use crate::{serial, tty};
-
-/// Why a bus cannot be used, and the remedy.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{what}\n  {help}")]
-pub struct OpenError {
-    /// What is wrong.
-    pub what: String,
-    /// What to do about it, or the command to type.
-    pub help: String,
-}
 
 /// Opens a bus of frames with at most `depth` of them in flight.
 ///

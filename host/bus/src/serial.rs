@@ -3,9 +3,9 @@
 //! The bytes are those of [`rollwalk_protocol::serial`]. [`port`] takes any two ends of a line, [`open`] a
 //! device.
 
+use crate::error::OpenError;
 use crate::line::{LineWriter, WAIT, read};
 use crate::link::LinkError;
-use crate::open::OpenError;
 use crate::port::{Event, Inlet, Outlet, Port, since_us};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{Deframer, Gateway, Packet};

@@ -3,9 +3,9 @@
 //! The socket carries the packets of a serial line ([`rollwalk_protocol::serial`]). The robot and all other programs
 //! receive what one program sends.
 
+use crate::error::OpenError;
 use crate::line::{SIMULATED, WAIT};
 use crate::link::LinkError;
-use crate::open::OpenError;
 use crate::port::{Event, Inlet, Outlet, Port};
 use crate::{priority, serial};
 use rollwalk_protocol::can::Frame;

@@ -1,8 +1,8 @@
 //! A CAN adapter on a serial line that speaks SLCAN (Lawicel).
 
+use crate::error::OpenError;
 use crate::line::{LineWriter, read};
 use crate::link::LinkError;
-use crate::open::OpenError;
 use crate::port::{Event, Inlet, Outlet, Port};
 use crate::serial::open_device;
 use rollwalk_protocol::can::Frame;

@@ -4,9 +4,9 @@
 //! The line is for one program: a second one is refused as long as the first has it open, and no longer, however the
 //! first ends.
 
+use crate::error::OpenError;
 use crate::line::{LineWriter, read};
 use crate::link::LinkError;
-use crate::open::OpenError;
 use crate::port::{Event, Inlet, Outlet, Port};
 use crate::serial::open_device;
 use rollwalk_protocol::can::Frame;

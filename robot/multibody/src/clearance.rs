@@ -2,7 +2,8 @@
 
 use crate::distance::{Capsule, OrientedBox};
 use crate::{Frames, Tree};
-use rollwalk_robot::shape::{ClearancePair, Shape};
+use rollwalk_robot::ClearancePair;
+use rollwalk_robot::shape::Shape;
 
 impl Frames {
     /// Distance of the surfaces of a pair of shapes, m; negative where they overlap.

@@ -1,9 +1,10 @@
 //! Fields of a robot file's tables. A faulty value is noted and read as 0 or as empty.
 
 use super::parts::{self, MassProperties};
+use crate::actuator::{Actuator, TorqueSpeedLine};
 use crate::contact::RollingDrag;
 use crate::document::Table;
-use crate::model::{Actuator, SoftMaterial, TorqueSpeedLine};
+use crate::model::SoftMaterial;
 use crate::rules::ITEMS_MAX;
 use crate::solid::Solid;
 use nalgebra::{Matrix3, Vector3};

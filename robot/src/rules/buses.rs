@@ -2,7 +2,7 @@
 //! the ranges of the protocol's frames.
 
 use super::{Check, Place};
-use crate::controller::Channel;
+use crate::channel::Channel;
 use rollwalk_protocol::actuators::Refusal;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::settings::Report;

@@ -1,8 +1,9 @@
 //! All rules of a robot, item by item; collects every violation. Those of the robot as a whole are here.
 
 use super::{Place, Violation};
-use crate::controller::Channel;
-use crate::model::{Actuator, Robot};
+use crate::actuator::Actuator;
+use crate::channel::Channel;
+use crate::model::Robot;
 use nalgebra::Vector3;
 use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::library::MAX_NAME;

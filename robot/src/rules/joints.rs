@@ -2,7 +2,8 @@
 
 use super::Check;
 use super::check::Bound;
-use crate::model::{Actuator, Joint};
+use crate::actuator::Actuator;
+use crate::model::Joint;
 use rollwalk_protocol::actuator;
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use std::f64::consts::TAU;

@@ -2,9 +2,9 @@
 //! body that carries them. Masses add with parallel axes and rotation; frames are those of the body's
 //! first link, the root's turned so that x is forward and z up.
 
+use super::model::{Kind, Urdf};
 use super::notes::Notes;
 use super::tree::{Graph, Tree};
-use super::xml::{Kind, Urdf};
 use crate::file::parts::{MassProperties, sum};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::collections::{HashMap, HashSet};

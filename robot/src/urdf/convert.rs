@@ -2,9 +2,9 @@
 
 use super::bodies::{Bodies, Moving, Rigid, merge};
 use super::draft::{Draft, DraftEnd, DraftJoint, DraftLink, Origin};
-use super::emit::show;
 use super::joints::ranges;
 use super::loads::loads;
+use super::model::{Joint, Kind, Urdf};
 use super::motors::Motors;
 use super::names::{Names, allowed};
 use super::notes::Notes;
@@ -12,8 +12,8 @@ use super::rigid;
 use super::shapes::shapes;
 use super::side::{EndEffectorSide, Side};
 use super::stance::Tip;
+use super::toml_text::{key, show};
 use super::tree::{Graph, Tree, choose};
-use super::xml::{Joint, Kind, Urdf};
 use crate::GRAVITY_M_S2;
 use crate::document::{Document, alternatives};
 use crate::shape::Shape;
@@ -287,11 +287,6 @@ pub(super) fn limbs(bodies: &Bodies) -> Vec<usize> {
     limbs
 }
 
-/// A name as a key of TOML.
-pub(super) fn key(name: &str) -> String {
-    if allowed(name) == name { name.to_owned() } else { super::emit::quoted(name) }
-}
-
 /// Joints that carry no foot or wheel, whose bodies `tips` has; indices into [`Bodies::moving`].
 pub(super) fn idle_joints(bodies: &Bodies, tips: &[usize]) -> Vec<usize> {
     let mut carries = vec![false; bodies.bodies.len()];
@@ -309,14 +304,4 @@ pub(super) fn locked_position(joint: &Joint) -> f64 {
         (_, Some(lower), Some(upper)) if lower <= upper => 0.0_f64.clamp(lower, upper),
         _ => 0.0,
     }
-}
-
-/// A few names and how many more there are.
-pub(super) fn some_names<'n>(names: impl ExactSizeIterator<Item = &'n String>) -> String {
-    let count = names.len();
-    let mut shown = names.take(4).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
-    if count > 4 {
-        shown += &format!(" and {} more", count - 4);
-    }
-    shown
 }

@@ -1,7 +1,7 @@
 //! Reading one XML element: attributes to numbers, `<origin>`, `<inertial>`, shapes, `<link>`, `<joint>`.
 
+use super::model::{Joint, Kind, Limit, Link, Shape, Solid};
 use super::notes::Notes;
-use super::xml::{Joint, Kind, Limit, Link, Shape, Solid};
 use crate::document::{Span, alternatives};
 use crate::file::parts::MassProperties;
 use crate::rules::LENGTH_MAX_M;

@@ -2,6 +2,7 @@
 
 use super::draft::{Draft, DraftSheet, Motor, Origin};
 use super::side::NUMBERS;
+use super::toml_text::{array, comment, quoted, show};
 use crate::shape::Shape;
 use nalgebra::Vector3;
 use std::fmt::Write;
@@ -133,42 +134,4 @@ fn shape(shape: &Shape) -> String {
             vector(&size_m.map(|side| side.max(1e-4)))
         ),
     }
-}
-
-/// A string of TOML.
-pub(super) fn quoted(text: &str) -> String {
-    let mut quoted = String::from('"');
-    for c in text.chars() {
-        match c {
-            '"' | '\\' => quoted.extend(['\\', c]),
-            c if c.is_control() => {
-                let _ = write!(quoted, "\\u{:04X}", u32::from(c));
-            }
-            c => quoted.push(c),
-        }
-    }
-    quoted.push('"');
-    quoted
-}
-
-/// Text for a comment: without control characters, which would end it.
-pub(super) fn comment(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
-}
-
-/// A number with twelve digits, which hide the rounding of rotations.
-pub(super) fn show(number: f64) -> String {
-    let rounded: f64 = format!("{number:.11e}").parse().unwrap_or(number);
-    // No minus in front of 0.
-    format!("{:?}", rounded + 0.0)
-}
-
-/// An array whose rounding next to 0 is 0.
-pub(super) fn array(numbers: &[f64]) -> String {
-    let largest = numbers.iter().fold(0.0_f64, |largest, number| largest.max(number.abs()));
-    let shown: Vec<_> = numbers
-        .iter()
-        .map(|number| if number.abs() < 1e-13 * largest { "0.0".to_owned() } else { show(*number) })
-        .collect();
-    format!("[{}]", shown.join(", "))
 }

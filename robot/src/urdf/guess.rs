@@ -3,10 +3,10 @@
 
 use super::bodies::{Bodies, Rigid, merge};
 use super::convert::locked_position;
+use super::model::{Joint, Kind, Link, Solid, Urdf};
 use super::notes::Notes;
 use super::stance::Tip;
 use super::tree::{Graph, Tree};
-use super::xml::{Joint, Kind, Link, Solid, Urdf};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Parts of names of links that stand on the ground.
@@ -42,6 +42,18 @@ pub(super) enum EndKind {
     FreeWheel,
     /// A wheel that is fixed to its link, with its axis in that.
     WeldedWheel(Vector3<f64>),
+}
+
+impl EndKind {
+    /// Kind of contact as robot files spell it.
+    pub fn contact(self) -> &'static str {
+        match self {
+            Self::Foot => "point_foot",
+            Self::DrivenWheel => "actuated_wheel",
+            Self::FreeWheel => "passive_wheel",
+            Self::WeldedWheel(_) => "welded_wheel",
+        }
+    }
 }
 
 /// Joints of kinds that robot files do not have, with their locked position.

@@ -1,11 +1,11 @@
 //! Ranges of joints: limits from the side file, else from the URDF, and the standing angle within them.
 
 use super::bodies::Bodies;
-use super::convert::{key, some_names};
-use super::emit::show;
+use super::model::{Joint, Kind, Urdf};
+use super::names::some_names;
 use super::notes::Notes;
 use super::side::{JointSide, Side};
-use super::xml::{Joint, Kind, Urdf};
+use super::toml_text::{key, show};
 use crate::document::Document;
 
 /// Limit of a joint that turns without end: below 2π also when written with twelve digits.

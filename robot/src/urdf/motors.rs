@@ -3,10 +3,10 @@
 
 use super::draft::{DraftSheet, Motor, Sheet};
 use super::loads::Load;
+use super::model::Joint;
 use super::names::{Names, allowed};
 use super::notes::Notes;
 use super::side::{ActuatorSide, MotorSide, Side};
-use super::xml::Joint;
 use crate::document::Span;
 use rollwalk_protocol::actuator::{MAX_KD_NM_S_RAD, MAX_KP_NM_RAD, MAX_SPEED_RAD_S, MAX_TORQUE_NM};
 use rollwalk_protocol::actuators::bus::MAX_BUSES;

@@ -49,3 +49,13 @@ impl Names {
         candidate
     }
 }
+
+/// A few names and how many more there are.
+pub(super) fn some_names<'n>(names: impl ExactSizeIterator<Item = &'n String>) -> String {
+    let count = names.len();
+    let mut shown = names.take(4).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    if count > 4 {
+        shown += &format!(" and {} more", count - 4);
+    }
+    shown
+}

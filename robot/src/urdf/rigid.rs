@@ -2,11 +2,11 @@
 //! kinds that robot files do not have must be among them.
 
 use super::bodies::Rigid;
-use super::convert::key;
+use super::model::{Kind, Urdf};
 use super::notes::Notes;
 use super::side::Side;
+use super::toml_text::key;
 use super::tree::{Graph, Tree};
-use super::xml::{Kind, Urdf};
 use crate::document::{Document, alternatives};
 use std::collections::{HashMap, HashSet};
 

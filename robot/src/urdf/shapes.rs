@@ -4,10 +4,10 @@
 //! by that radius; where it is not longer than wide, the sphere of its volume. Boxes of the body stay boxes.
 
 use super::bodies::Bodies;
-use super::convert::some_names;
+use super::model::{Link, Solid, Urdf};
+use super::names::some_names;
 use super::notes::Notes;
 use super::stance::Tip;
-use super::xml::{Link, Solid, Urdf};
 use crate::file::parts::MassProperties;
 use crate::shape::Shape;
 use nalgebra::{Isometry3, Point3, Rotation3, UnitQuaternion, Vector3};

@@ -5,7 +5,7 @@
 //! it. Legs without such a joint, and those that cannot get there, stay next to angle 0.
 
 use super::bodies::{Bodies, motion};
-use super::xml::Kind;
+use super::model::Kind;
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Unit, Vector3};
 
 /// Depth of the foot below the hip as a share of the leg's length.

@@ -1,12 +1,13 @@
 //! Survey of a URDF: its contents, and a first side file for it.
 
 use super::bodies::{Bodies, Rigid, merge};
-use super::convert::{idle_joints, locked_position, some_names};
+use super::convert::{idle_joints, locked_position};
 use super::guess::{self, End, EndKind};
 use super::joints::TURN_RAD;
+use super::model::{Joint, Kind, Urdf};
+use super::names::{self, Names, some_names};
 use super::notes::Notes;
 use super::stance::{self, Stance, Turn};
-use super::xml::{Joint, Kind};
 use super::{Text, template, tree, xml};
 use crate::document::DocumentError;
 use rollwalk_protocol::config::MAX_CHANNELS;
@@ -139,7 +140,7 @@ pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
         .map(|((end, name), center)| SurveyEnd {
             name: name.clone(),
             link: read.links[end.link].name.clone(),
-            contact: contact(end).to_owned(),
+            contact: end.kind.contact().to_owned(),
             radius_m: end.radius_m,
             measured: end.measured,
             center_m: (*center).into(),
@@ -181,7 +182,7 @@ struct Guess {
 }
 
 fn guessed(
-    urdf: &xml::Urdf,
+    urdf: &Urdf,
     graph: &tree::Graph,
     tree: &tree::Tree,
     locks: &[(usize, f64)],
@@ -213,16 +214,6 @@ impl Guess {
     }
 }
 
-/// Kind of contact of a guessed end effector.
-pub(super) fn contact(end: &End) -> &'static str {
-    match end.kind {
-        EndKind::Foot => "point_foot",
-        EndKind::DrivenWheel => "actuated_wheel",
-        EndKind::FreeWheel => "passive_wheel",
-        EndKind::WeldedWheel(_) => "welded_wheel",
-    }
-}
-
 fn turn(joint: &Joint) -> Turn {
     let limits = (joint.kind != Kind::Continuous).then_some(joint.limit);
     let (lower, upper) = match limits.map(|limit| (limit.lower, limit.upper)) {
@@ -236,7 +227,7 @@ fn turn(joint: &Joint) -> Turn {
 
 /// Names of end effectors: `front_left` and so on for four in four corners, which named gaits need; else
 /// those of their links.
-fn end_names(stance: &Stance, ends: &[End], urdf: &xml::Urdf) -> Vec<String> {
+fn end_names(stance: &Stance, ends: &[End], urdf: &Urdf) -> Vec<String> {
     let count = stance.tips_m.len() as f64;
     let middle_m = stance.tips_m.iter().map(|tip| tip.x).sum::<f64>() / count;
     let corner = |tip: &nalgebra::Vector3<f64>| {
@@ -251,8 +242,6 @@ fn end_names(stance: &Stance, ends: &[End], urdf: &xml::Urdf) -> Vec<String> {
     if distinct.len() == 4 && corners.len() == 4 {
         return corners;
     }
-    let mut names = super::names::Names::default();
-    ends.iter()
-        .map(|end| names.unique(&super::names::allowed(&urdf.links[end.link].name)))
-        .collect()
+    let mut names = Names::default();
+    ends.iter().map(|end| names.unique(&names::allowed(&urdf.links[end.link].name))).collect()
 }

@@ -1,11 +1,9 @@
 //! The text of a first side file, with a comment on every guess.
 
-use super::convert::key;
-use super::emit::{array, comment, quoted, show};
 use super::guess::{End, EndKind};
+use super::model::{Joint, Urdf};
 use super::stance::Stance;
-use super::survey::contact;
-use super::xml::{Joint, Urdf};
+use super::toml_text::{array, comment, key, quoted, show};
 use std::fmt::Write;
 
 /// Contents of the template.
@@ -73,7 +71,7 @@ pub(super) fn template(content: &Content<'_>) -> String {
             text,
             "\n[[end_effector]]\nname = {}\ncontact = \"{}\"",
             quoted(name),
-            contact(end)
+            end.kind.contact()
         );
         match end.axle {
             Some(axle) => {

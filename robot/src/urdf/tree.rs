@@ -1,7 +1,7 @@
 //! Links and joints to a tree: names resolved, one root, joints ordered so that parents come first.
 
+use super::model::{Kind, Solid, Urdf};
 use super::notes::Notes;
-use super::xml::{Kind, Solid, Urdf};
 use crate::document::alternatives;
 use std::collections::HashMap;
 

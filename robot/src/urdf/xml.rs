@@ -1,111 +1,22 @@
-//! URDF text to links and joints, each with its place in the text; names are not resolved yet. Does not
-//! read the files of meshes, and ignores tags without mass, geometry or joints (gazebo, transmission, material, sensor).
+//! XML text of a URDF or of a model of MuJoCo to links and joints. Does not read the files of meshes, and ignores
+//! tags without mass, geometry or joints (gazebo, transmission, material, sensor).
 //!
 //! Not `urdf-rs`: its errors have no position and it stops at the first, accepts NaN, and does not
 //! tell an absent limit from 0.
 
 use super::elements::Reader;
 use super::mjcf;
+use super::model::{ITEMS_MAX, Urdf};
 use super::notes::Notes;
-use crate::document::{DocumentError, Fault, Span};
-use crate::file::parts::MassProperties;
-use nalgebra::{Isometry3, Unit, Vector3};
+use crate::document::{DocumentError, Fault};
 use roxmltree::{Document, Error, Node, ParsingOptions};
 
 /// Largest text, bytes: meshes lie in files of their own, so that real ones stay far below.
 pub const TEXT_MAX: usize = 16 << 20;
 /// Most nodes of the XML tree.
 const NODES_MAX: u32 = 1 << 20;
-/// Most links, and most joints: humanoids with hands have a few hundred. What is done with them takes time with the square
-/// of their number.
-pub(super) const ITEMS_MAX: usize = 2000;
 /// Namespace of prefixes that the file uses without declaring them.
 const UNDECLARED: &str = "urn:undeclared";
-
-/// Contents of a URDF file.
-#[derive(Debug, Default)]
-pub(super) struct Urdf {
-    pub name: String,
-    pub links: Vec<Link>,
-    pub joints: Vec<Joint>,
-}
-
-/// A `<link>`.
-#[derive(Debug)]
-pub(super) struct Link {
-    pub name: String,
-    pub span: Span,
-    /// Mass, centre of mass and inertia in link axes; none without `<inertial>` or with mass 0.
-    pub mass: Option<MassProperties>,
-    /// Collision and visual geometry, collision first.
-    pub shapes: Vec<Shape>,
-}
-
-/// A solid of a link, centred at `link_from_shape`.
-#[derive(Clone, Debug)]
-pub(super) struct Shape {
-    pub link_from_shape: Isometry3<f64>,
-    pub solid: Solid,
-    /// Whether it is collision geometry; else it is visual.
-    pub collision: bool,
-}
-
-/// Kinds of geometry.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Solid {
-    Sphere {
-        radius_m: f64,
-    },
-    /// Along z of the shape.
-    Cylinder {
-        radius_m: f64,
-        length_m: f64,
-    },
-    Box {
-        size_m: Vector3<f64>,
-    },
-    /// In a file of its own, which is not read.
-    Mesh,
-}
-
-/// The types of `<joint>`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Revolute,
-    Continuous,
-    Fixed,
-    Prismatic,
-    Planar,
-    Floating,
-}
-
-/// A `<joint>`.
-#[derive(Debug)]
-pub(super) struct Joint {
-    pub name: String,
-    pub span: Span,
-    pub kind: Kind,
-    pub parent: String,
-    pub child: String,
-    pub parent_from_joint: Isometry3<f64>,
-    pub axis: Unit<Vector3<f64>>,
-    /// The joint that this one follows.
-    pub mimics: Option<String>,
-    /// Whether the file says anything of a motor: a torque, or an actuator of a model of MuJoCo.
-    pub has_motor: bool,
-    pub limit: Limit,
-}
-
-/// A `<limit>`; absent attributes are `None`.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Limit {
-    pub lower: Option<f64>,
-    pub upper: Option<f64>,
-    pub velocity: Option<f64>,
-    pub effort: Option<f64>,
-    /// Inertia of the rotor at the joint, kg·m²; of MJCF alone.
-    pub armature_kg_m2: Option<f64>,
-}
 
 /// Declares the XML prefixes that a file uses without declaring them, which other URDF readers accept.
 /// Keeps line numbers.

@@ -1,30 +1,17 @@
 //! A gamepad that the page sees. What its buttons do is that of the command line's console (`rollwalk_gamepads`), with two
 //! differences: arming takes a second, as with the page's own button, and a page that does not tell of the gamepad holds nothing.
 
+use crate::messages::robot::Seen;
 use rollwalk_gamepads::file::{Mapping, North};
 use rollwalk_gamepads::pad::{Pad, Wish};
 use rollwalk_gamepads::standard::{Snapshot, Standard};
 use rollwalk_gamepads::{shipped, shipped_for};
 use rollwalk_host::operator::{Deadman, Intent, LetGo, Operator};
-use serde::Deserialize;
 
 /// How long the arming button must be held, µs.
 const ARM_HOLD_US: u64 = 1_000_000;
 /// Age of what the page reported at which nothing is held any more, µs: as long as a robot waits for its host.
 const UNSEEN_US: u64 = 250_000;
-
-/// What a page sees of a gamepad.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(untagged)]
-pub enum Seen {
-    /// Its buttons and axes.
-    There(Snapshot),
-    /// It cannot be seen.
-    Gone {
-        /// Why.
-        gone: String,
-    },
-}
 
 /// The gamepad that the operator uses.
 #[derive(Debug)]

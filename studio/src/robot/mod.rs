@@ -16,11 +16,10 @@ mod line;
 mod simulated;
 mod view;
 
-pub use view::RobotView;
-
 use crate::documents::{Documents, missing};
-use crate::messages::{Answer, File};
-use gamepad::{Gamepad, Seen};
+use crate::messages::Answer;
+use crate::messages::robot::{Key, Place, RobotView, Seen, Wanted, Wish};
+use gamepad::Gamepad;
 use line::{Coding, Line};
 use rollwalk_host::authentication::{Credentials, Peer};
 use rollwalk_host::catalog::Catalog;
@@ -30,76 +29,7 @@ use rollwalk_protocol::library::{Library, validate};
 use rollwalk_protocol::wire::Node;
 use rollwalk_protocol::wire::authentication::LinkKey;
 use rollwalk_robot::Robot;
-use serde::Deserialize;
 use simulated::Simulated;
-
-/// Where the robot is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Place {
-    /// In the page, on level ground.
-    Simulated,
-    /// At a serial port that carries the link.
-    Serial,
-    /// Behind a CAN adapter at a serial port that speaks SLCAN, at 1 Mbit/s.
-    Slcan,
-    /// At a bus of this computer, which a server relays.
-    Relay,
-}
-
-/// What a page wants of a robot at the other end of a link.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(tag = "robot", rename_all = "snake_case")]
-pub enum Wanted {
-    /// To talk to it, in place of one before.
-    Connect {
-        /// Where it is.
-        place: Place,
-        /// The documents.
-        files: Vec<File>,
-        /// Path of the robot file among them.
-        file: String,
-        /// Number of the controller.
-        node: u8,
-        /// Whether a gamepad's deadman must be held while the robot moves.
-        #[serde(default)]
-        gamepad: bool,
-        /// The robot's link key, for a controller that insists on one.
-        #[serde(default)]
-        key: Option<Key>,
-    },
-    /// To go on; the request's bytes are what has arrived.
-    Tick {
-        /// Whether the page itself, and not its link alone, has answered lately.
-        attended: bool,
-        /// What the page has seen of the gamepad since the last tick, in order.
-        #[serde(default)]
-        gamepad: Vec<Seen>,
-    },
-    /// To obey an order.
-    Wish(Wish),
-    /// To take the library in the request's bytes.
-    Flash,
-    /// To name motions as the library in the request's bytes does.
-    Name,
-    /// To end the connection at once.
-    Leave,
-}
-
-/// A link key, and random numbers for its use.
-#[derive(Clone, Deserialize)]
-pub struct Key {
-    /// The text of the key file.
-    text: String,
-    /// Random, of 32 bits each: JavaScript has no integers of 64.
-    nonce: [u32; 2],
-}
-
-impl std::fmt::Debug for Key {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Key(secret)")
-    }
-}
 
 impl Key {
     fn credentials(&self) -> Result<Credentials, Answer> {
@@ -110,41 +40,6 @@ impl Key {
         let [high, low] = self.nonce.map(u64::from);
         Ok(Credentials { key: LinkKey::new(&key), nonce: high << 32 | low })
     }
-}
-
-/// What the operator wants.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(tag = "intent", rename_all = "snake_case")]
-pub enum Wish {
-    /// Turn torque on.
-    Arm,
-    /// Play the motion with this code.
-    Play {
-        /// The code.
-        code: u8,
-    },
-    /// Halt the motion where it is, or go on.
-    PauseOrResume,
-    /// Return to SAFE.
-    Return,
-    /// Return to SAFE, then turn torque off.
-    Disarm,
-    /// Turn torque off at once.
-    Estop,
-    /// Leave an emergency stop or a latched fault.
-    Clear,
-    /// Set the speed of playback.
-    Speed {
-        /// 64ths of the planned speed, 1 to 64.
-        sixty_fourths: i8,
-    },
-    /// The deadman is held, or was released: the robot halts.
-    Deadman {
-        /// Whether it is held.
-        held: bool,
-    },
-    /// Return to SAFE, turn torque off and leave; the second time, leave at once.
-    Quit,
 }
 
 impl From<Wish> for Intent {

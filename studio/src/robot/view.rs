@@ -1,6 +1,7 @@
 //! What the page shows of a robot: state and faults in words, motions, joints, and poses of its bodies.
 
 use super::simulated::Simulated;
+use crate::messages::robot::{ChannelOf, MessageOf, MotionOf, Playing, RobotView, Simulation};
 use crate::scene::{poses as drawn, turning_wheels};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_host::catalog::Catalog;
@@ -10,129 +11,12 @@ use rollwalk_multibody::{Configuration, Frames, Standing, Tree};
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_protocol::wire::{State, Torque};
 use rollwalk_robot::Robot;
-use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// Longest time for which a motion is thought to go on as the robot last reported, µs: three of its messages.
 const MOST_SINCE_US: u64 = 150_000;
 /// The planned speed in 64ths.
 const FULL_SPEED: i8 = 64;
-
-/// A snapshot for the page.
-#[derive(Clone, Debug, Serialize)]
-pub struct RobotView {
-    /// Time by the robot's clock, or the page's for a real one, s.
-    pub time_s: f64,
-    /// Whether the controller was heard lately.
-    pub contact: bool,
-    /// Time from a heartbeat to its answer, ms.
-    pub round_trip_ms: Option<f64>,
-    /// Status messages lost, of all.
-    pub lost: [u64; 2],
-    /// State in words, to follow "the robot is"; none before the first status.
-    pub state: Option<&'static str>,
-    /// Whether the motors have torque, or may get it without another order.
-    pub torque: bool,
-    /// Whether it takes an order to arm in this state.
-    pub can_arm: bool,
-    /// Whether it takes orders to play in this state.
-    pub can_play: bool,
-    /// Whether it is halted within a motion, and goes on by an order.
-    pub paused: bool,
-    /// What to do next.
-    pub advice: &'static str,
-    /// Why this page must not arm the controller.
-    pub mismatch: Option<String>,
-    /// What is wrong with the bus.
-    pub complaint: Option<String>,
-    /// Faults in words.
-    pub faults: Vec<String>,
-    /// Motions of the library in use, if the page has that library.
-    pub motions: Vec<MotionOf>,
-    /// The motion or transition that is being played: its name, and its frame.
-    pub playing: Option<Playing>,
-    /// Identity of the library in use, as eight hexadecimal digits.
-    pub library: Option<String>,
-    /// Bytes of a library that is being transferred: those that have arrived, and all.
-    pub transfer: Option<[usize; 2]>,
-    /// The order in flight, in words.
-    pub asking: Option<String>,
-    /// The gamepad in a few words, if one is used.
-    pub gamepad: Option<String>,
-    /// Whether an emergency stop waits to be acknowledged.
-    pub stopping: bool,
-    /// Whether the operator is leaving: `no`, `when_home` or `now`.
-    pub leaving: &'static str,
-    /// Commanded speed, in 64ths of the planned one.
-    pub speed_64ths: i8,
-    /// Joints and driven wheels that were heard, in channel order.
-    pub channels: Vec<ChannelOf>,
-    /// Poses of the scene's bodies, world_from_body, `x y z qw qx qy qz`.
-    pub poses: Vec<[f64; 7]>,
-    /// Whether the simulated robot has fallen, and whether the hoist holds it.
-    pub simulated: Option<Simulation>,
-    /// Messages to the operator, oldest first.
-    pub messages: Vec<MessageOf>,
-}
-
-/// A motion that can be played.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct MotionOf {
-    /// Its name.
-    pub name: String,
-    /// Its command code.
-    pub code: Option<u8>,
-    /// Whether it repeats.
-    pub looping: bool,
-}
-
-/// What is being played.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Playing {
-    /// The motion, or `from → to`.
-    pub name: String,
-    /// Its clip in the library.
-    pub clip: u8,
-    /// Time within it now: that of the frame which the robot reported, gone on since, s.
-    pub time_s: f64,
-    /// Seconds of it that pass in a second: 0 while it is halted.
-    pub rate: f64,
-}
-
-/// Telemetry of a joint or driven wheel.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ChannelOf {
-    /// Its name.
-    pub name: String,
-    /// Angle, rad.
-    pub position_rad: f32,
-    /// Speed, rad/s.
-    pub speed_rad_s: f32,
-    /// Torque, N·m.
-    pub torque_nm: f32,
-    /// Age, s.
-    pub age_s: f64,
-}
-
-/// State of a simulated robot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Simulation {
-    /// It has fallen since the hoist let go of it.
-    pub fallen: bool,
-    /// The hoist holds it.
-    pub held: bool,
-}
-
-/// A message to the operator.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MessageOf {
-    /// When, s.
-    pub at_s: f64,
-    /// `note`, `refused` or `warning`.
-    pub weight: &'static str,
-    /// The message.
-    pub text: String,
-}
 
 /// The snapshot of an operator's view.
 pub fn robot_view(

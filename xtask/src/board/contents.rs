@@ -1,8 +1,7 @@
 //! Contents of an image: bytes of each memory, and symbols that lead to a panic.
 
-use super::limits::Limits;
+use super::limits::{Limits, MAX_STATIC_RAM};
 use super::shown;
-use super::sizes::MAX_STATIC_RAM;
 use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, elf};
 use std::fs;
 use std::ops::Range;

@@ -2,6 +2,7 @@
 
 use crate::bare_metal::{self, CORTEX_M4F, CORTEX_M33F};
 use crate::shell;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -40,6 +41,8 @@ pub const MPS2_AN386_KEYS: Image = Image {
     target: CORTEX_M4F,
     name: "rollwalk-mps2-an386-keys",
 };
+/// RAM of the emulated board's images (`memory.x`); what lies above stands for external memory.
+pub const RAM: Range<u64> = 0x2000_0000..0x2001_0000;
 /// The NUCLEO-G474RE's.
 pub const NUCLEO_G474RE: Image = Image {
     folder: "firmware/boards/nucleo-g474re",

@@ -2,9 +2,8 @@
 
 use super::bench::Bench;
 use super::contents::{Contents, Sections, read, sections};
-use super::image::{MPS2_AN386, MPS2_AN386_KEYS};
+use super::image::{MPS2_AN386, MPS2_AN386_KEYS, RAM};
 use super::limits::Limits;
-use super::sizes::RAM;
 use serde_json::{Value, json};
 
 /// Cargo features of the board: a link key, and a library key besides.

@@ -5,7 +5,7 @@ use super::bench::{Bench, KeyFiles, Module};
 use super::contents::{self, Sections};
 use super::formats::Format;
 use super::image::{self, Image};
-use super::{Board, key_block, real, shown, sizes};
+use super::{Board, key_block, real, shown};
 use crate::shell;
 use clap::ValueEnum;
 use std::fs::{self, OpenOptions};
@@ -65,7 +65,7 @@ const EMULATOR: (Format, &str) = (
 fn product(board: Board) -> Product {
     let emulated = |image| Product {
         image,
-        ram: sizes::RAM,
+        ram: image::RAM,
         flash: 128 << 10,
         formats: &[Format::Elf],
         flashing: &[EMULATOR],

@@ -2,9 +2,8 @@
 
 use super::contents::{Contents, Sections, panic_paths, read, sections};
 use super::image::{Image, NUCLEO_G474RE, PICO2};
-use super::limits::Limits;
+use super::limits::{Limits, MAX_STATIC_RAM};
 use super::shown;
-use super::sizes::MAX_STATIC_RAM;
 use std::ops::Range;
 
 /// A board's memories.

@@ -5,8 +5,9 @@
 
 use super::bench::Bench;
 use super::contents::{Contents, Sections, read, sections};
-use super::image::{MPS2_AN386, MPS2_AN386_REPLAY};
+use super::image::{MPS2_AN386, MPS2_AN386_REPLAY, RAM};
 use super::keys::Keys;
+use super::limits::MAX_STATIC_RAM;
 use serde_json::json;
 
 /// Most bytes of code and constants: 64 KiB, as before torques were fed forward, 6 KiB for these, 4 KiB for streamed setpoints, and 4 KiB
@@ -15,8 +16,6 @@ pub const MAX_TEXT: u64 = 78 << 10;
 /// The same with lines for every actuator protocol, which the board has not: today's size and a little more. Each
 /// protocol adds its codec here, and nothing to images without its line.
 const MAX_TEXT_WITH_EVERY_LINE: u64 = 89 << 10;
-/// Most bytes of static variables.
-pub const MAX_STATIC_RAM: u64 = 16 << 10;
 /// Aim for the instructions of a control tick: 1 kHz on a 170 MHz part with room to spare.
 const AIM: f64 = 10_000.0;
 /// Today's counts, with a library that has torques, and a tenth more: above that is a step back. The worst tick goes to
@@ -24,8 +23,6 @@ const AIM: f64 = 10_000.0;
 const MAX_MEAN_TICK: f64 = 13_600.0;
 const MAX_TICK: f64 = 25_100.0;
 const MAX_PERIOD: f64 = 59_700.0;
-/// The image's own RAM (`memory.x`); what lies above stands for external memory.
-pub const RAM: std::ops::Range<u64> = 0x2000_0000..0x2001_0000;
 
 /// Builds the images, replays the demo and prints the figures, as a table or as JSON.
 ///

@@ -2,9 +2,10 @@
 //! runs it, where there is SocketCAN.
 
 use super::contents::{Contents, Sections, read};
-use super::image::{MPS2_AN386_REPLAY, MPS2_AN386_SLCAN};
+use super::image::{MPS2_AN386_REPLAY, MPS2_AN386_SLCAN, RAM};
+use super::limits::MAX_STATIC_RAM;
 use super::shown;
-use super::sizes::{MAX_STATIC_RAM, MAX_TEXT, RAM};
+use super::sizes::MAX_TEXT;
 use std::path::PathBuf;
 
 /// Builds the image.

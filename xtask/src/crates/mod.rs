@@ -10,8 +10,8 @@ mod archive;
 mod manifest;
 mod semver;
 
+use crate::extent::Extent;
 use crate::shell;
-use crate::steps::Extent;
 use manifest::Published;
 use std::path::PathBuf;
 

@@ -4,8 +4,8 @@
 //! each other, so that links are rewritten. A section that the summary lists has a page of its own in the book; its document keeps
 //! the heading and a link.
 
+use crate::checkout::TextFile;
 use crate::markdown::{Page, target};
-use crate::tidy::TextFile;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -218,7 +218,7 @@ fn edited(text: &str, part: Range<usize>, mut edits: Vec<(Range<usize>, String)>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tidy::file;
+    use crate::checkout::file;
 
     const README: &str = "# Pup\n\n[a](docs/a.md#deep)\n\n## Begin\n\n[f](pup.toml)\n\n### Sub\n\nx\n\n## End\n\n[s](#sub)\n";
 

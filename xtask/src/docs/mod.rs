@@ -7,7 +7,7 @@ pub mod book;
 mod reference;
 mod site;
 
-use crate::{shell, tidy, toolchain};
+use crate::{checkout, shell, toolchain};
 use book::Book;
 use std::fs;
 use std::path::Path;
@@ -28,7 +28,7 @@ pub struct Options {
 /// Faults of the summary; links that lead nowhere; or the command that installs mdBook.
 pub fn build(options: &Options) -> Result<(), String> {
     let root = shell::workspace_root();
-    let files = tidy::text_files(&root)?;
+    let files = checkout::text_files(&root)?;
     let book = Book::read(&files)?;
     let mdbook = toolchain::program(
         MDBOOK,

@@ -6,7 +6,7 @@ mod retargeted;
 mod tracked;
 mod urdf;
 
-use crate::steps::Extent;
+use crate::extent::Extent;
 use crate::workspace;
 use crate::{mujoco, parallel, shell};
 use serde_json::{Map, Value, json};

@@ -10,15 +10,6 @@ pub mod test;
 use clap::ValueEnum;
 pub use run::Run;
 
-/// Length of a step that both commands have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Extent {
-    /// In `cargo xtask test`: minutes for every change.
-    Short,
-    /// In `cargo xtask nightly`: as long as it takes.
-    Full,
-}
-
 /// A step of a command; its name is what `--only` takes.
 pub trait Step: ValueEnum + 'static {
     /// Subcommand of `cargo xtask` that has these steps.

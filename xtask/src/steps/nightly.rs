@@ -1,6 +1,7 @@
 //! The steps of `cargo xtask nightly`: the long forms of what `cargo xtask test` samples.
 
-use super::{Extent, Step};
+use super::Step;
+use crate::extent::Extent;
 use crate::{
     board, browsers, crates, deny, docs, explore, fuzz, hostile, miri, mujoco, package, replay,
     ros2, sbom, shell, studio, vcan, wheel, workspace,

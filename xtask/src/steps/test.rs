@@ -1,6 +1,7 @@
 //! The steps of `cargo xtask test`, in the order in which they fail fastest.
 
-use super::{Extent, Step};
+use super::Step;
+use crate::extent::Extent;
 use crate::{
     bare_metal, board, browsers, cantools, crates, debian, exports, hostile, mujoco, programs,
     replay, shell, tidy, toolchain, workspace,

@@ -3,7 +3,7 @@
 //! The check reads text: imports, and paths that begin with `crate`, `super`, `self` or a module of the folder. A path
 //! through a re-export leads to the item's own module. A folder's file does not use what it only re-exports.
 
-use super::TextFile;
+use crate::checkout::TextFile;
 use std::collections::BTreeMap;
 
 /// Folders of the crates that are checked.
@@ -139,7 +139,7 @@ fn circle(uses: &Uses) -> Option<Vec<&str>> {
 
 #[cfg(test)]
 mod tests {
-    use crate::tidy::file;
+    use crate::checkout::file;
 
     #[test]
     fn circles_are_found_behind_re_exports_and_in_folders() {

@@ -1,7 +1,7 @@
 //! Every `cargo xtask` command of the documents is one. Those of `rollwalk` are checked by `tests/integration/pages.rs`, which
 //! has its command line.
 
-use super::TextFile;
+use crate::checkout::TextFile;
 use crate::markdown::Page;
 
 /// Commands in blocks of shell commands that `command` does not understand, and how many it does.
@@ -37,7 +37,7 @@ pub fn violations(files: &[TextFile], command: &clap::Command) -> (Vec<String>, 
 
 #[cfg(test)]
 mod tests {
-    use crate::tidy::file;
+    use crate::checkout::file;
     use clap::{Arg, Command};
 
     #[test]

@@ -1,6 +1,6 @@
 //! Every link between documents leads somewhere: to a file of the checkout and, behind `#`, to a heading of it.
 
-use super::TextFile;
+use crate::checkout::TextFile;
 use crate::markdown::{Page, target};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -41,7 +41,7 @@ pub fn violations(files: &[TextFile], exists: impl Fn(&str) -> bool) -> (Vec<Str
 
 #[cfg(test)]
 mod tests {
-    use crate::tidy::file;
+    use crate::checkout::file;
 
     #[test]
     fn links_to_nothing_are_named() {

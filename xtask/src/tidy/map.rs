@@ -3,7 +3,7 @@
 //! A row of the map is `` | `folder/` | `crate` | dependencies | … ``. Rows stand in the order of the data flow: a crate depends on
 //! crates above it only, and the third cell lists those of its own manifest, without the common prefix of their names.
 
-use super::TextFile;
+use crate::checkout::TextFile;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -96,7 +96,7 @@ fn short(name: &str) -> &str {
 
 #[cfg(test)]
 mod tests {
-    use crate::tidy::file;
+    use crate::checkout::file;
     use serde_json::json;
 
     /// A map of two crates and a folder, and a manifest of `rollwalk-b` with these dependencies.

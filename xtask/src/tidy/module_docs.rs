@@ -1,6 +1,6 @@
 //! Every Rust file opens with `//!` and says what it is.
 
-use super::TextFile;
+use crate::checkout::TextFile;
 
 /// Files that open with something else.
 pub fn violations(files: &[TextFile]) -> Vec<String> {
@@ -13,7 +13,7 @@ pub fn violations(files: &[TextFile]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::tidy::file;
+    use crate::checkout::file;
 
     #[test]
     fn only_undocumented_rust_files_are_named() {

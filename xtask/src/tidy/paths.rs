@@ -1,6 +1,6 @@
 //! Paths in text: no absolute path of a developer's machine anywhere, and no dead reference in the documents.
 
-use super::TextFile;
+use crate::checkout::TextFile;
 use std::collections::BTreeSet;
 
 /// Homes and work folders of machines, split so that this file does not hold what it looks for.
@@ -57,7 +57,7 @@ pub fn dead_references(files: &[TextFile], exists: impl Fn(&str) -> bool) -> Vec
 
 #[cfg(test)]
 mod tests {
-    use crate::tidy::file;
+    use crate::checkout::file;
 
     #[test]
     fn machine_paths_are_found_where_a_path_starts() {

@@ -1,7 +1,7 @@
 //! Documentation says who does what, in the field's terms: phrases that hide it are refused, in doc comments and in
 //! Markdown, each with what to write instead.
 
-use super::TextFile;
+use crate::checkout::TextFile;
 
 /// Refused phrases, in lower case, and what serves instead.
 const REFUSED: [(&str, &str); 14] = [
@@ -63,7 +63,7 @@ fn contains(line: &str, phrase: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use crate::tidy::file;
+    use crate::checkout::file;
 
     #[test]
     fn refused_phrases_are_found_where_documentation_stands() {

@@ -51,7 +51,7 @@ pub fn identify(
     let file = Model::new(robot);
     let replay = replay(recording, &file, options)?;
     let until = replay.steps - (replay.steps as f64 * options.held_out) as usize;
-    let mut search = Search::new(&replay, &file, quantities, options, goes_on);
+    let mut search = Search::new(&replay, &file, quantities, options.iterations, goes_on);
     let quarter = (until / 4).max(((SHORTEST_S / 2.0) / replay.step_s) as usize).min(until);
     let quarter_s = quarter as f64 * replay.step_s;
     let at_first = search.begin(quarter);
@@ -151,7 +151,7 @@ pub fn predict(
     goes_on: impl FnMut(&Stage) -> bool,
 ) -> Result<Option<Quality>, Unfit> {
     let replay = replay(recording, model, options)?;
-    let mut search = Search::new(&replay, model, &[], options, goes_on);
+    let mut search = Search::new(&replay, model, &[], options.iterations, goes_on);
     let quarter = replay.steps / 4;
     let begins = search.minimise("where the run begins", quarter, false, true);
     let start = search.at.start.clone();

@@ -1,7 +1,6 @@
 //! The search of one run: Gauss–Newton's method on parts of it, from several starting points at first, and how sure its numbers are at the end.
 
 use super::effects::Report;
-use super::fit::Options;
 use super::outcome::{Found, Stage, Unfit, Verdict};
 use super::parts;
 use super::quality;
@@ -36,7 +35,7 @@ pub(super) struct At {
 pub(super) struct Search<'a, G> {
     replay: &'a Replay,
     file: &'a Model,
-    options: &'a Options,
+    iterations: usize,
     noise: Noise,
     pub at: At,
     all: &'a [Quantity],
@@ -54,14 +53,14 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         replay: &'a Replay,
         file: &'a Model,
         all: &'a [Quantity],
-        options: &'a Options,
+        iterations: usize,
         goes_on: G,
     ) -> Self {
         let at = At { quantities: vec![0.0; all.len()], start: vec![0.0; replay.start.count()] };
         Self {
             replay,
             file,
-            options,
+            iterations,
             noise: quality::nominal(),
             at,
             all,
@@ -127,7 +126,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
             penalties.extend(self.replay.start.penalties(count));
         }
         let search = gauss_newton::Options {
-            iterations: self.options.iterations,
+            iterations: self.iterations,
             tolerance: TOLERANCE,
             most: MOST,
             ..gauss_newton::Options::default()
@@ -258,7 +257,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         let mut reports: Vec<Vec<Report>> = vec![Vec::new(); self.open.len()];
         for replay in &replays {
             let goes_on = &mut self.goes_on;
-            let mut of_part = Search::new(replay, self.file, self.all, self.options, goes_on);
+            let mut of_part = Search::new(replay, self.file, self.all, self.iterations, goes_on);
             of_part.at.quantities.clone_from(&self.at.quantities);
             of_part.open.clone_from(&self.open);
             (of_part.noise, of_part.rollouts) = (self.noise, self.rollouts);
@@ -323,7 +322,7 @@ fn inverse(hessian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identify::fit::replay;
+    use crate::identify::fit::{Options, replay};
     use crate::identify::{Drive, Recording, Series};
     use rollwalk_robot::Robot;
 
@@ -346,7 +345,8 @@ mod tests {
         let replay = replay(run, &file, &options).unwrap();
         let kinds = [Kind::Friction, Kind::Stiffness, Kind::Stick, Kind::Delay];
         let quantities = kinds.map(|kind| Quantity { kind, group: None });
-        let mut search = Search::new(&replay, &file, &quantities, &options, |_: &Stage| true);
+        let mut search =
+            Search::new(&replay, &file, &quantities, options.iterations, |_: &Stage| true);
         let starts = search.starts();
         assert_eq!(starts.len(), 8);
         assert_eq!(starts[0], [0.0; 4]);

@@ -1,6 +1,6 @@
 //! Detection of a robot that stands still, from its sensors alone.
 
-use super::Sensors;
+use crate::sensors::Sensors;
 use nalgebra::Vector3;
 use rollwalk_robot::GRAVITY_M_S2;
 

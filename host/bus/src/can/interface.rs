@@ -1,6 +1,6 @@
 //! CAN interfaces of this computer: lists them, and opens one that can be used.
 
-use crate::open::OpenError;
+use crate::error::OpenError;
 use socketcan::nl::CanState;
 use socketcan::{CanInterface, CanSocket, Socket};
 use std::fs;

@@ -9,8 +9,8 @@ mod interface;
 
 pub use interface::{DEFAULT_BITRATE, Interface, check_support, create_virtual, list};
 
+use crate::error::OpenError;
 use crate::link::LinkError;
-use crate::open::OpenError;
 use crate::port::{Event, Inlet, Outlet, Port, since_us};
 use flight::Flight;
 use health::Health;

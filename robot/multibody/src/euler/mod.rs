@@ -6,6 +6,7 @@
 //! three angles in place of an angular velocity.
 
 mod clearance;
+mod forward;
 mod model;
 mod pose;
 mod swept;

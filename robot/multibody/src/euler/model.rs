@@ -1,12 +1,10 @@
 //! A robot prepared for the optimiser: nominal pose, second moments of links, chains of degrees of freedom.
 
 use super::clearance::Clearance;
-use super::pose::drop_to_contact;
-use super::swept::second_moments;
-use super::{BASE_POSITION, JOINTS};
-use crate::Tree;
+use super::{BASE_POSITION, BASE_YAW, JOINTS};
+use crate::{Configuration, Frames, Tree, rotation};
 use nalgebra::{DVector, Matrix3, Vector3};
-use rollwalk_robot::Robot;
+use rollwalk_robot::{EndEffector, Link, Robot};
 
 /// A robot prepared for the optimiser, computed once.
 #[derive(Clone, Debug)]
@@ -48,7 +46,7 @@ impl Model {
             dofs: (0..JOINTS).chain(joints.iter().map(|&j| JOINTS + j)).collect(),
         };
         let mut model = Self {
-            second_moments_kg_m2: second_moments(&robot.links),
+            second_moments_kg_m2: robot.links.iter().map(second_moment).collect(),
             nominal_q: DVector::zeros(JOINTS + robot.joints.len()),
             chains: limbs.map(chain).collect(),
             carried: carried(&tree),
@@ -97,16 +95,27 @@ impl Model {
     pub fn standing_q(&self, joint_rad: &[f64]) -> DVector<f64> {
         let mut q = DVector::zeros(self.dofs());
         q.rows_mut(JOINTS, joint_rad.len()).copy_from_slice(joint_rad);
-        let pose = self.pose(&q);
-        let lowest = self
-            .robot()
-            .end_effectors
-            .iter()
-            .zip(&pose.end_effectors)
-            .map(|(ee, at)| at.center.z - drop_to_contact(at.axis, ee.radius_m))
-            .fold(f64::INFINITY, f64::min);
+        let frames = self.frames(&q);
+        let height_m = |(index, ee): (usize, &EndEffector)| {
+            let axis_in_link = self.wheel_axis_in_link(index).unwrap_or_else(Vector3::zeros);
+            let axis = frames.world_from_link[ee.link] * axis_in_link;
+            frames.point(ee.link, &ee.center_in_link_m).z - drop_to_contact(axis, ee.radius_m)
+        };
+        let end_effectors = self.robot().end_effectors.iter().enumerate();
+        let lowest = end_effectors.map(height_m).fold(f64::INFINITY, f64::min);
         q[BASE_POSITION + 2] = -lowest;
         q
+    }
+
+    /// Frames of all links at `q`.
+    pub fn frames(&self, q: &DVector<f64>) -> Frames {
+        let ypr = Vector3::new(q[BASE_YAW], q[BASE_YAW + 1], q[BASE_YAW + 2]);
+        let at = Configuration {
+            base_position_m: Vector3::new(q[0], q[1], q[2]),
+            world_from_body: rotation::from_yaw_pitch_roll(&ypr),
+            joint_rad: &q.as_slice()[JOINTS..],
+        };
+        Frames::new(self.tree(), &at)
     }
 
     /// Degrees of freedom that move end effector `index`.
@@ -128,6 +137,18 @@ impl Model {
     pub fn wheel_axis_in_link(&self, index: usize) -> Option<Vector3<f64>> {
         self.robot().end_effectors[index].contact.axis_in_link().copied()
     }
+}
+
+/// Second moment Σ m x xᵀ of a link about its centre of mass, in link axes, kg·m².
+fn second_moment(link: &Link) -> Matrix3<f64> {
+    let inertia = &link.inertia_in_link_kg_m2;
+    Matrix3::from_diagonal_element(0.5 * inertia.trace()) - inertia
+}
+
+/// Height of the wheel centre above its lowest point, m: r·sin of the axis's angle to the vertical;
+/// a foot (zero axis) is a sphere.
+fn drop_to_contact(axis: Vector3<f64>, radius_m: f64) -> f64 {
+    radius_m * (1.0 - axis.z * axis.z).max(0.0).sqrt()
 }
 
 /// The part of the robot beyond each joint.

@@ -11,7 +11,6 @@
 
 use super::{JOINTS, Model, Pose};
 use nalgebra::{Matrix3, Vector3};
-use rollwalk_robot::Link;
 
 /// The moment Σ m r × r₊ with its derivatives.
 #[derive(Clone, Debug)]
@@ -47,12 +46,6 @@ pub struct CarriedPair<'a> {
 /// Σ m a × b from S = Σ m a bᵀ.
 pub fn cross_sum(s: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(s[(1, 2)] - s[(2, 1)], s[(2, 0)] - s[(0, 2)], s[(0, 1)] - s[(1, 0)])
-}
-
-/// Second moment Σ m x xᵀ of a link about its centre of mass, in link axes, kg·m².
-fn second_moment(link: &Link) -> Matrix3<f64> {
-    let inertia = &link.inertia_in_link_kg_m2;
-    Matrix3::from_diagonal_element(0.5 * inertia.trace()) - inertia
 }
 
 impl Model {
@@ -138,9 +131,4 @@ impl<'a> CarriedPair<'a> {
             + (moment(self.from) + shift * mass) * next.transpose()
             + shift * moment(self.to).transpose()
     }
-}
-
-/// Second moments of all links of a robot.
-pub(super) fn second_moments(links: &[Link]) -> Vec<Matrix3<f64>> {
-    links.iter().map(second_moment).collect()
 }

@@ -4,7 +4,7 @@ use super::model::FromGeoms;
 use super::numbers::{Element, Reader, called};
 use crate::file::parts::sum;
 use crate::urdf::elements::tag;
-use crate::urdf::xml::{ITEMS_MAX, Joint, Kind, Limit, Link, Solid, Urdf};
+use crate::urdf::model::{ITEMS_MAX, Joint, Kind, Limit, Link, Solid, Urdf};
 use nalgebra::{Isometry3, Translation3, Unit, Vector3};
 use roxmltree::Node;
 use std::collections::{HashMap, HashSet};

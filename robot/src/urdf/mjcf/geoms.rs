@@ -3,7 +3,7 @@
 use super::numbers::{Element, Reader, along, called};
 use crate::file::parts::MassProperties;
 use crate::rules::LENGTH_MAX_M;
-use crate::urdf::xml::{Shape, Solid};
+use crate::urdf::model::{Shape, Solid};
 use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Translation3, Unit, Vector3};
 use std::f64::consts::PI;
 

@@ -9,8 +9,8 @@ mod geoms;
 mod model;
 mod numbers;
 
+use super::model::Urdf;
 use super::notes::Notes;
-use super::xml::Urdf;
 use crate::document::DocumentError;
 use model::Model;
 use numbers::Reader;

@@ -1,0 +1,82 @@
+//! Forward kinematics in the optimiser's coordinates, with derivatives.
+//!
+//! A point x on a link moves by w_k × (x − o_k) per radian of the degree of freedom k above it, a
+//! vector a by w_k × a, where w_k is the axis and o_k the origin of k in world. The base's yaw, pitch
+//! and roll are three such axes through the base origin; its position moves everything alike.
+
+use super::{BASE_YAW, EndEffectorPose, Model, Pose};
+use crate::rotation;
+use nalgebra::{DVector, Vector3};
+use rollwalk_robot::EndEffector;
+
+impl Pose {
+    /// Computes the derivatives, if they are not known yet.
+    pub fn differentiate(&mut self, model: &Model) {
+        if !self.d_com.is_empty() {
+            return;
+        }
+        let Self { base_axes, com, d_com, end_effectors, link_origins, .. } = self;
+        let (robot, tree) = (model.robot(), model.tree());
+        let base_origin = link_origins[0];
+        let translations = [Vector3::x(), Vector3::y(), Vector3::z()];
+        d_com.reserve_exact(model.dofs());
+        d_com.extend(translations);
+        d_com.extend(base_axes.iter().map(|w| w.cross(&(*com - base_origin))));
+        for (j, joint) in robot.joints.iter().enumerate() {
+            let arm = self.carried_moment[joint.child]
+                - link_origins[joint.child] * tree.carried_mass_kg(j);
+            d_com.push(self.joint_axes[j].cross(&arm) / tree.total_mass_kg());
+        }
+        for (at, ee) in end_effectors.iter_mut().zip(&robot.end_effectors) {
+            at.d_center.extend(translations);
+            at.d_rotation.extend([Vector3::zeros(); 3]);
+            let turns = base_axes.iter().map(|w| (w, base_origin));
+            let joints = tree.joints_to_link(ee.link).iter();
+            let joints =
+                joints.map(|&j| (&self.joint_axes[j], link_origins[robot.joints[j].child]));
+            for (w, origin) in turns.chain(joints) {
+                at.d_center.push(w.cross(&(at.center - origin)));
+                at.d_rotation.push(*w);
+            }
+            at.d_axis.extend(at.d_rotation.iter().map(|w| w.cross(&at.axis)));
+        }
+    }
+}
+
+impl Model {
+    /// Forward kinematics with derivatives at `q`.
+    pub fn pose(&self, q: &DVector<f64>) -> Pose {
+        let mut pose = self.pose_values(q);
+        pose.differentiate(self);
+        pose
+    }
+
+    /// Forward kinematics at `q` without derivatives: their columns are empty until [`Pose::differentiate`].
+    pub fn pose_values(&self, q: &DVector<f64>) -> Pose {
+        let ypr = Vector3::new(q[BASE_YAW], q[BASE_YAW + 1], q[BASE_YAW + 2]);
+        let frames = self.frames(q);
+        let mount = |(index, ee): (usize, &EndEffector)| {
+            let world_from_link = frames.world_from_link[ee.link];
+            let axis_in_link = self.wheel_axis_in_link(index).unwrap_or_else(Vector3::zeros);
+            EndEffectorPose {
+                center: frames.point(ee.link, &ee.center_in_link_m),
+                d_center: Vec::new(),
+                axis: world_from_link * axis_in_link,
+                d_axis: Vec::new(),
+                world_from_link,
+                d_rotation: Vec::new(),
+            }
+        };
+        Pose {
+            world_from_body: frames.world_from_link[0],
+            base_axes: rotation::yaw_pitch_roll_axes(&ypr),
+            com: frames.com(self.tree()),
+            d_com: Vec::new(),
+            end_effectors: self.robot().end_effectors.iter().enumerate().map(mount).collect(),
+            link_origins: frames.link_origins,
+            joint_axes: frames.joint_axes,
+            carried_moment: frames.carried_moments,
+            world_from_link: frames.world_from_link,
+        }
+    }
+}

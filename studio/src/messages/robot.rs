@@ -1,0 +1,237 @@
+//! A robot at the other end of a link: orders to it, and the view of it.
+
+use super::File;
+use rollwalk_gamepads::standard::Snapshot;
+use serde::{Deserialize, Serialize};
+
+/// Where the robot is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Place {
+    /// In the page, on level ground.
+    Simulated,
+    /// At a serial port that carries the link.
+    Serial,
+    /// Behind a CAN adapter at a serial port that speaks SLCAN, at 1 Mbit/s.
+    Slcan,
+    /// At a bus of this computer, which a server relays.
+    Relay,
+}
+
+/// What a page wants of a robot at the other end of a link.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(tag = "robot", rename_all = "snake_case")]
+pub enum Wanted {
+    /// To talk to it, in place of one before.
+    Connect {
+        /// Where it is.
+        place: Place,
+        /// The documents.
+        files: Vec<File>,
+        /// Path of the robot file among them.
+        file: String,
+        /// Number of the controller.
+        node: u8,
+        /// Whether a gamepad's deadman must be held while the robot moves.
+        #[serde(default)]
+        gamepad: bool,
+        /// The robot's link key, for a controller that insists on one.
+        #[serde(default)]
+        key: Option<Key>,
+    },
+    /// To go on; the request's bytes are what has arrived.
+    Tick {
+        /// Whether the page itself, and not its link alone, has answered lately.
+        attended: bool,
+        /// What the page has seen of the gamepad since the last tick, in order.
+        #[serde(default)]
+        gamepad: Vec<Seen>,
+    },
+    /// To obey an order.
+    Wish(Wish),
+    /// To take the library in the request's bytes.
+    Flash,
+    /// To name motions as the library in the request's bytes does.
+    Name,
+    /// To end the connection at once.
+    Leave,
+}
+
+/// A link key, and random numbers for its use.
+#[derive(Clone, Deserialize)]
+pub struct Key {
+    /// The text of the key file.
+    pub(crate) text: String,
+    /// Random, of 32 bits each: JavaScript has no integers of 64.
+    pub(crate) nonce: [u32; 2],
+}
+
+impl std::fmt::Debug for Key {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Key(secret)")
+    }
+}
+
+/// What the operator wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(tag = "intent", rename_all = "snake_case")]
+pub enum Wish {
+    /// Turn torque on.
+    Arm,
+    /// Play the motion with this code.
+    Play {
+        /// The code.
+        code: u8,
+    },
+    /// Halt the motion where it is, or go on.
+    PauseOrResume,
+    /// Return to SAFE.
+    Return,
+    /// Return to SAFE, then turn torque off.
+    Disarm,
+    /// Turn torque off at once.
+    Estop,
+    /// Leave an emergency stop or a latched fault.
+    Clear,
+    /// Set the speed of playback.
+    Speed {
+        /// 64ths of the planned speed, 1 to 64.
+        sixty_fourths: i8,
+    },
+    /// The deadman is held, or was released: the robot halts.
+    Deadman {
+        /// Whether it is held.
+        held: bool,
+    },
+    /// Return to SAFE, turn torque off and leave; the second time, leave at once.
+    Quit,
+}
+
+/// What a page sees of a gamepad.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Seen {
+    /// Its buttons and axes.
+    There(Snapshot),
+    /// It cannot be seen.
+    Gone {
+        /// Why.
+        gone: String,
+    },
+}
+
+/// A snapshot for the page.
+#[derive(Clone, Debug, Serialize)]
+pub struct RobotView {
+    /// Time by the robot's clock, or the page's for a real one, s.
+    pub time_s: f64,
+    /// Whether the controller was heard lately.
+    pub contact: bool,
+    /// Time from a heartbeat to its answer, ms.
+    pub round_trip_ms: Option<f64>,
+    /// Status messages lost, of all.
+    pub lost: [u64; 2],
+    /// State in words, to follow "the robot is"; none before the first status.
+    pub state: Option<&'static str>,
+    /// Whether the motors have torque, or may get it without another order.
+    pub torque: bool,
+    /// Whether it takes an order to arm in this state.
+    pub can_arm: bool,
+    /// Whether it takes orders to play in this state.
+    pub can_play: bool,
+    /// Whether it is halted within a motion, and goes on by an order.
+    pub paused: bool,
+    /// What to do next.
+    pub advice: &'static str,
+    /// Why this page must not arm the controller.
+    pub mismatch: Option<String>,
+    /// What is wrong with the bus.
+    pub complaint: Option<String>,
+    /// Faults in words.
+    pub faults: Vec<String>,
+    /// Motions of the library in use, if the page has that library.
+    pub motions: Vec<MotionOf>,
+    /// The motion or transition that is being played: its name, and its frame.
+    pub playing: Option<Playing>,
+    /// Identity of the library in use, as eight hexadecimal digits.
+    pub library: Option<String>,
+    /// Bytes of a library that is being transferred: those that have arrived, and all.
+    pub transfer: Option<[usize; 2]>,
+    /// The order in flight, in words.
+    pub asking: Option<String>,
+    /// The gamepad in a few words, if one is used.
+    pub gamepad: Option<String>,
+    /// Whether an emergency stop waits to be acknowledged.
+    pub stopping: bool,
+    /// Whether the operator is leaving: `no`, `when_home` or `now`.
+    pub leaving: &'static str,
+    /// Commanded speed, in 64ths of the planned one.
+    pub speed_64ths: i8,
+    /// Joints and driven wheels that were heard, in channel order.
+    pub channels: Vec<ChannelOf>,
+    /// Poses of the scene's bodies, world_from_body, `x y z qw qx qy qz`.
+    pub poses: Vec<[f64; 7]>,
+    /// Whether the simulated robot has fallen, and whether the hoist holds it.
+    pub simulated: Option<Simulation>,
+    /// Messages to the operator, oldest first.
+    pub messages: Vec<MessageOf>,
+}
+
+/// A motion that can be played.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct MotionOf {
+    /// Its name.
+    pub name: String,
+    /// Its command code.
+    pub code: Option<u8>,
+    /// Whether it repeats.
+    pub looping: bool,
+}
+
+/// What is being played.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Playing {
+    /// The motion, or `from → to`.
+    pub name: String,
+    /// Its clip in the library.
+    pub clip: u8,
+    /// Time within it now: that of the frame which the robot reported, gone on since, s.
+    pub time_s: f64,
+    /// Seconds of it that pass in a second: 0 while it is halted.
+    pub rate: f64,
+}
+
+/// Telemetry of a joint or driven wheel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ChannelOf {
+    /// Its name.
+    pub name: String,
+    /// Angle, rad.
+    pub position_rad: f32,
+    /// Speed, rad/s.
+    pub speed_rad_s: f32,
+    /// Torque, N·m.
+    pub torque_nm: f32,
+    /// Age, s.
+    pub age_s: f64,
+}
+
+/// State of a simulated robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Simulation {
+    /// It has fallen since the hoist let go of it.
+    pub fallen: bool,
+    /// The hoist holds it.
+    pub held: bool,
+}
+
+/// A message to the operator.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MessageOf {
+    /// When, s.
+    pub at_s: f64,
+    /// `note`, `refused` or `warning`.
+    pub weight: &'static str,
+    /// The message.
+    pub text: String,
+}
