@@ -17,6 +17,7 @@
 //! panic on any input. `docs/playback-and-safety.md` specifies the behaviour.
 #![no_std]
 #![forbid(unsafe_code)]
+#![warn(missing_docs)]
 
 mod actuators;
 mod align;

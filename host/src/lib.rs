@@ -37,6 +37,8 @@
 //! }
 //! ```
 
+#![warn(missing_docs)]
+
 pub mod authentication;
 pub mod catalog;
 pub mod client;

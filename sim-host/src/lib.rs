@@ -55,6 +55,8 @@
 //! }
 //! ```
 
+#![warn(missing_docs)]
+
 pub mod body;
 pub mod bus;
 pub mod clock;

@@ -16,6 +16,8 @@
 //! delivers it: a watchdog that is off from the factory is off here. Not simulated: current loops,
 //! temperatures, the errors that a drive finds by itself, and profiles of its own.
 
+#![warn(missing_docs)]
+
 use rollwalk_protocol::actuator_protocols;
 use rollwalk_protocol::actuators::bus::{Bus, Protocol};
 use rollwalk_protocol::can::Frame;

@@ -15,6 +15,8 @@
 //! assert_eq!(pad.words(), "GAMEPAD GONE");
 //! ```
 
+#![warn(missing_docs)]
+
 pub mod file;
 pub mod inputs;
 pub mod pad;

@@ -8,7 +8,7 @@ use rollwalk_protocol::crc::file_digest;
 
 /// Flash that can fail in every way that flash fails.
 #[path = "../../../firmware/src/store/tests/nor.rs"]
-#[allow(missing_docs, dead_code)]
+#[allow(dead_code)]
 pub mod nor;
 
 /// Flash of the bench.

@@ -3,7 +3,6 @@
 
 mod play;
 #[path = "../../../protocol/tests/protocol/reseal.rs"]
-#[allow(missing_docs)]
 mod reseal;
 mod spec;
 
