@@ -13,9 +13,12 @@
 //! and prescribed ends by construction of the timeline ([`crate::problem::variables`]).
 
 pub mod rows;
+mod term;
 pub mod terms;
 
-use crate::families::{Family, FamilySet};
+pub use term::{Span, Term, TermInfo};
+
+use crate::families::FamilySet;
 use crate::problem::variables::TimelineSample;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
@@ -28,35 +31,6 @@ use terms::{
     TargetHeading, TargetPosition, TargetVelocity, TorqueSpeed, Traction, Turn, WheelAxis,
     WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed, WheelTorque,
 };
-
-/// Samples from which a term is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Span {
-    /// Every sample of the motion with its neighbours.
-    Samples,
-    /// Every interval of the motion: samples 1 and 2 of the window are its ends.
-    Intervals,
-    /// Once: samples 1 and 2 of the window are the first sample and the one at which the
-    /// displacement is measured.
-    Ends,
-}
-
-/// Description of a term's rows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TermInfo {
-    /// Family of its rows.
-    pub family: Family,
-    /// Samples from which they are computed.
-    pub span: Span,
-}
-
-/// Writer of one family of residuals.
-pub trait Term: Sync {
-    /// Describes its rows.
-    fn info(&self) -> TermInfo;
-    /// Writes its rows for one window, with derivatives.
-    fn write(&self, window: &Window, out: &mut RowWriter);
-}
 
 /// All terms of the formulation.
 pub static TERMS: &[&dyn Term] = &[
@@ -261,7 +235,7 @@ impl<'a> System<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::families::Kind;
+    use crate::families::{Family, Kind};
 
     #[test]
     fn every_family_but_checks_has_one_term_in_the_order_of_the_catalogue() {

@@ -17,6 +17,7 @@ mod clearance;
 mod grid;
 mod judgement;
 mod motors;
+mod residual;
 mod room;
 mod rows;
 mod sag;
@@ -28,6 +29,7 @@ mod table;
 pub use crate::growth::Growth;
 pub use as_played::{LargestTorque, MotorKind};
 pub use judgement::{Conclusion, Judgement};
+pub use residual::{Grid, Place, Row};
 pub use room::{Least, Room};
 pub use sag::Sag;
 
@@ -69,52 +71,6 @@ pub struct Report {
     /// Factor by which small errors grow in a cycle without feedback; `None` for motions that do not repeat, and where
     /// legs buckle.
     pub growth_per_cycle: Option<Growth>,
-}
-
-/// One residual over the whole motion.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
-    /// Family of the residual.
-    #[serde(rename = "name")]
-    pub family: Family,
-    /// Number of the equation in the thesis, or a description.
-    pub equation: &'static str,
-    /// Times at which the residual is evaluated.
-    pub grid: Grid,
-    /// Worst residual, in `unit`. For limits the excess, 0 within the limit.
-    pub worst: f64,
-    /// Unit of `worst` and `level`.
-    pub unit: &'static str,
-    /// Tolerance: the residual up to which motions hold in an independent simulator; `None` for residuals without one.
-    pub level: Option<f64>,
-    /// Place of the worst residual; `None` when the residual is 0 everywhere.
-    pub place: Option<Place>,
-}
-
-/// The times at which a residual is evaluated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub enum Grid {
-    /// The samples of the plan.
-    #[serde(rename = "samples")]
-    Samples,
-    /// The plan resampled at the motion library's rate, 60 Hz.
-    #[serde(rename = "60_hz")]
-    Library60Hz,
-    /// The plan resampled at the fastest control rate, 500 Hz.
-    #[serde(rename = "500_hz")]
-    Control500Hz,
-}
-
-/// Place of a worst residual.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Place {
-    /// Index of the sample, or of the frame of the resampled motion, from 0. For residuals of intervals it is that of
-    /// the interval's start.
-    pub sample: usize,
-    /// Time of the sample or frame, s.
-    pub time_s: f64,
-    /// Name of the joint, end effector or links, if the residual belongs to some.
-    pub subject: Option<String>,
 }
 
 impl Report {
@@ -219,30 +175,6 @@ fn in_frames(plan: &Plan, frames: &grid::Timeline, rows: &mut Vec<Row>) -> Vec<L
 fn in_ticks(plan: &Plan, rows: &mut Vec<Row>) {
     let ticks = resample(plan, CONTROL_RATE_HZ);
     rows.extend(rows::between(&grid::Timeline::new(&ticks), Grid::Control500Hz));
-}
-
-impl Row {
-    /// A row without residuals.
-    fn new(family: Family, grid: Grid) -> Self {
-        let (unit, _) = family.unit().shown();
-        let equation = family.equation();
-        Self { family, equation, grid, worst: 0.0, unit, level: None, place: None }
-    }
-
-    /// Whether the residual is one between samples.
-    pub fn is_as_played(&self) -> bool {
-        self.grid != Grid::Samples
-    }
-
-    /// Whether the residual is beyond its tolerance.
-    pub fn is_beyond(&self) -> bool {
-        self.part_of_level() > 1.0
-    }
-
-    /// Worst residual as a fraction of its tolerance; 0 without one.
-    pub fn part_of_level(&self) -> f64 {
-        self.level.map_or(0.0, |level| self.worst / level)
-    }
 }
 
 #[cfg(test)]

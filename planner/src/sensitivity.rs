@@ -20,7 +20,7 @@ use crate::formulation::System;
 use crate::formulation::rows::{Columns, Differentiated, Role, Row, Rows};
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, Status};
-use crate::planning::{Options, ReplanError, Solution, from_near, refine, same_structure};
+use crate::planning::{Effort, Options, ReplanError, Solution, from_near, refine, same_structure};
 use crate::problem::variables::Layout;
 use crate::problem::{Problem, Unknowns};
 use crate::solve::optimum::{Conditions, NoOptimum, Optimum, Residuals};
@@ -271,9 +271,10 @@ impl Optimal {
         let multipliers = Multipliers::of(&rows, shifts, system.penalty());
         let options = Options { weights: self.problem.weights.clone(), ..options.clone() };
         problem.layout = Layout::new(&problem.model);
+        let effort = &mut Effort::new(progress);
         let near =
-            from_near(&problem, design.motion, unknowns, Some(&multipliers), &options, progress);
-        Ok(refine::motion(near, design.robot, &options, progress))
+            from_near(&problem, design.motion, unknowns, Some(&multipliers), &options, effort);
+        Ok(refine::motion(near, design.robot, &options, effort))
     }
 
     /// ∂G/∂p and ∂Φ/∂p at fixed unknowns and multipliers, by central differences of the whole problem.

@@ -22,6 +22,7 @@ mod trial;
 pub use multipliers::Multipliers;
 pub use progress::{Progress, level, worst};
 pub use settings::{Method, Settings};
+pub use trial::Point;
 
 use crate::families::Family;
 use crate::formulation::System;
@@ -53,15 +54,6 @@ pub enum Begin<'a> {
     /// The start is near an optimum, perhaps one with known multipliers. Without them, or if they do not fit the
     /// problem's rows, multipliers are estimated.
     Near(Option<&'a Multipliers>),
-}
-
-/// A point with its rows.
-#[derive(Clone, Debug)]
-pub struct Point {
-    /// The unknowns.
-    pub unknowns: Unknowns,
-    /// The rows there.
-    pub rows: Rows,
 }
 
 /// Result of one iteration.

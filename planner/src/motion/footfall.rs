@@ -1,6 +1,6 @@
 //! Footfall patterns of motion files: all in stance, a named gait, phases (`phases`), or rows of `#` and `.`.
 
-use super::phases;
+use super::phases::{self, Swing, cycle, duty, listed};
 use rollwalk_robot::document::{Document, NamedString, Table, alternatives};
 use rollwalk_robot::{EndEffector, Robot};
 
@@ -66,34 +66,6 @@ fn gait(table: &Table<'_>, robot: &Robot, samples: usize) -> Option<Vec<Vec<bool
     let swings: Vec<_> =
         feet.iter().map(|&row| Swing { center: centers[row], share: swing }).collect();
     Some(cycle(&swings, samples))
-}
-
-/// Reads `duty`.
-pub(super) fn duty(table: &Table<'_>) -> Option<f64> {
-    // Below 0.3 a foot swings most of the time; above 0.95 it hardly leaves the ground.
-    table.number_in("duty", 0.3..=0.95, "(share of the cycle that a foot is in stance)")
-}
-
-/// Swing of a foot in a cycle.
-pub(super) struct Swing {
-    /// Phase of mid-swing.
-    pub center: f64,
-    /// Duration as a share of the cycle.
-    pub share: f64,
-}
-
-/// Stance flags `[sample][end effector]` of one cycle.
-pub(super) fn cycle(swings: &[Swing], samples: usize) -> Vec<Vec<bool>> {
-    let stance_at = |sample: usize| {
-        let phase = sample as f64 / samples as f64;
-        // Distance on the circle of phases, with a tolerance: rounding must not decide about a sample on the border.
-        let stands = |swing: &Swing| {
-            let distance = (phase - swing.center).rem_euclid(1.0);
-            distance.min(1.0 - distance) >= swing.share / 2.0 - 1e-9
-        };
-        swings.iter().map(stands).collect()
-    };
-    (0..samples).map(stance_at).collect()
 }
 
 /// Row in [`GAIT_FEET`] of every end effector of the robot. End effectors of one limb swing together: `front_left`,
@@ -199,10 +171,4 @@ fn pattern(document: &Document<'_>, row: &NamedString<'_>) -> Option<Vec<bool>> 
 fn in_text_order(mut rows: Vec<NamedString<'_>>) -> Vec<NamedString<'_>> {
     rows.sort_by_key(|row| row.name_span.start);
     rows
-}
-
-/// Names of a robot's end effectors, for messages.
-pub(super) fn listed(robot: &Robot) -> String {
-    let names: Vec<_> = robot.end_effectors.iter().map(|foot| foot.name.as_str()).collect();
-    names.join(", ")
 }

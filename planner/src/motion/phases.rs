@@ -1,7 +1,6 @@
 //! Footfalls as phases: for every end effector the phase of touch-down and the duty factor, both shares of the cycle.
 //! They suit robots with any number of feet.
 
-use super::footfall::{self, Swing};
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, Table, alternatives};
 
@@ -26,7 +25,7 @@ pub(super) fn stance(
         Some(vec![None; robot.end_effectors.len()])
     };
     let all_differ = duties.as_ref().is_some_and(|duties| duties.iter().all(Option::is_some));
-    let common = if all_differ && !table.has("duty") { Some(1.0) } else { footfall::duty(table) };
+    let common = if all_differ && !table.has("duty") { Some(1.0) } else { duty(table) };
     table.done();
     let (phases, duties, common) = (phases??, duties?, common?);
     let mut swings = Vec::with_capacity(phases.len());
@@ -35,7 +34,7 @@ pub(super) fn stance(
             let message = format!("[footfalls.{KEY}]: `{}` is missing", foot.name);
             let help = format!(
                 "give the share of the cycle at which it touches down, 0 to 1, for each of {}",
-                footfall::listed(robot)
+                listed(robot)
             );
             document.fault(table.span_of(KEY), message, format!("needs `{}`", foot.name), help);
             continue;
@@ -44,7 +43,7 @@ pub(super) fn stance(
         // A swing ends at touch-down.
         swings.push(Swing { center: phase - 0.5 * share, share });
     }
-    (swings.len() == robot.end_effectors.len()).then(|| footfall::cycle(&swings, samples))
+    (swings.len() == robot.end_effectors.len()).then(|| cycle(&swings, samples))
 }
 
 /// Number of each end effector that the table names, `None` for the others.
@@ -79,4 +78,38 @@ fn per_foot(
         sound = false;
     }
     sound.then_some(numbers)
+}
+
+/// Reads `duty`.
+pub(super) fn duty(table: &Table<'_>) -> Option<f64> {
+    // Below 0.3 a foot swings most of the time; above 0.95 it hardly leaves the ground.
+    table.number_in("duty", 0.3..=0.95, "(share of the cycle that a foot is in stance)")
+}
+
+/// Swing of a foot in a cycle.
+pub(super) struct Swing {
+    /// Phase of mid-swing.
+    pub center: f64,
+    /// Duration as a share of the cycle.
+    pub share: f64,
+}
+
+/// Stance flags `[sample][end effector]` of one cycle.
+pub(super) fn cycle(swings: &[Swing], samples: usize) -> Vec<Vec<bool>> {
+    let stance_at = |sample: usize| {
+        let phase = sample as f64 / samples as f64;
+        // Distance on the circle of phases, with a tolerance: rounding must not decide about a sample on the border.
+        let stands = |swing: &Swing| {
+            let distance = (phase - swing.center).rem_euclid(1.0);
+            distance.min(1.0 - distance) >= swing.share / 2.0 - 1e-9
+        };
+        swings.iter().map(stands).collect()
+    };
+    (0..samples).map(stance_at).collect()
+}
+
+/// Names of a robot's end effectors, for messages.
+pub(super) fn listed(robot: &Robot) -> String {
+    let names: Vec<_> = robot.end_effectors.iter().map(|foot| foot.name.as_str()).collect();
+    names.join(", ")
 }

@@ -9,10 +9,13 @@
 //! the constraints, and of the multipliers: the edited problem's rows at the old plan, solved with their own matrix. The
 //! iterations after it correct what that leaves. [`crate::sensitivity`] has exact derivatives.
 
-use super::attempt::counting_from;
+use super::effort::Effort;
+use super::neighbour::{ReplanError, check};
 use super::probed_solve::Solved;
-use super::replan::{check, surely};
-use super::{Options, ReplanError, Request, Solution, refine};
+use super::refine;
+use super::replan::surely;
+use super::request::{Options, Request};
+use super::solution::Solution;
 use crate::formulation::rows::Rows;
 use crate::formulation::{Selection, Structure, System};
 use crate::motion::Motion;
@@ -92,12 +95,11 @@ impl Editing {
     ) -> Result<Solution, ReplanError> {
         let previous = &self.solution.plan;
         check(previous, robot, motion)?;
+        let effort = &mut Effort::new(progress);
         let mut solution = None;
-        let mut before = 0;
         if previous.solve.status.is_solved() && self.options.settings.method == Method::GaussNewton
         {
-            let near = self.near(robot, motion, progress);
-            before = near.plan.solve.iterations;
+            let near = self.near(robot, motion, effort);
             // Of a plan at the caller's limit no more is wanted either.
             let ends = [Status::Converged, Status::Interrupted, Status::IterationLimit];
             solution = ends.contains(&near.plan.solve.status).then_some(near);
@@ -107,25 +109,17 @@ impl Editing {
             None => {
                 // Multipliers of a robot that is not near lead astray.
                 let request = Request { robot, motion, options: &self.options };
-                let counted = &mut counting_from(before, progress);
-                let mut solution = surely(&self.solution.plan, None, request, counted)?;
-                solution.plan.solve.iterations += before;
-                solution
+                surely(&self.solution.plan, None, request, effort)?
             }
         };
         if solution.plan.solve.status == Status::Converged {
             self.solution = solution.clone();
         }
-        Ok(refine::motion(solution, robot, &self.options, progress))
+        Ok(refine::motion(solution, robot, &self.options, effort))
     }
 
     /// A few iterations from the last solution.
-    fn near(
-        &mut self,
-        robot: &Robot,
-        motion: &Motion,
-        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    ) -> Solution {
+    fn near(&mut self, robot: &Robot, motion: &Motion, effort: &mut Effort<'_>) -> Solution {
         let Self { options, solution, kept } = self;
         let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
         let mut unknowns = start::neighbour(&problem, &solution.plan);
@@ -143,7 +137,8 @@ impl Editing {
         let settings = &options.settings;
         let (point, begin) = (Point { unknowns, rows }, Begin::Near(Some(&solution.multipliers)));
         let solver = Solver::at(&system, point, normal, begin, settings);
-        let (outcome, normal, rows) = until_costs_are_flat(solver, settings, progress);
+        let (mut outcome, normal, rows) = until_costs_are_flat(solver, settings, effort);
+        effort.add(&mut outcome.iterations);
         *kept = system.fits().then(|| Kept { structure: system.into_structure(), normal, rows });
         let start = Started { kind: StartKind::Neighbour, seed: 0 };
         Solved { outcome, diagnosis: None }.write(&problem, motion, start)
@@ -158,7 +153,7 @@ impl Editing {
 fn until_costs_are_flat(
     mut solver: Solver<'_>,
     settings: &Settings,
-    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    effort: &mut Effort<'_>,
 ) -> (Outcome, NormalEquations, Rows) {
     let mut cost = f64::INFINITY;
     let status = loop {
@@ -170,7 +165,7 @@ fn until_costs_are_flat(
         }
         let iteration = solver.iterate();
         let state = iteration.progress;
-        if progress(&state).is_break() {
+        if effort.report(&state).is_break() {
             break Status::Interrupted;
         }
         if !solver.fits() {

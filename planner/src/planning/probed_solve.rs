@@ -3,7 +3,8 @@
 //! The solver knows rows only. This module decides when to probe, whether to continue from the point that a probe has
 //! found, and when to end the solve with a diagnosis.
 
-use super::Solution;
+use super::effort::Effort;
+use super::solution::Solution;
 use super::write::write_plan;
 use crate::diagnose::{FeasibilityProbe, Schedule, diagnose};
 use crate::formulation::{Selection, System};
@@ -11,10 +12,10 @@ use crate::motion::Motion;
 use crate::plan::{Diagnosis, SolveSummary, Started, Status, Verdict};
 use crate::problem::{Problem, Unknowns};
 use crate::solve::{Begin, Method, Outcome, Progress, Settings, Solver, penalty};
-use std::ops::ControlFlow;
 
 /// Outcome of a solve, with the diagnosis of a failure.
 pub(super) struct Solved {
+    /// Counts the iterations of all solves of the request.
     pub outcome: Outcome,
     pub diagnosis: Option<Diagnosis>,
 }
@@ -41,32 +42,53 @@ impl Solved {
 
 /// Minimises E(m) from a starting point.
 ///
-/// `progress` is called after every iteration and may stop the solve, which keeps the best point so far. The solve is
-/// deterministic: the same problem and start give the same result.
+/// The callback of `effort` may stop the solve, which keeps the best point so far. The solve is deterministic: the same
+/// problem and start give the same result.
 pub(super) fn solve(
     problem: &Problem,
     unknowns: Unknowns,
     begin: Begin<'_>,
     settings: &Settings,
-    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    effort: &mut Effort<'_>,
 ) -> Solved {
-    solve_selected(problem, Selection::default(), unknowns, begin, settings, progress)
+    solve_selected(problem, Selection::default(), unknowns, begin, settings, effort)
 }
 
 /// [`solve`] for a selection of rows.
 pub(super) fn solve_selected(
     problem: &Problem,
     selection: Selection,
+    unknowns: Unknowns,
+    begin: Begin<'_>,
+    settings: &Settings,
+    effort: &mut Effort<'_>,
+) -> Solved {
+    // After an interrupt the solve only evaluates the present point.
+    let iterations = if effort.interrupted { 0 } else { settings.iterations };
+    let settings = &Settings { iterations, ..settings.clone() };
+    let mut solved = probed(problem, selection, unknowns, begin, settings, effort);
+    if effort.interrupted {
+        solved.outcome.status = Status::Interrupted;
+    }
+    effort.add(&mut solved.outcome.iterations);
+    solved
+}
+
+/// [`solve_selected`] without the solves before it.
+fn probed(
+    problem: &Problem,
+    selection: Selection,
     mut unknowns: Unknowns,
     begin: Begin<'_>,
     settings: &Settings,
-    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    effort: &mut Effort<'_>,
 ) -> Solved {
     problem.add_up(&mut unknowns);
     let system = System::selected(problem, selection);
     if settings.method != Method::GaussNewton {
         // At the balance of penalties and costs the residuals do not show which constraints contradict each other.
-        let outcome = penalty::solve(&system, unknowns, settings, progress);
+        let outcome =
+            penalty::solve(&system, unknowns, settings, &mut |state| effort.report(state));
         return Solved { outcome, diagnosis: None };
     }
     let mut solver = Solver::new(&system, unknowns, begin, settings);
@@ -78,7 +100,7 @@ pub(super) fn solve_selected(
             break Status::IterationLimit;
         }
         let iteration = solver.iterate();
-        if progress(&iteration.progress).is_break() {
+        if effort.report(&iteration.progress).is_break() {
             break Status::Interrupted;
         }
         if let Some(status) = iteration.ended {
@@ -96,7 +118,7 @@ pub(super) fn solve_selected(
             let (normal, from) = solver.lend();
             let nearest = probe.run(normal, from, &mut |state| {
                 steps += 1;
-                progress(&Progress { iteration: before + steps, ..state.clone() })
+                effort.report(&Progress { iteration: before + steps, ..state.clone() })
             });
             solver.count(steps);
             let Some(nearest) = nearest else { break Status::Interrupted };

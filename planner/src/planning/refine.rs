@@ -5,9 +5,11 @@
 //! feasible there. It ends when the plan holds, when a finer grid does not help, or when the samples are too many; a plan
 //! that does not hold then has a status that says so.
 
-use super::attempt::{attempt, counting_from};
-use super::trials::Watched;
-use super::{Options, Request, Solution, replan};
+use super::attempt::attempt;
+use super::effort::Effort;
+use super::neighbour;
+use super::request::{Options, Request};
+use super::solution::Solution;
 use crate::motion::file::SAMPLES_MAX;
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, Refinement, Status};
@@ -26,29 +28,24 @@ const HELPS: f64 = 0.8;
 const IN_VAIN: usize = 2;
 
 /// Plans a motion of more samples from the plan with fewer.
-type Resolve<'a> = dyn FnMut(&Plan, &Motion, &mut Watched<'_>) -> Solution + 'a;
+type Resolve<'a> = dyn FnMut(&Plan, &Motion, &mut Effort<'_>) -> Solution + 'a;
 
 /// [`until_it_holds`] for a motion with periodic or at-rest ends.
 pub(crate) fn motion(
     solution: Solution,
     robot: &Robot,
     options: &Options,
-    progress: &mut Watched<'_>,
+    effort: &mut Effort<'_>,
 ) -> Solution {
     let mut limited = options.clone();
     limited.settings.iterations = limited.settings.iterations.min(MOST_ITERATIONS);
-    until_it_holds(solution, options, progress, &mut |coarse, finer, progress| {
+    until_it_holds(solution, options, effort, &mut |coarse, finer, effort| {
         let request = Request { robot, motion: finer, options: &limited };
         let near =
-            replan::from(coarse, None, request, progress).expect("one robot, one kind of ends");
+            neighbour::from(coarse, None, request, effort).expect("one robot, one kind of ends");
         match near.plan.solve.status {
             Status::Converged | Status::Interrupted => near,
-            _ => {
-                let before = near.plan.solve.iterations;
-                let mut cold = attempt(request, &mut counting_from(before, progress));
-                cold.plan.solve.iterations += before;
-                cold
-            }
+            _ => attempt(request, effort),
         }
     })
 }
@@ -60,7 +57,7 @@ pub(crate) fn motion(
 pub(super) fn until_it_holds(
     mut best: Solution,
     options: &Options,
-    progress: &mut Watched<'_>,
+    effort: &mut Effort<'_>,
     resolve: &mut Resolve<'_>,
 ) -> Solution {
     if !options.refine || options.settings.method != Method::GaussNewton {
@@ -83,7 +80,7 @@ pub(super) fn until_it_holds(
         let part = row.part_of_level();
         in_vain += usize::from(part > HELPS * least);
         least = least.min(part);
-        let refined = if in_vain < IN_VAIN { solved(&best, progress, resolve) } else { None };
+        let refined = if in_vain < IN_VAIN { solved(&best, effort, resolve) } else { None };
         match refined {
             Some(mut refined) => {
                 let solve = &mut refined.plan.solve;
@@ -101,13 +98,11 @@ pub(super) fn until_it_holds(
 /// The plan on the next finer grid, if the solve converges there.
 fn solved(
     coarse: &Solution,
-    progress: &mut Watched<'_>,
+    effort: &mut Effort<'_>,
     resolve: &mut Resolve<'_>,
 ) -> Option<Solution> {
-    let iterations = coarse.plan.solve.iterations;
     let finer = doubled(&coarse.plan.motion)?;
-    let mut next = resolve(&coarse.plan, &finer, &mut counting_from(iterations, progress));
-    next.plan.solve.iterations += iterations;
+    let next = resolve(&coarse.plan, &finer, effort);
     (next.plan.solve.status == Status::Converged).then_some(next)
 }
 

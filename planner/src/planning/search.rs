@@ -5,15 +5,25 @@
 //! thread they do not even begin. A request that looks impossible from the first two candidates is given up.
 
 use super::attempt::attempt;
+use super::effort::{Effort, Watched};
+use super::refine;
+use super::request::{Options, Request};
 use super::second_look::second_look;
-use super::trials::{OwnEnds, Watched};
-use super::{Options, Request, Solution, candidates, refine};
+use super::solution::Solution;
+use super::trials::OwnEnds;
 use crate::motion::Motion;
 use crate::plan::Ending;
 use crate::solve::Progress;
+use crate::start;
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Options of every start that [`optimise`](crate::optimise) tries, in order; a chosen start is the only one.
+pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
+    let starts = start::in_order(robot, motion, options.start, options.seed);
+    starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
+}
 
 /// The search for a plan of one motion over its [`candidates`].
 ///
@@ -58,15 +68,15 @@ impl<'a> Search<'a> {
         self.race.work(progress, &|index, watched| {
             let Self { robot, motion, .. } = *self;
             let options = &self.candidates[index];
-            let request = Request { robot, motion, options };
-            let solution = attempt(request, watched);
+            let (request, effort) = (Request { robot, motion, options }, &mut Effort::new(watched));
+            let solution = attempt(request, effort);
             let (ending, solution) = if index > 0 {
                 (solution.plan.solve.ending(), solution)
             } else {
                 // If no candidate converges, it is the diagnosis of the first that is shown.
-                second_look(request, &OwnEnds, solution, watched)
+                second_look(request, &OwnEnds, solution, effort)
             };
-            (ending, refine::motion(solution, robot, options, watched))
+            (ending, refine::motion(solution, robot, options, effort))
         });
     }
 

@@ -6,8 +6,10 @@
 //! often leads to a plan of the request itself. Otherwise it ends between a number that works and one that does not; if that
 //! is near the request, the verdict has been reached from both sides, and other starts are not worth their time.
 
-use super::trials::{Stopped, Trials, Watched, Ways};
-use super::{Request, Solution};
+use super::effort::Effort;
+use super::request::Request;
+use super::solution::Solution;
+use super::trials::{Stopped, Trials, Ways};
 use crate::families::{Family, Kind};
 use crate::motion::{Goal, Motion};
 use crate::plan::{Culprit, DURATION, Diagnosis, Ending, Status, Verdict};
@@ -48,18 +50,17 @@ pub(super) fn second_look(
     request: Request<'_>,
     ways: &dyn Ways,
     mut solution: Solution,
-    progress: &mut Watched<'_>,
+    effort: &mut Effort<'_>,
 ) -> (Ending, Solution) {
     let ending = solution.plan.solve.ending();
     let Some(mut diagnosis) = solution.plan.solve.diagnosis.take() else {
         return (ending, solution);
     };
-    let first = solution.plan.solve.iterations;
-    let limit = request.options.settings.iterations;
-    let trials = Trials { request, ways, spent: first, left: MOST * limit, progress };
+    let most = effort.spent + MOST * request.options.settings.iterations;
+    let trials = Trials { request, ways, effort, most };
     let mut look = Look { trials, nearest: &solution, left: OF_ALL };
     let looked = look.at(&mut diagnosis);
-    let spent = look.trials.spent;
+    let spent = look.trials.effort.spent;
     let ending = match looked {
         Ok(Looked::Found(found)) => {
             solution = *found;
@@ -185,10 +186,10 @@ impl Look<'_, '_> {
         for trial in 0..most {
             let Some((robot, motion)) = culprit.with_number(robot, motion, number) else { break };
             let most = self.left.min(OF_TRIAL);
-            let before = self.trials.spent;
+            let before = self.trials.effort.spent;
             let from = Some(self.nearest).filter(|_| near && trial == 0);
             let solution = self.trials.solve(&robot, &motion, from, most)?;
-            self.left = self.left.saturating_sub(self.trials.spent - before);
+            self.left = self.left.saturating_sub(self.trials.effort.spent - before);
             let Some(solution) = solution else { break };
             if solution.plan.solve.status == Status::Converged {
                 return Ok(Some(Works { number, solution }));
@@ -231,10 +232,10 @@ impl Look<'_, '_> {
             }
             let Some((robot, motion)) = culprit.with_number(robot, motion, number) else { break };
             let most = if near { BACK } else { OF_STEP }.min(left);
-            let before = self.trials.spent;
+            let before = self.trials.effort.spent;
             let known = Some(&works.solution);
             let Some(solution) = self.trials.solve(&robot, &motion, known, most)? else { break };
-            left = left.saturating_sub(self.trials.spent - before);
+            left = left.saturating_sub(self.trials.effort.spent - before);
             if solution.plan.solve.status != Status::Converged {
                 step *= 0.5;
                 if near || step.abs() < CLOSE * works.number.abs() {

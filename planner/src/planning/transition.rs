@@ -4,10 +4,13 @@
 //! Position, joint angles and contact points at both ends come from the motions' splines, so that playback continues
 //! smoothly. The placement of the end on the ground is free.
 
+use super::effort::Effort;
 use super::probed_solve::solve;
+use super::refine;
+use super::request::{Options, Request};
 use super::second_look::second_look;
-use super::trials::{Watched, Ways};
-use super::{Options, Request, Solution, refine};
+use super::solution::Solution;
+use super::trials::Ways;
 use crate::motion::Motion;
 use crate::plan::{Placement, Plan, StartKind, Started};
 use crate::problem::variables::{Layout, Lift};
@@ -99,10 +102,11 @@ pub fn optimise_transition(
     }
     let joined = Joined { from, to };
     let request = Request { robot: &from.robot, motion, options };
-    let solution = joined.solve(request, progress);
-    let (_, solution) = second_look(request, &joined, solution, progress);
-    let refined = refine::until_it_holds(solution, options, progress, &mut |_, finer, progress| {
-        joined.solve(Request { motion: finer, ..request }, progress)
+    let effort = &mut Effort::new(progress);
+    let solution = joined.solve(request, effort);
+    let (_, solution) = second_look(request, &joined, solution, effort);
+    let refined = refine::until_it_holds(solution, options, effort, &mut |_, finer, effort| {
+        joined.solve(Request { motion: finer, ..request }, effort)
     });
     let mut plan = refined.plan;
     correction::join(&mut plan, from, to);
@@ -117,24 +121,24 @@ struct Joined<'a> {
 }
 
 impl Ways for Joined<'_> {
-    fn cold(&self, request: Request<'_>, progress: &mut Watched<'_>) -> Option<Solution> {
+    fn cold(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Option<Solution> {
         // The motions are plans of one robot.
-        (*request.robot == self.from.robot).then(|| self.solve(request, progress))
+        (*request.robot == self.from.robot).then(|| self.solve(request, effort))
     }
 
     fn near(
         &self,
         _: &Solution,
         request: Request<'_>,
-        progress: &mut Watched<'_>,
+        effort: &mut Effort<'_>,
     ) -> Option<Solution> {
-        self.cold(request, progress)
+        self.cold(request, effort)
     }
 }
 
 impl Joined<'_> {
     /// Optimises a transition between them.
-    fn solve(&self, request: Request<'_>, progress: &mut Watched<'_>) -> Solution {
+    fn solve(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Solution {
         let (Self { from, to }, Request { robot, motion, options }) = (*self, request);
         let model = Model::new(robot);
         let spacing_s = motion.duration_s / (motion.stance.len() - 1) as f64;
@@ -144,7 +148,7 @@ impl Joined<'_> {
         let (problem, fixed) =
             Problem::transition(model, motion, &start, &end, options.weights.clone());
         let unknowns = start::joined(&problem, fixed);
-        let solved = solve(&problem, unknowns, Begin::Cold, &options.settings, progress);
+        let solved = solve(&problem, unknowns, Begin::Cold, &options.settings, effort);
         solved.write(&problem, motion, Started { kind: StartKind::Joined, seed: 0 })
     }
 }

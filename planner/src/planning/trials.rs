@@ -1,27 +1,26 @@
 //! Solves of requests that differ from one request in a number, within limits of iterations.
 
-use super::attempt::{attempt, counting_from};
-use super::{Options, Request, Solution, replan};
+use super::attempt::attempt;
+use super::effort::Effort;
+use super::neighbour;
+use super::request::{Options, Request};
+use super::solution::Solution;
 use crate::motion::{Ends, Motion};
 use crate::plan::Status;
-use crate::solve::{Progress, Settings};
+use crate::solve::Settings;
 use rollwalk_robot::Robot;
-use std::ops::ControlFlow;
-
-/// Callback of a solve after every iteration.
-pub(super) type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
 /// Ways to solve a request; `None` where there is none.
 pub(super) trait Ways {
     /// From its start, as for those who type its numbers.
-    fn cold(&self, request: Request<'_>, progress: &mut Watched<'_>) -> Option<Solution>;
+    fn cold(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Option<Solution>;
 
     /// From the solution of a neighbour.
     fn near(
         &self,
         known: &Solution,
         request: Request<'_>,
-        progress: &mut Watched<'_>,
+        effort: &mut Effort<'_>,
     ) -> Option<Solution>;
 }
 
@@ -29,19 +28,19 @@ pub(super) trait Ways {
 pub(super) struct OwnEnds;
 
 impl Ways for OwnEnds {
-    fn cold(&self, request: Request<'_>, progress: &mut Watched<'_>) -> Option<Solution> {
-        (request.motion.ends != Ends::Prescribed).then(|| attempt(request, progress))
+    fn cold(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Option<Solution> {
+        (request.motion.ends != Ends::Prescribed).then(|| attempt(request, effort))
     }
 
     fn near(
         &self,
         known: &Solution,
         request: Request<'_>,
-        progress: &mut Watched<'_>,
+        effort: &mut Effort<'_>,
     ) -> Option<Solution> {
         let multipliers = known.plan.solve.status == Status::Converged;
         let multipliers = multipliers.then_some(&known.multipliers);
-        replan::from(&known.plan, multipliers, request, progress).ok()
+        neighbour::from(&known.plan, multipliers, request, effort).ok()
     }
 }
 
@@ -52,10 +51,9 @@ pub(super) struct Stopped;
 pub(super) struct Trials<'a, 'p> {
     pub request: Request<'a>,
     pub ways: &'a dyn Ways,
-    /// Iterations so far, those before the trials included, and most of all trials.
-    pub spent: usize,
-    pub left: usize,
-    pub progress: &'p mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    pub effort: &'a mut Effort<'p>,
+    /// Effort at which trials end.
+    pub most: usize,
 }
 
 impl Trials<'_, '_> {
@@ -69,25 +67,18 @@ impl Trials<'_, '_> {
         most: usize,
     ) -> Result<Option<Solution>, Stopped> {
         let Request { options, .. } = self.request;
-        let iterations = options.settings.iterations.min(most).min(self.left);
+        let left = self.most.saturating_sub(self.effort.spent);
+        let iterations = options.settings.iterations.min(most).min(left);
         if iterations == 0 {
             return Ok(None);
         }
         let settings = Settings { iterations, ..options.settings.clone() };
         let options = &Options { settings, ..options.clone() };
         let request = Request { robot, motion, options };
-        let progress = &mut counting_from(self.spent, self.progress);
         let solution = match neighbour {
-            Some(known) => self.ways.near(known, request, progress),
-            None => self.ways.cold(request, progress),
+            Some(known) => self.ways.near(known, request, self.effort),
+            None => self.ways.cold(request, self.effort),
         };
-        let Some(solution) = solution else { return Ok(None) };
-        let spent = solution.plan.solve.iterations;
-        self.spent += spent;
-        self.left = self.left.saturating_sub(spent);
-        match solution.plan.solve.status {
-            Status::Interrupted => Err(Stopped),
-            _ => Ok(Some(solution)),
-        }
+        if self.effort.interrupted { Err(Stopped) } else { Ok(solution) }
     }
 }

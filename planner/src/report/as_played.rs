@@ -2,8 +2,7 @@
 //! [`crate::torque`].
 
 use super::grid::Timeline;
-use super::rows::Worst;
-use super::{Grid, Row};
+use super::residual::{Grid, Row, Worst};
 use crate::families::Family;
 use crate::plan::Plan;
 use crate::torque::InverseDynamics;

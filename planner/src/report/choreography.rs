@@ -1,8 +1,7 @@
 //! Residuals of a motion's targets and height limits, from the numbers of a plan in the frame of its first sample.
 
-use super::Grid;
 use super::grid::{State, Timeline, Window};
-use super::rows::Worst;
+use super::residual::{Grid, Worst};
 use crate::families::Family;
 use crate::motion::{Ends, Subject};
 use nalgebra::{Rotation3, Vector3};

@@ -1,8 +1,7 @@
 //! Clearance of links from each other and from the ground, from the shapes of the robot in the plan.
 
-use super::Grid;
 use super::grid::{State, Timeline};
-use super::rows::Worst;
+use super::residual::{Grid, Worst};
 use crate::families::Family;
 use rollwalk_multibody::distance::{Capsule, OrientedBox};
 use rollwalk_multibody::euler::{GroundPoint, Pair};

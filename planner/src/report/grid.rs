@@ -7,7 +7,7 @@ use crate::problem::state::ContactFrame;
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose};
 use rollwalk_multibody::rotation;
-use rollwalk_robot::{GRAVITY_M_S2, Link};
+use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Link};
 
 /// Least height of the centre of mass that tolerances are fractions of, m: edited plans may have any.
 const HEIGHT_MIN_M: f64 = 0.01;
@@ -161,4 +161,9 @@ fn principal(link: &Link) -> [(Vector3<f64>, f64); 3] {
     std::array::from_fn(|k| {
         (found.eigenvectors.column(k).into(), 0.5 * inertia.trace() - found.eigenvalues[k])
     })
+}
+
+/// End effectors with their index.
+pub(super) fn feet<'a>(timeline: &'a Timeline) -> impl Iterator<Item = (usize, &'a EndEffector)> {
+    timeline.plan.robot.end_effectors.iter().enumerate()
 }

@@ -1,6 +1,7 @@
 //! What a plan is worth: one verdict for the planner, the report and libraries.
 
-use super::{Report, Row};
+use super::Report;
+use super::residual::Row;
 use crate::plan::{Plan, SolveSummary, Status};
 use crate::solve::ACCEPTED_LEVEL;
 use serde::Serialize;

@@ -3,9 +3,8 @@
 //! They follow from virtual work, not from the optimiser's equations: the torque of a joint is minus the power of
 //! ground forces, weight and inertia of all mass points per unit of its rate, and what accelerates its rotor.
 
-use super::Grid;
-use super::grid::{State, Timeline, Window};
-use super::rows::{Worst, feet};
+use super::grid::{State, Timeline, Window, feet};
+use super::residual::{Grid, Worst};
 use crate::families::Family;
 use crate::motion::Ends;
 use nalgebra::Vector3;

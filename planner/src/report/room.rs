@@ -2,8 +2,7 @@
 //! Residuals show only by how much a margin is missed; these are the distances themselves.
 
 use super::clearance::{distance, height_m};
-use super::grid::{State, Timeline};
-use super::rows::feet;
+use super::grid::{State, Timeline, feet};
 use crate::motion::Ends;
 use serde::Serialize;
 use std::fmt;

@@ -1,12 +1,13 @@
 //! Residuals, each as an equation over neighbouring states.
 
-use super::grid::{State, Timeline, Window};
+use super::grid::{State, Timeline, Window, feet};
+use super::residual::{Grid, Place, Row, Worst};
 use super::slipping::{slip_m_s, slipping};
-use super::{Grid, Place, Row, choreography, clearance, motors};
-use crate::families::{AsPlayed, CLEARANCE_M, Family, ROLLING_SIGN_WIDTH_M_S};
+use super::{choreography, clearance, motors};
+use crate::families::{CLEARANCE_M, Family, ROLLING_SIGN_WIDTH_M_S};
 use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
-use rollwalk_robot::{EndEffector, GRAVITY_M_S2};
+use rollwalk_robot::GRAVITY_M_S2;
 
 /// All residuals that a plan must satisfy at its samples.
 pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
@@ -48,75 +49,6 @@ pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
         rows.iter_mut().filter(of_forces).for_each(|row| row.level = None);
     }
     rows
-}
-
-/// Search for the worst case of one family.
-pub(super) struct Worst {
-    row: Row,
-    part: f64,
-}
-
-impl Worst {
-    pub(super) fn of(family: Family, grid: Grid) -> Self {
-        Self { row: Row::new(family, grid), part: 0.0 }
-    }
-
-    /// Records a residual, in the family's SI unit.
-    pub(super) fn see(&mut self, residual: f64, at: &Window, subject: Option<&str>) {
-        self.see_beyond(residual, 1.0, at, subject);
-    }
-
-    /// Records an excess over a limit, in the family's SI unit.
-    pub(super) fn see_beyond(
-        &mut self,
-        residual: f64,
-        limit: f64,
-        at: &Window,
-        subject: Option<&str>,
-    ) {
-        let (_, factor) = self.row.family.unit().shown();
-        let (residual, level) = (residual * factor, self.row.family.level().at(limit) * factor);
-        self.row.level.get_or_insert(level);
-        let part = residual / level;
-        if part > self.part {
-            self.part = part;
-            self.row.worst = residual;
-            self.row.level = Some(level);
-            self.row.place = Some(Place {
-                sample: at.index,
-                time_s: at.here.sample.time_s,
-                subject: subject.map(str::to_owned),
-            });
-        }
-    }
-
-    /// Records a residual of the whole motion, in the family's SI unit.
-    pub(super) fn see_everywhere(&mut self, residual: f64) {
-        let (_, factor) = self.row.family.unit().shown();
-        self.row.worst = residual * factor;
-        self.row.level = Some(self.row.family.level().at(1.0) * factor);
-    }
-
-    /// The row, if any residual was recorded.
-    pub(super) fn row(self) -> Option<Row> {
-        self.row.level.is_some().then_some(self.row)
-    }
-
-    /// The same with the tolerance of a motion as it is played, if the family has one.
-    pub(super) fn row_as_played(self, timeline: &Timeline) -> Option<Row> {
-        let mut row = self.row()?;
-        let (_, factor) = row.family.unit().shown();
-        row.level = match row.family.as_played() {
-            AsPlayed::TimesLevel(times) => row.level.map(|level| times * level),
-            of_robot => of_robot.at(&timeline.scales()).map(|level| level * factor),
-        };
-        Some(row)
-    }
-}
-
-/// End effectors with their index.
-pub(super) fn feet<'a>(timeline: &'a Timeline) -> impl Iterator<Item = (usize, &'a EndEffector)> {
-    timeline.plan.robot.end_effectors.iter().enumerate()
 }
 
 /// Newton–Euler for the centroidal frame.

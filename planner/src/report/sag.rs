@@ -1,8 +1,7 @@
 //! Swing height that servos without torque feed-forward lose: they yield by torque over stiffness, so that the body sinks
 //! between the legs that stand, and a leg in swing hangs lower.
 
-use super::grid::{State, Timeline};
-use super::rows::feet;
+use super::grid::{State, Timeline, feet};
 use rollwalk_multibody::euler::JOINTS;
 use serde::Serialize;
 use std::fmt;

@@ -5,9 +5,8 @@
 //! A slip that does not come back within a stance is way that is missing, however slow it is: wheels that are steered cut
 //! corners.
 
-use super::Grid;
-use super::grid::{Timeline, Window};
-use super::rows::{Worst, feet};
+use super::grid::{Timeline, Window, feet};
+use super::residual::{Grid, Worst};
 use crate::families::Family;
 use crate::problem::state::rolling_direction;
 use nalgebra::Vector3;

@@ -17,7 +17,7 @@ use crate::formulation::System;
 use crate::formulation::rows::{Columns, Rows};
 use crate::motion::{Ends, Motion};
 use crate::plan::{Diagnosis, Plan, Status, Verdict};
-use crate::planning::{Options, Solution, from_near};
+use crate::planning::{Effort, Options, Solution, from_near};
 use crate::problem::variables::Layout;
 use crate::problem::{Problem, Unknowns};
 use crate::solve::minimum::Minimum;
@@ -298,7 +298,8 @@ impl Shortfall {
         let multipliers = Multipliers::of(&self.rows, self.multipliers.clone(), penalty);
         let options = Options { weights: problem.weights.clone(), ..options.clone() };
         let unknowns = self.unknowns.clone();
-        from_near(&problem, &self.motion, unknowns, Some(&multipliers), &options, progress)
+        let effort = &mut Effort::new(progress);
+        from_near(&problem, &self.motion, unknowns, Some(&multipliers), &options, effort)
     }
 
     /// The point itself as a plan, which does not hold.

@@ -10,6 +10,7 @@
 //! A general sparse factorisation, whose order minimises fill, cuts these matrices into many small blocks, which took
 //! three times as long.
 
+mod front;
 mod order;
 mod places;
 
@@ -24,104 +25,12 @@ use faer::linalg::triangular_solve::{
 };
 use faer::prelude::ReborrowMut;
 use faer::{Accum, ColMut, ColRef, MatMut, MatRef, Par};
+use front::Front;
 use pulp::NullaryFnOnce;
 
 /// Columns of a panel that are factorised one by one, after the products of all columns before them. Few enough for
 /// most of the work to be in products, and more than their calls cost.
 const BLOCK: usize = 8;
-
-/// Columns that are eliminated together. Positions are those in the order of elimination.
-#[derive(Debug)]
-struct Front {
-    /// Position of the first pivot.
-    first: usize,
-    /// Count of pivots.
-    pivots: usize,
-    /// Positions of the later columns that the pivots couple, ascending.
-    border: Vec<usize>,
-    /// Place of its panel: the columns of its pivots, with as many lines as pivots and border together.
-    panel: usize,
-    /// Earlier fronts whose borders begin in these pivots.
-    children: Vec<Child>,
-}
-
-impl Front {
-    fn lines(&self) -> usize {
-        self.pivots + self.border.len()
-    }
-
-    fn panel(&self) -> std::ops::Range<usize> {
-        self.panel..self.panel + self.lines() * self.pivots
-    }
-
-    /// Line of a position, if it has one. `before` is the line of a position that is likely just before.
-    fn line(&self, at: usize, before: usize) -> Option<usize> {
-        if at < self.first + self.pivots {
-            return at.checked_sub(self.first);
-        }
-        let next = (before + 1).checked_sub(self.pivots);
-        if let Some(next) = next.filter(|&next| self.border.get(next) == Some(&at)) {
-            return Some(self.pivots + next);
-        }
-        self.border.binary_search(&at).ok().map(|line| self.pivots + line)
-    }
-}
-
-/// What an earlier front leaves on its border, and where that goes.
-#[derive(Debug)]
-struct Child {
-    front: usize,
-    /// Lines of the parent that its border becomes: its pivots, then its border.
-    runs: Vec<Run>,
-    /// Count of the runs of pivots.
-    of_pivots: usize,
-}
-
-/// Consecutive lines of a child that are consecutive lines of its parent.
-#[derive(Clone, Copy, Debug)]
-struct Run {
-    from: usize,
-    to: usize,
-    count: usize,
-}
-
-impl Child {
-    /// Adds what the child leaves, a lower triangle by columns, to the pivots' columns of its parent.
-    fn add_to_pivots(&self, left: &[f64], panel: &mut [f64], lines: usize) {
-        self.add(0..self.of_pivots, left, panel, lines, 0);
-    }
-
-    /// Adds what the child leaves beyond the pivots of its parent to what the parent leaves.
-    fn add_to_border(&self, left: &[f64], update: &mut [f64], width: usize, pivots: usize) {
-        self.add(self.of_pivots..self.runs.len(), left, update, width, pivots);
-    }
-
-    /// Adds the columns of some runs to a matrix whose first line and column is line `skipped` of the parent.
-    fn add(
-        &self,
-        columns: std::ops::Range<usize>,
-        left: &[f64],
-        matrix: &mut [f64],
-        lines: usize,
-        skipped: usize,
-    ) {
-        let count = self.runs.last().map_or(0, |run| run.from + run.count);
-        for index in columns {
-            let run = self.runs[index];
-            for k in 0..run.count {
-                let source = &left[(run.from + k) * count..][..count];
-                let target = &mut matrix[(run.to + k - skipped) * lines..][..lines];
-                let mut add = |from: usize, to: usize, count: usize| {
-                    let (from, to) =
-                        (&source[from..][..count], &mut target[to - skipped..][..count]);
-                    to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
-                };
-                add(run.from + k, run.to + k, run.count - k);
-                self.runs[index + 1..].iter().for_each(|run| add(run.from, run.to, run.count));
-            }
-        }
-    }
-}
 
 /// A factorisation: its order, and its memory.
 pub(super) struct Fronts {
@@ -176,6 +85,11 @@ impl Fronts {
         let own = front.first..front.first + front.pivots;
         let lines = own.chain(front.border.iter().copied()).enumerate();
         lines.skip(at - front.first).map(move |(line, at)| (start + line, self.order[at]))
+    }
+
+    /// Places of the products of a row with these columns; `None` if it couples columns that no front has together.
+    pub fn places(&self, columns: &[usize]) -> Option<Places> {
+        Places::of(columns, &self.position, &self.front_of, &self.fronts)
     }
 
     /// Adds `factor` times the products of a row's derivatives to a matrix, given in panels. `sorted` is scratch memory.

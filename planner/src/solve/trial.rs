@@ -4,7 +4,6 @@
 //! energy even of a good step (the Maratos effect), to which damping would respond with many short steps. A
 //! second-order correction costs one evaluation and a solve with the present factor, less than another factorisation.
 
-use super::Point;
 use super::normal::NormalEquations;
 use crate::formulation::System;
 use crate::formulation::rows::Rows;
@@ -13,6 +12,15 @@ use crate::problem::Unknowns;
 /// Fraction of the predicted decrease below which a step is corrected. A straight step that achieves half of it is
 /// not worth another evaluation.
 const BEND_BELOW: f64 = 0.25;
+
+/// A point with its rows.
+#[derive(Clone, Debug)]
+pub struct Point {
+    /// The unknowns.
+    pub unknowns: Unknowns,
+    /// The rows there.
+    pub rows: Rows,
+}
 
 /// A step with the point at its end.
 pub(super) struct Trial {

@@ -1,5 +1,6 @@
-//! The layers of the optimiser: which module may use which, and that solvers see rows only, read off the source.
+//! Layers of the optimiser: which module may use which, no circles, and solvers that see rows only, read off the source.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -137,4 +138,57 @@ fn solvers_see_rows_only() {
         }
     }
     assert!(seen > 10, "{seen} uses of modules");
+}
+
+/// Names of a file's module and of those around it, from the outermost; none for the crate's root.
+fn names(inside: &Path) -> Vec<String> {
+    let names = inside.with_extension("");
+    let names = names.iter().map(|name| name.to_string_lossy().into_owned());
+    names.filter(|name| name != "lib" && name != "mod").collect()
+}
+
+/// Modules whose files use siblings only, never an item of the module around them.
+const SIBLINGS_ONLY: &[&str] = &["planning"];
+
+#[test]
+fn modules_of_a_folder_use_each_other_without_circles() {
+    // For each folder and each module in it the names that it uses there.
+    let mut folders = BTreeMap::<String, BTreeMap<String, BTreeSet<String>>>::new();
+    for (inside, mut code) in code() {
+        let module = names(&inside);
+        for ups in (1..=module.len()).rev() {
+            let around = [&["crate".to_owned()], &module[..module.len() - ups]].concat();
+            code = code.replace(&"super::".repeat(ups), &format!("{}::", around.join("::")));
+        }
+        let paths = paths(&code);
+        for (depth, name) in module.iter().enumerate() {
+            let folder = module[..depth].join("::");
+            let uses = folders.entry(folder.clone()).or_default().entry(name.clone()).or_default();
+            for path in &paths {
+                let path: Vec<&str> = path.split("::").collect();
+                if path.len() > depth && path[..depth] == module[..depth] && path[depth] != name {
+                    uses.insert(path[depth].to_owned());
+                }
+            }
+        }
+    }
+    for folder in SIBLINGS_ONLY {
+        let modules = &folders[*folder];
+        for (module, used) in modules {
+            let other = used.iter().find(|used| !modules.contains_key(*used));
+            assert_eq!(other, None, "{folder}::{module} uses it of {folder}");
+        }
+    }
+    assert!(folders.len() > 10, "{} folders", folders.len());
+    for (folder, mut uses) in folders {
+        let free = |uses: &BTreeMap<String, BTreeSet<String>>| {
+            let mut modules = uses.iter();
+            let free = modules.find(|(_, used)| !used.iter().any(|used| uses.contains_key(used)));
+            free.map(|(module, _)| module.clone())
+        };
+        while let Some(module) = free(&uses) {
+            uses.remove(&module);
+        }
+        assert!(uses.is_empty(), "modules in a circle, or above one, in `{folder}`: {uses:#?}");
+    }
 }

@@ -6,6 +6,7 @@ use crate::problem::Weights;
 use crate::start::guess;
 use crate::test_robots;
 use rollwalk_multibody::euler::Model;
+use std::ops::ControlFlow;
 
 /// AgileBot rolls 0.1 m from rest to rest. The penalty is far too low to meet constraints alone.
 fn solved(settings: &Settings) -> (Outcome, Vec<f64>) {
@@ -20,10 +21,11 @@ fn solved(settings: &Settings) -> (Outcome, Vec<f64>) {
     let problem = Problem::new(Model::new(robot), &motion, weights);
     let unknowns = guess::from_standing(&problem);
     let mut energies = Vec::new();
-    let solved = solve(&problem, unknowns, Begin::Cold, settings, &mut |progress| {
+    let progress = &mut |progress: &Progress| {
         energies.push(progress.energy);
         ControlFlow::Continue(())
-    });
+    };
+    let solved = solve(&problem, unknowns, Begin::Cold, settings, &mut Effort::new(progress));
     (solved.outcome, energies)
 }
 
@@ -70,6 +72,7 @@ fn methods_agree_on_the_optimum() {
         let unknowns = guess::from_standing(&problem);
         let settings = Settings { method, iterations: 60, ..Settings::default() };
         let go_on = &mut |_: &_| ControlFlow::Continue(());
+        let go_on = &mut Effort::new(go_on);
         let outcome = solve(&problem, unknowns, Begin::Cold, &settings, go_on).outcome;
         (outcome.energy, outcome.unknowns)
     };

@@ -1,6 +1,6 @@
 //! The order of elimination, and the fronts that follow from it.
 
-use super::{Child, Front, Run};
+use super::front::{Child, Front, Run};
 use crate::formulation::rows::{Columns, Role, Row, Rows};
 
 /// Rows whose flags are set.

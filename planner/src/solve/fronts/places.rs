@@ -1,6 +1,6 @@
 //! Places of rows in the panels: where the products of their derivatives go.
 
-use super::Fronts;
+use super::front::Front;
 use pulp::NullaryFnOnce;
 
 /// Where the products of the derivatives of one row go.
@@ -34,16 +34,22 @@ struct Run {
     line: u32,
 }
 
-impl Fronts {
+impl Places {
     /// Places of the products of a row with these columns; `None` if it couples columns that no front has together.
-    pub fn places(&self, columns: &[usize]) -> Option<Places> {
-        let at = |entry: &u32| self.position[columns[*entry as usize]];
+    /// `position` of each column in the order of elimination, `front_of` each position.
+    pub(super) fn of(
+        columns: &[usize],
+        position: &[usize],
+        front_of: &[usize],
+        fronts: &[Front],
+    ) -> Option<Self> {
+        let at = |entry: &u32| position[columns[*entry as usize]];
         let mut entries: Vec<u32> = (0..columns.len() as u32).collect();
         entries.sort_unstable_by_key(at);
         let (mut pieces, mut runs) = (Vec::new(), Vec::<Run>::with_capacity(columns.len()));
         let mut first = 0;
         while first < entries.len() {
-            let front = &self.fronts[self.front_of[at(&entries[first])]];
+            let front = &fronts[front_of[at(&entries[first])]];
             let own = |entry: &u32| at(entry) < front.first + front.pivots;
             let end = first + entries[first..].partition_point(own);
             let (mut line, of_piece) = (0, runs.len());
@@ -59,7 +65,7 @@ impl Fronts {
             pieces.push(Piece { panel, stride, end, runs: runs.len() });
             first = end;
         }
-        Some(Places { entries, pieces, runs })
+        Some(Self { entries, pieces, runs })
     }
 }
 

@@ -1,10 +1,18 @@
-//! Solutions as JSON text: a plan with its multipliers, kept by a program that plans again later.
+//! Solutions: plans with their multipliers, and their JSON text, for programs that plan again later.
 
-use super::Solution;
 use crate::json::Format;
 use crate::plan::{Plan, PlanError};
 use crate::solve::Multipliers;
 use serde::{Deserialize, Serialize};
+
+/// A plan with its multipliers, from which [`replan`](crate::replan) starts best.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution {
+    /// The plan.
+    pub plan: Plan,
+    /// The multipliers of its constraints.
+    pub multipliers: Multipliers,
+}
 
 /// The format of solutions.
 const JSON: Format = Format {

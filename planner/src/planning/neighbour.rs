@@ -1,0 +1,114 @@
+//! Planning from a neighbouring plan and, if known, its multipliers.
+//!
+//! A neighbouring plan is nearly optimal, so that a few Gauss-Newton steps without damping complete the solve.
+
+use super::effort::Effort;
+use super::probed_solve::solve;
+use super::request::{Options, Request};
+use super::solution::Solution;
+use crate::motion::{Ends, Motion};
+use crate::plan::{Plan, StartKind, Started};
+use crate::problem::{Problem, Unknowns};
+use crate::solve::{Begin, Multipliers};
+use crate::start;
+use rollwalk_multibody::euler::Model;
+use rollwalk_robot::Robot;
+use std::mem::discriminant;
+use thiserror::Error;
+
+/// Reason for which a plan cannot be the start for another motion.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ReplanError {
+    /// The robots have different joints or end effectors.
+    #[error(
+        "the plan of `{motion}` is for robot `{planned}`, whose joints or end effectors are not those of \
+         `{wanted}`; plan from scratch, or from a plan of a robot with the same joints and end effectors"
+    )]
+    OtherStructure {
+        /// Motion of the plan.
+        motion: String,
+        /// Robot of the plan.
+        planned: String,
+        /// The robot to plan for.
+        wanted: String,
+    },
+    /// The motions have different kinds of ends.
+    #[error(
+        "the plan of `{planned}` has ends = \"{planned_ends}\", `{wanted}` has \"{wanted_ends}\"; plan from scratch, or from \
+         a plan with the same, `periodic` or `at_rest`"
+    )]
+    OtherEnds {
+        /// Motion of the plan.
+        planned: String,
+        /// Ends of the plan's motion.
+        planned_ends: Ends,
+        /// The motion to plan.
+        wanted: String,
+        /// Ends of the motion to plan.
+        wanted_ends: Ends,
+    },
+}
+
+/// Optimises a motion from the plan of a neighbouring one, and from nothing else.
+///
+/// # Errors
+/// As [`replan`](crate::replan).
+pub(super) fn from(
+    previous: &Plan,
+    multipliers: Option<&Multipliers>,
+    request: Request<'_>,
+    effort: &mut Effort<'_>,
+) -> Result<Solution, ReplanError> {
+    let Request { robot, motion, options } = request;
+    check(previous, robot, motion)?;
+    let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
+    let unknowns = start::neighbour(&problem, previous);
+    Ok(from_near(&problem, motion, unknowns, multipliers, options, effort))
+}
+
+/// Checks that a plan can be the start for a motion of a robot.
+///
+/// # Errors
+/// As [`replan`](crate::replan).
+pub(super) fn check(previous: &Plan, robot: &Robot, motion: &Motion) -> Result<(), ReplanError> {
+    if !same_structure(&previous.robot, robot) {
+        return Err(ReplanError::OtherStructure {
+            motion: previous.motion.name.clone(),
+            planned: previous.robot.name.clone(),
+            wanted: robot.name.clone(),
+        });
+    }
+    if previous.motion.ends != motion.ends || motion.ends == Ends::Prescribed {
+        return Err(ReplanError::OtherEnds {
+            planned: previous.motion.name.clone(),
+            planned_ends: previous.motion.ends,
+            wanted: motion.name.clone(),
+            wanted_ends: motion.ends,
+        });
+    }
+    Ok(())
+}
+
+/// Optimises from unknowns near an optimum.
+pub(crate) fn from_near(
+    problem: &Problem,
+    motion: &Motion,
+    unknowns: Unknowns,
+    multipliers: Option<&Multipliers>,
+    options: &Options,
+    effort: &mut Effort<'_>,
+) -> Solution {
+    let solved = solve(problem, unknowns, Begin::Near(multipliers), &options.settings, effort);
+    solved.write(problem, motion, Started { kind: StartKind::Neighbour, seed: 0 })
+}
+
+/// Whether two robots have the same variables: the same joints by name, the same end effectors by name and kind.
+pub(crate) fn same_structure(one: &Robot, other: &Robot) -> bool {
+    let joints = |robot: &'_ Robot| robot.joints.iter().map(|j| j.name.clone()).collect::<Vec<_>>();
+    let ends = one.end_effectors.iter().zip(&other.end_effectors);
+    joints(one) == joints(other)
+        && one.end_effectors.len() == other.end_effectors.len()
+        && ends
+            .clone()
+            .all(|(a, b)| a.name == b.name && discriminant(&a.contact) == discriminant(&b.contact))
+}

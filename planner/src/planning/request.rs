@@ -1,0 +1,43 @@
+//! Requests: a motion of a robot, with the options of its optimisation.
+
+use crate::motion::Motion;
+use crate::problem::Weights;
+use crate::solve::Settings;
+use crate::start::Start;
+use rollwalk_robot::Robot;
+
+/// Options of the optimisation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Weights of the formulation.
+    pub weights: Weights,
+    /// Settings of the solver.
+    pub settings: Settings,
+    /// Starting point.
+    pub start: Start,
+    /// Seed of all random numbers in the start.
+    pub seed: u64,
+    /// Whether a plan that does not hold as it is played is planned again with more samples. Without, the samples are
+    /// those of the motion, and [`Report`](crate::report::Report) alone tells what the plan is worth.
+    pub refine: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            weights: Weights::default(),
+            settings: Settings::default(),
+            start: Start::default(),
+            seed: 0,
+            refine: true,
+        }
+    }
+}
+
+/// A motion of a robot, with one start.
+#[derive(Clone, Copy)]
+pub(super) struct Request<'a> {
+    pub robot: &'a Robot,
+    pub motion: &'a Motion,
+    pub options: &'a Options,
+}
