@@ -20,8 +20,12 @@ pub fn violations(files: &[TextFile]) -> Vec<String> {
 }
 
 fn of_crate(folder: &str, files: &[TextFile]) -> Vec<String> {
-    let source = |file: &TextFile| Some((module(folder, &file.path)?, code(&file.text)));
-    let modules: BTreeMap<Path, String> = files.iter().filter_map(source).collect();
+    let modules = sources(folder, files);
+    if modules.is_empty() {
+        return vec![format!(
+            "{folder}/src: no sources; correct CRATES in xtask/src/tidy/circles.rs"
+        )];
+    }
     let (mut imports, mut uses) = (BTreeMap::new(), Vec::new());
     for (from, code) in &modules {
         for statement in code.split(';') {
@@ -62,18 +66,24 @@ fn of_crate(folder: &str, files: &[TextFile]) -> Vec<String> {
     folders.into_iter().filter_map(describe).collect()
 }
 
-/// The module of a source file that is no test.
-fn module(folder: &str, path: &str) -> Option<Path> {
-    let path = path.strip_prefix(folder)?.strip_prefix("/src/")?.strip_suffix(".rs")?;
-    let mut names: Path = path.split('/').map(str::to_owned).collect();
-    names.pop_if(|name| ["lib", "main", "mod"].contains(&name.as_str()));
-    (!names.iter().any(|name| name == "tests")).then_some(names)
-}
-
-/// The text before a module's tests, without comments.
-fn code(text: &str) -> String {
-    let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
-    text.lines().map(|line| line.split("//").next().unwrap_or_default().to_owned() + "\n").collect()
+/// The code of each module that is no test, without comments.
+fn sources(folder: &str, files: &[TextFile]) -> BTreeMap<Path, String> {
+    let (mut sources, mut tests) = (BTreeMap::new(), Vec::new());
+    for TextFile { path, text } in files {
+        let path = path.strip_prefix(folder).and_then(|path| path.strip_prefix("/src/"));
+        let Some(path) = path.and_then(|path| path.strip_suffix(".rs")) else { continue };
+        let mut module: Path = path.split('/').map(str::to_owned).collect();
+        module.pop_if(|name| ["lib", "main", "mod"].contains(&name.as_str()));
+        let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+        let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+        let code = lines.collect::<Vec<_>>().join("\n");
+        let declared = code.split("#[cfg(test)]\nmod ").skip(1).filter_map(|of| of.split_once(';'));
+        tests.extend(declared.map(|(name, _)| [&module[..], &[name.to_owned()]].concat()));
+        sources.insert(module, code);
+    }
+    let is_test = |module: &Path| tests.iter().any(|test| module.starts_with(test));
+    sources.retain(|module, _| !is_test(module) && module.iter().all(|name| name != "tests"));
+    sources
 }
 
 /// The paths of an import, one for each branch of its braces.
@@ -148,20 +158,20 @@ mod tests {
             file("physics/src/lib.rs", "pub mod a;\nmod b;\nmod c;\npub use a::A;\n"),
             file("physics/src/a.rs", "use super::{c::C as D,\n    b::{self, B},\n};\n"),
             file("physics/src/b.rs", &format!("// crate::a::A\nuse std::fmt;\n{tests}")),
-            file("physics/src/c/mod.rs", "mod inner;\nfn f() -> u8 {\n    inner::g(1)\n}\n"),
-            file("physics/src/c/inner.rs", "pub fn g(_: u8) -> crate::b::B {}\n"),
+            file("physics/src/c/mod.rs", "#[cfg(test)]\nmod d;\nfn f() {\n    e::g(1)\n}\n"),
+            file("physics/src/c/d.rs", "use crate::a::A;\n"),
+            file("physics/src/c/e.rs", "pub fn g(_: u8) -> crate::b::B {}\n"),
         ];
-        assert_eq!(super::violations(&files), [""; 0]);
+        assert_eq!(super::of_crate("physics", &files), [""; 0]);
 
         files[2].text = "use crate::A;\n".to_owned() + &files[2].text;
-        files[4].text += "use super::f;\n";
+        files[5].text += "use super::f;\n";
         let advice = "move what two modules share into one of its own";
         let expected = [
             format!("physics/src/: uses in a circle (a -> b::B, b -> A); {advice}"),
-            format!(
-                "physics/src/c: uses in a circle (c -> c::inner::g, c::inner -> c::f); {advice}"
-            ),
+            format!("physics/src/c: uses in a circle (c -> c::e::g, c::e -> c::f); {advice}"),
         ];
-        assert_eq!(super::violations(&files), expected);
+        assert_eq!(super::of_crate("physics", &files), expected);
+        assert_eq!(super::of_crate("robot", &files).len(), 1);
     }
 }
