@@ -7,7 +7,7 @@ use crate::checkout::TextFile;
 use std::collections::BTreeMap;
 
 /// Folders of the crates that are checked.
-const CRATES: [&str; 3] = ["firmware", "physics", "protocol"];
+const CRATES: [&str; 4] = ["firmware", "physics", "planner", "protocol"];
 
 /// Names from the crate's root to a module or an item.
 type Path = Vec<String>;
