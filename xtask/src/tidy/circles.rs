@@ -76,7 +76,7 @@ fn sources(folder: &str, files: &[TextFile]) -> BTreeMap<Path, String> {
         module.pop_if(|name| ["lib", "main", "mod"].contains(&name.as_str()));
         let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
         let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default());
-        let code = lines.collect::<Vec<_>>().join("\n");
+        let code = lines.map(without_reach).collect::<Vec<_>>().join("\n");
         let declared = code.split("#[cfg(test)]\nmod ").skip(1).filter_map(|of| of.split_once(';'));
         tests.extend(declared.map(|(name, _)| [&module[..], &[name.to_owned()]].concat()));
         sources.insert(module, code);
@@ -84,6 +84,15 @@ fn sources(folder: &str, files: &[TextFile]) -> BTreeMap<Path, String> {
     let is_test = |module: &Path| tests.iter().any(|test| module.starts_with(test));
     sources.retain(|module, _| !is_test(module) && module.iter().all(|name| name != "tests"));
     sources
+}
+
+/// A line without the module of `pub(in module)`, which the item does not use.
+fn without_reach(line: &str) -> String {
+    let reach = line.split_once("pub(in ").and_then(|(head, rest)| {
+        let (_, item) = rest.split_once(") ")?;
+        Some(format!("{head}pub {item}"))
+    });
+    reach.unwrap_or_else(|| line.to_owned())
 }
 
 /// The paths of an import, one for each branch of its braces.
