@@ -2,8 +2,8 @@
 
 use crate::arrays::{matrix, vector};
 use crate::documents::{Source, shipped};
-use crate::error::{does_not_hold, refused, wrong};
-use crate::plan::{Plan, Progress};
+use crate::error::{refused, wrong};
+use crate::plan::{Plan, Progress, does_not_hold};
 use crate::watch::watched;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;

@@ -1,19 +1,14 @@
-//! Exceptions: their classes are in `rollwalk/_errors.py`, their words are those of the command line.
+//! Exceptions: their classes are in `rollwalk/_errors.py`, their words are those of the command line. Those of plans are in `plan`.
 
-use crate::plan::{self, Diagnosis};
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
 use pyo3::exceptions::PyOSError;
-use pyo3::{IntoPyObjectExt, PyErr, Python, import_exception};
-use rollwalk_planner::plan::Plan;
-use rollwalk_planner::report::Report;
+use pyo3::{PyErr, import_exception};
 use rollwalk_protocol::text::ShownLines;
 use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
 import_exception!(rollwalk._errors, RollwalkError);
-import_exception!(rollwalk._errors, DoesNotHold);
-import_exception!(rollwalk._errors, Infeasible);
 
 /// What is wrong with an input, as the command line shows it on a terminal without colours: message, place, help.
 pub fn wrong(diagnostic: impl Diagnostic) -> PyErr {
@@ -40,22 +35,5 @@ pub fn refused_by_system(action: &str, path: &Path, error: &io::Error) -> PyErr 
             PyOSError::new_err((code, format!("{action}: {reason}"), path.as_os_str().to_owned()))
         }
         None => refused(format!("{action}: {}: {error}", path.display())),
-    }
-}
-
-/// Plans that do not hold, in the words of the command line. The exception carries the first of them.
-pub fn does_not_hold(py: Python<'_>, plans: &[&Plan]) -> PyErr {
-    let words =
-        |plan: &&Plan| format!("{} {}", plan.motion.name, Report::new(plan).words(&plan.solve));
-    let text = plans.iter().map(words).collect::<Vec<_>>().join("\n");
-    let Some(first) = plans.first() else { return refused(text) };
-    let best = plan::Plan::of((*first).clone()).into_py_any(py);
-    match (best, first.solve.diagnosis.as_ref()) {
-        (Ok(best), Some(diagnosis)) => match Diagnosis::of(diagnosis).into_py_any(py) {
-            Ok(diagnosis) => Infeasible::new_err((text, best, diagnosis)),
-            Err(error) => error,
-        },
-        (Ok(best), None) => DoesNotHold::new_err((text, best)),
-        (Err(error), _) => error,
     }
 }

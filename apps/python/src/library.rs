@@ -1,8 +1,8 @@
 //! Motion libraries.
 
 use crate::documents::Source;
-use crate::error::{does_not_hold, refused};
-use crate::plan::{Progress, optimise};
+use crate::error::refused;
+use crate::plan::{Progress, does_not_hold, optimise};
 use crate::watch::{Watch, watched};
 use pyo3::prelude::*;
 use rollwalk_planner::building::{Contents, Joined, Missing, Solver};

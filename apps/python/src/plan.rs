@@ -1,13 +1,14 @@
 //! Plans, and how they are found.
 
 use crate::documents::Source;
-use crate::error::{does_not_hold, refused, refused_by_system};
+use crate::error::{refused, refused_by_system};
 use crate::motion::Motion;
 use crate::report::Report;
 use crate::robot::Robot;
 use crate::samples::Samples;
 use crate::watch::{Watch, watched};
 use pyo3::prelude::*;
+use pyo3::{IntoPyObjectExt, import_exception};
 use rollwalk_planner::plan as planned;
 use rollwalk_planner::{self as planner, Options, Search};
 use rollwalk_robot as robot;
@@ -15,6 +16,9 @@ use std::fs;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 use std::thread;
+
+import_exception!(rollwalk._errors, DoesNotHold);
+import_exception!(rollwalk._errors, Infeasible);
 
 /// How far a solve is: what progress callbacks get.
 #[pyclass(frozen, get_all, module = "rollwalk")]
@@ -317,6 +321,25 @@ pub fn plan(
     let plan =
         watched(py, progress.as_ref(), |watch| optimise(robot, motion, &options, threads, watch))?;
     Plan::good(py, plan)
+}
+
+/// Plans that do not hold, in the words of the command line. The exception carries the first of them.
+pub fn does_not_hold(py: Python<'_>, plans: &[&planned::Plan]) -> PyErr {
+    let words = |plan: &&planned::Plan| {
+        let report = planner::report::Report::new(plan);
+        format!("{} {}", plan.motion.name, report.words(&plan.solve))
+    };
+    let text = plans.iter().map(words).collect::<Vec<_>>().join("\n");
+    let Some(first) = plans.first() else { return refused(text) };
+    let best = Plan::of((*first).clone()).into_py_any(py);
+    match (best, first.solve.diagnosis.as_ref()) {
+        (Ok(best), Some(diagnosis)) => match Diagnosis::of(diagnosis).into_py_any(py) {
+            Ok(diagnosis) => Infeasible::new_err((text, best, diagnosis)),
+            Err(error) => error,
+        },
+        (Ok(best), None) => DoesNotHold::new_err((text, best)),
+        (Err(error), _) => error,
+    }
 }
 
 fn options(seed: u64, iterations: Option<NonZeroU32>, samples_fixed: bool) -> Options {
