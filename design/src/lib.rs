@@ -44,6 +44,5 @@ pub mod parameter;
 pub mod plans;
 mod quadratic;
 pub mod repair;
-#[cfg(feature = "sweep")]
 pub mod sweep;
 pub mod text;
