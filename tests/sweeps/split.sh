@@ -1,14 +1,14 @@
 #!/bin/sh
 # A sweep of more than 1,000 points: whole; interrupted, killed and taken up again; split by GNU parallel; and split over two
 # nodes of a Slurm of its own on the loopback interface. The tables must have the same bytes. Then a fault campaign by GNU parallel
-# and on Slurm; and what others make of the files (read.py).
+# and on Slurm; and the Job of Kubernetes against its schema (read.py).
 #
 #   split.sh ROLLWALK-BENCH SWEEP.toml DIR        as root, with GNU parallel, Slurm, MUNGE, and read.py's modules in PYTHONPATH
 set -eu
 bench=$1 sweep=$2 out=$3
 
 same() {
-    for file in results.csv results.parquet results.svg; do
+    for file in results.csv results.svg; do
         cmp "$out/whole/$file" "$out/$1/$file"
     done
     echo "$1: the same bytes"
@@ -46,7 +46,7 @@ campaign "$out/campaign-parallel" --engine parallel --shards 4
 same_campaign campaign-parallel
 
 "$bench" explore "$sweep" -o "$out/whole" --on kubernetes --shards 4 --dry-run
-python3 "$(dirname "$0")/read.py" "$out/whole/results.csv" "$out/whole/results.parquet" "$out/whole/kubernetes.yaml"
+python3 "$(dirname "$0")/read.py" "$out/whole/kubernetes.yaml"
 
 # MUNGE and Slurm with files of their own: nothing of the machine's configuration is touched.
 host=$(hostname)

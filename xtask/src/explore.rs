@@ -1,13 +1,11 @@
 //! A large sweep over designs, split in every way, and a fault campaign: `tests/sweeps/split.sh`.
 
 use crate::{debian, python, shell, workspace};
-use std::env;
 
-const PYARROW: &str = "pyarrow==26.0.1";
 const KUBERNETES_VALIDATE: &str = "kubernetes-validate==1.37.0";
 
-/// Explores the sweep whole, interrupted, by GNU parallel and by a Slurm of two nodes on the loopback interface, and has others read
-/// the files.
+/// Explores the sweep whole, interrupted, by GNU parallel and by a Slurm of two nodes on the loopback interface, and holds the
+/// Job of Kubernetes against its schema.
 ///
 /// # Errors
 /// Tables that differ, or the command that installs what is missing.
@@ -15,12 +13,8 @@ pub fn check() -> Result<(), String> {
     debian::need(&["parallel", "slurm-wlm", "munge"]).map_err(|install| {
         format!("the check needs GNU parallel and Slurm. On Debian:\n\n    {install}")
     })?;
-    let paths = [
-        python::path("pyarrow", PYARROW, "pyarrow")?,
-        python::path("kubernetes-validate", KUBERNETES_VALIDATE, "kubernetes_validate, yaml")?,
-    ];
-    let path = env::join_paths(paths.iter().flat_map(env::split_paths));
-    let path = path.map_err(|error| error.to_string())?;
+    let name = "kubernetes-validate";
+    let path = python::path(name, KUBERNETES_VALIDATE, "kubernetes_validate, yaml")?;
     let bench = workspace::optimised_program("apps/bench", "rollwalk-bench")?;
     let out = shell::target_folder().join("sweeps");
     let mut split = shell::command("tests/sweeps/split.sh", &[&bench.path]);

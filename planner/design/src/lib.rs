@@ -46,6 +46,5 @@ pub mod parameter;
 pub mod plans;
 mod quadratic;
 pub mod repair;
-#[cfg(feature = "sweep")]
 pub mod sweep;
 pub mod text;

@@ -15,14 +15,13 @@ use std::path::{Path, PathBuf};
 
 /// Names in the folder.
 const CSV: &str = "results.csv";
-const PARQUET: &str = "results.parquet";
 const FIGURE: &str = "results.svg";
 
 /// Plan every point of a sweep: parameters, gaits, robots, servos.
 ///
 /// All cores work. What is done is written at once, so that after Ctrl-C, or on another machine, the same command goes on where it
 /// was. Shards (--shard 2/5) share the folder, or their folders are put together; the tables are the same however the sweep was
-/// split. The run that finds nothing left to do writes results.csv, results.parquet and a figure of one quantity, results.svg.
+/// split. The run that finds nothing left to do writes results.csv and a figure of one quantity, results.svg.
 #[derive(clap::Args)]
 #[command(mut_arg("engine", |engine| engine.visible_alias("on")), after_long_help = "\
 Examples:
@@ -148,14 +147,12 @@ fn finish(args: &Args, ready: &Ready, rows: &[&Row]) -> miette::Result<Exit> {
     let folder = &args.output;
     let axes: Vec<String> = ready.sweep.axes.iter().map(|axis| axis.name().to_owned()).collect();
     let csv = table::csv(&axes, rows).into_diagnostic()?;
-    let parquet = table::parquet(&axes, rows).into_diagnostic()?;
     let figure = chart::draw(&Picture::of(ready, rows, args.plot))?;
     files::write(&folder.join(CSV), &csv)?;
-    files::write(&folder.join(PARQUET), &parquet)?;
     files::write(&folder.join(FIGURE), figure.as_bytes())?;
     let hold = rows.iter().filter(|row| row.holds).count();
     output::print(&format!(
-        "{} rows, {hold} of which hold\nwrote {}, {PARQUET} and {FIGURE}",
+        "{} rows, {hold} of which hold\nwrote {} and {FIGURE}",
         rows.len(),
         folder.join(CSV).display()
     ))?;

@@ -7,23 +7,18 @@
 //! could hide it, and are seen to: the data cache, the buffer of the last word, and an error before
 //! that was not cleared.
 
-use crate::chip;
+use crate::partition::{Part, Parts};
+use crate::{chip, fault};
 use core::ptr::{read_volatile, write_volatile};
 use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::asm::{dsb, isb};
+use cortex_m_rt::exception;
 use embassy_stm32::pac::FLASH;
-use embedded_storage::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
+use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind, ReadNorFlash};
 use rollwalk_firmware::store::MappedFlash;
 
-const START: usize = 0x0804_0000;
-const SIZE: usize = 256 << 10;
-/// The last three pages are the parameters'.
-const PARAMETERS: usize = 3 * PAGE;
-/// The three before them are the boot counter's, also in images without a link key: libraries stay where they are
-/// when an image with one follows.
-const BOOTS: usize = 3 * PAGE;
+const START: u32 = 0x0804_0000;
+const SIZE: u32 = 256 << 10;
 const WORD: usize = 8;
 const PAGE: usize = 2048;
 
@@ -44,8 +39,18 @@ pub fn broken_words() -> u32 {
     BROKEN_WORDS.load(Ordering::Relaxed)
 }
 
+/// A word of the library's flash that cannot be corrected is noted. Every other cause is the end: the crystal has stopped,
+/// or the program's own flash is broken.
+// SAFETY: touches an atomic and the flash's error register.
+#[exception]
+unsafe fn NonMaskableInt() {
+    if !note_broken_word() {
+        fault::halt()
+    }
+}
+
 /// Called by the NMI: whether its cause is a broken word of bank 2, which is noted.
-pub fn note_broken_word() -> bool {
+fn note_broken_word() -> bool {
     let errors = FLASH.eccr().read();
     let ours = errors.eccd() && errors.bk_ecc() && !errors.sysf_ecc();
     if ours {
@@ -63,72 +68,16 @@ pub fn forget_corrected() {
     }
 }
 
-/// Why bank 2 refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FlashError {
-    /// Not a whole number of words or pages, or not within the part.
-    Range,
-    /// A word cannot be read.
-    BrokenWord,
-    /// The supply is too low to write.
-    Supply,
-    /// The hardware reports an error.
-    Hardware,
-}
-
-impl NorFlashError for FlashError {
-    fn kind(&self) -> NorFlashErrorKind {
-        match self {
-            Self::Range => NorFlashErrorKind::OutOfBounds,
-            _ => NorFlashErrorKind::Other,
-        }
-    }
-}
-
-/// A part of the bank.
-pub struct Part {
-    start: usize,
-    size: usize,
-}
-
-/// The parts of the bank.
-pub struct Parts {
-    /// The libraries'.
-    pub libraries: Part,
-    /// The boot counter's.
-    pub boots: Part,
-    /// The parameters'.
-    pub parameters: Part,
-}
-
-/// The parts; to be called once, by `main`. `None` with the option byte DBANK cleared: the flash is one bank then, and
-/// other than described here.
+/// The parts, which begin at addresses; to be called once, by `main`. `None` with the option byte DBANK cleared: the flash is
+/// one bank then, and other than described here.
 pub fn parts() -> Option<Parts> {
-    let libraries = Part { start: START, size: SIZE - BOOTS - PARAMETERS };
-    let boots = Part { start: START + libraries.size, size: BOOTS };
-    let parameters = Part { start: boots.start + boots.size, size: PARAMETERS };
-    FLASH.optr().read().dbank().then_some(Parts { libraries, boots, parameters })
-}
-
-impl Part {
-    /// Address of `len` bytes at an offset, if they are whole units of the part.
-    fn place(&self, offset: u32, len: usize, unit: usize) -> Result<usize, FlashError> {
-        let offset = offset as usize;
-        let within = offset.checked_add(len).is_some_and(|end| end <= self.size);
-        let whole = offset.is_multiple_of(unit) && len.is_multiple_of(unit);
-        let at = self.start.checked_add(offset).filter(|_| within && whole);
-        at.ok_or(FlashError::Range)
-    }
-}
-
-impl ErrorType for Part {
-    type Error = FlashError;
+    FLASH.optr().read().dbank().then_some(Parts::of(START, SIZE, PAGE as u32))
 }
 
 impl ReadNorFlash for Part {
     const READ_SIZE: usize = READ;
 
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
         let mut at = self.place(offset, bytes.len(), READ)? as *const u32;
         let before = broken_words();
         uncached(|| {
@@ -143,11 +92,11 @@ impl ReadNorFlash for Part {
                 isb();
             }
         });
-        if broken_words() == before { Ok(()) } else { Err(FlashError::BrokenWord) }
+        if broken_words() == before { Ok(()) } else { Err(NorFlashErrorKind::Other) }
     }
 
     fn capacity(&self) -> usize {
-        self.size
+        self.size as usize
     }
 }
 
@@ -155,11 +104,11 @@ impl NorFlash for Part {
     const WRITE_SIZE: usize = WORD;
     const ERASE_SIZE: usize = PAGE;
 
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
-        let len = to.checked_sub(from).ok_or(FlashError::Range)?;
-        let first = self.place(from, len as usize, PAGE)?.saturating_sub(START) / PAGE;
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        let len = to.checked_sub(from).ok_or(NorFlashErrorKind::OutOfBounds)?;
+        let first = self.place(from, len as usize, PAGE)?.saturating_sub(START) / PAGE as u32;
         uncached(|| {
-            for page in first..first.saturating_add(len as usize / PAGE) {
+            for page in first..first.saturating_add(len / PAGE as u32) {
                 operate(|| {
                     // 3.3.6: page erase.
                     FLASH.cr().modify(|w| {
@@ -174,7 +123,7 @@ impl NorFlash for Part {
         })
     }
 
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
         let mut at = self.place(offset, bytes.len(), WORD)? as *mut u32;
         let (words, _) = bytes.as_chunks::<WORD>();
         uncached(|| {
@@ -202,7 +151,7 @@ impl NorFlash for Part {
 impl MappedFlash for Part {
     fn mapped(&self) -> &[u8] {
         // SAFETY: flash that no linker section uses, and that changes in calls with `&mut self` only.
-        unsafe { core::slice::from_raw_parts(self.start as *const u8, self.size) }
+        unsafe { core::slice::from_raw_parts(self.start as *const u8, self.size as usize) }
     }
 }
 
@@ -218,9 +167,9 @@ fn uncached<T>(work: impl FnOnce() -> T) -> T {
 }
 
 /// One operation, from unlocking to locking.
-fn operate(begin: impl FnOnce()) -> Result<(), FlashError> {
+fn operate(begin: impl FnOnce()) -> Result<(), NorFlashErrorKind> {
     if chip::supply_is_low() {
-        return Err(FlashError::Supply);
+        return Err(NorFlashErrorKind::Other);
     }
     while FLASH.sr().read().bsy() {}
     if FLASH.cr().read().lock() {
@@ -236,5 +185,5 @@ fn operate(begin: impl FnOnce()) -> Result<(), FlashError> {
         w.set_per(false);
         w.set_lock(true);
     });
-    if failed { Err(FlashError::Hardware) } else { Ok(()) }
+    if failed { Err(NorFlashErrorKind::Other) } else { Ok(()) }
 }

@@ -11,12 +11,25 @@ mod can;
 mod chip;
 mod clock;
 mod estop;
+#[path = "../../fault.rs"]
 mod fault;
 mod flash;
+#[path = "../../host.rs"]
+mod host;
 #[path = "../../image_keys.rs"]
 mod image_keys;
+#[path = "../../line.rs"]
 mod line;
+#[path = "../../link.rs"]
+mod link;
+#[path = "../../partition.rs"]
+mod partition;
+#[path = "../../received.rs"]
+mod received;
 mod serial;
+#[path = "../../start.rs"]
+mod start;
+mod usart;
 mod watchdog;
 
 // The module `robot`: configuration and buses.
@@ -26,36 +39,32 @@ use cortex_m_rt::entry;
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::{Peripherals, peripherals};
 use heapless::Vec;
-use rollwalk_firmware::hal::ports::{self, Transport};
 use rollwalk_firmware::periods::Periods;
-use rollwalk_firmware::store::{FlashParameters, FlashStore};
-use rollwalk_firmware::{Controller, Settings};
-use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::serial::{BusState, Gateway, Packet, Report, Reset};
-use rollwalk_protocol::wire::{Node, State, ToController, Torque};
-use static_cell::StaticCell;
+use rollwalk_protocol::serial::{BusState, Report, Reset};
+use rollwalk_protocol::wire::{State, Torque};
 
 use can::Bus;
 use clock::Clock;
 use estop::Contact;
-use flash::{Part, Parts};
-use image_keys::Libraries;
+use host::Host;
 use line::Line;
+use link::Link;
 use serial::Serial;
+use start::{Core, Started};
+use usart::Sender;
 use watchdog::Watchdog;
 
 /// CAN ports for actuators.
 const ACTUATOR_PORTS: usize = can::PORTS.len() - 1;
 const LINK_BIT_RATE: u32 = 1_000_000;
-/// Boots of a library on trial.
-const TRIAL_BOOTS: u8 = 3;
 /// How long a frame of the link may wait for the bus: one from before a break is no use after it.
 const LINK_PATIENCE_US: u64 = 50_000;
 
-/// The controller with its stores.
-type Core = Controller<Libraries<Part>, FlashParameters<Part>>;
-
-static CONTROLLER: StaticCell<Core> = StaticCell::new();
+/// Takes the buses off.
+fn silence() {
+    can::silence();
+    usart::silence();
+}
 
 #[entry]
 fn main() -> ! {
@@ -64,24 +73,14 @@ fn main() -> ! {
     let mut p = unsafe { Peripherals::steal() };
     chip::start(&mut p);
     let mut clock = Clock::start();
-    let settings = Settings { uid: chip::uid(), ..Settings::default() };
-    let period_us = 1_000_000 / u32::from(settings.control_hz.max(1));
-    // A period that was missed is one too many.
-    let settings = Settings { overrun_us: period_us * 3 / 2, ..settings };
-    let Some(Parts { libraries, boots, parameters }) = flash::parts() else { fault::halt() };
-    let Ok(libraries) = FlashStore::mount(libraries, TRIAL_BOOTS) else { fault::halt() };
-    let Some(libraries) = image_keys::trusting(libraries) else { fault::halt() };
-    let Ok(parameters) = FlashParameters::mount(parameters) else { fault::halt() };
-    let (config, Some(buses)) = (robot::config(), robot::buses()) else { fault::halt() };
+    let (settings, period_us) = start::settings(chip::uid());
+    let Some(parts) = flash::parts() else { fault::halt() };
+    let started = start::start(parts, settings);
+    let Some(Started { controller, on_can, on_serial }) = started else { fault::halt() };
     // No image is made for a robot with others: `firmware/boards/bench/src/wiring.rs`.
-    let [on_can, on_serial] =
-        [Transport::Can, Transport::Serial].map(|kind| ports::assigned(&config, &buses, kind));
     if on_can.len() > ACTUATOR_PORTS || on_serial.len() > 1 {
         fault::halt();
     }
-    let build = || Controller::with_parameters(config, buses, libraries, parameters, settings);
-    let Some(controller) = CONTROLLER.try_init_with(build) else { fault::halt() };
-    let Some(()) = image_keys::insist(controller, boots) else { fault::halt() };
 
     let Some(serial) = Serial::new(p.PA3, p.PA2) else { fault::halt() };
     can::connect::<peripherals::FDCAN1>(p.PA11, p.PA12);
@@ -96,7 +95,7 @@ fn main() -> ! {
     }
     let line = match on_serial.first() {
         None => None,
-        Some((number, kind)) => match Line::new(p.PB10, kind.bit_rate) {
+        Some((number, kind)) => match usart::start(p.PB10, kind.bit_rate) {
             Some(line) => Some((*number, line)),
             None => fault::halt(),
         },
@@ -118,10 +117,8 @@ fn main() -> ! {
         link,
         actuators,
         line,
-        serial,
-        node: settings.node,
-        gateway: Gateway::default(),
-        host: HostPort::Can,
+        serial: Link::new(serial),
+        host: Host::new(settings.node, HostPort::Can),
         contact: Contact::new(p.PA10),
         light: Output::new(p.PA5, Level::Low, Speed::Low),
         torque: Torque::Off,
@@ -130,30 +127,16 @@ fn main() -> ! {
         watchdog: Watchdog::start(),
         report,
         stopped_for_link: false,
-        report_due: false,
         clock,
     };
     board.run()
 }
 
-/// Where the host's last message came from: it is answered there.
+/// Ports to the host.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum HostPort {
     Can,
     Serial,
-}
-
-/// Whether a frame is a host's and for this controller. Other frames on the link do not show where the host is.
-fn is_from_a_host(node: u8, frame: &Frame) -> bool {
-    ToController::decode(frame).is_ok_and(|(to, _)| to.number() == node || to == Node::BROADCAST)
-}
-
-/// Answers the host at this port from now on. A message under way to the other port is dropped.
-fn turn_to(port: HostPort, host: &mut HostPort, gateway: &mut Gateway) {
-    if *host != port {
-        *host = port;
-        *gateway = Gateway::default();
-    }
 }
 
 /// A bus of the robot at a port of the board.
@@ -165,17 +148,13 @@ struct ActuatorBus {
 
 /// The controller and everything around it.
 struct Board {
-    /// Its address on the link.
-    node: u8,
     controller: &'static mut Core,
     link: Bus,
     actuators: Vec<ActuatorBus, ACTUATOR_PORTS>,
     /// The servo line, with its number in the robot.
-    line: Option<(u8, Line)>,
-    serial: Serial,
-    /// Between the controller and the serial line.
-    gateway: Gateway,
-    host: HostPort,
+    line: Option<(u8, Line<Sender>)>,
+    serial: Link<Serial>,
+    host: Host<HostPort>,
     contact: Contact,
     light: Output<'static>,
     /// Torque at the last check.
@@ -186,8 +165,6 @@ struct Board {
     report: Report,
     /// The emergency stop for a link that is off has been made.
     stopped_for_link: bool,
-    /// The host has asked for the report.
-    report_due: bool,
     clock: Clock,
 }
 
@@ -222,31 +199,12 @@ impl Board {
             }
         }
         if let Some(frame) = self.link.receive() {
-            if is_from_a_host(self.node, &frame) {
-                turn_to(HostPort::Can, &mut self.host, &mut self.gateway);
-            }
-            self.controller.on_link_frame(now_us, &frame);
+            self.host.take_frame(self.controller, now_us, HostPort::Can, &frame);
         }
-        match self.serial.receive() {
-            Some(Packet::Link(frame)) => {
-                if is_from_a_host(self.node, &frame) {
-                    turn_to(HostPort::Serial, &mut self.host, &mut self.gateway);
-                }
-                self.controller.on_link_frame(now_us, &frame);
-            }
-            Some(Packet::Message { id, bytes }) => {
-                // Its identifier names sender and receiver.
-                if Frame::standard(id, &[]).is_some_and(|frame| is_from_a_host(self.node, &frame)) {
-                    turn_to(HostPort::Serial, &mut self.host, &mut self.gateway);
-                    self.gateway.receive(id, bytes);
-                }
-            }
-            Some(Packet::Ask) => self.report_due = true,
-            Some(Packet::Report(_)) | None => {}
+        if let Some(packet) = self.serial.receive() {
+            self.host.take(self.controller, now_us, HostPort::Serial, &packet);
         }
-        if let Some(frame) = self.gateway.poll(now_us) {
-            self.controller.on_link_frame(now_us, &frame);
-        }
+        self.host.pass_on(self.controller, now_us);
     }
 
     /// Cancels frames that wait on the actuator buses when torque has just been switched off: they are from before.
@@ -332,24 +290,13 @@ impl Board {
             }
             line.work();
         }
-        if self.serial.is_free() && core::mem::take(&mut self.report_due) {
-            self.serial.send(&Packet::Report(self.report));
+        if self.link.is_free()
+            && let Some(frame) = self.host.poll(self.controller, now_us, HostPort::Can)
+        {
+            self.link.send(now_us, &frame);
         }
-        let free = match self.host {
-            HostPort::Can => self.link.is_free(),
-            HostPort::Serial => self.serial.is_free(),
-        };
-        if free && let Some(frame) = self.controller.poll_link(now_us) {
-            match self.host {
-                HostPort::Can => self.link.send(now_us, &frame),
-                HostPort::Serial => {
-                    if let Some(packet) = self.gateway.send(now_us, &frame) {
-                        self.serial.send(&packet);
-                    }
-                }
-            }
-        }
-        self.serial.work();
+        let serial = (HostPort::Serial, &mut self.serial);
+        self.host.give(self.controller, now_us, serial, &self.report);
         #[cfg(feature = "planted-panic")]
         {
             self.report.broken_words = u32::from(self.report.buses[usize::from(now_us as u8)].lost);

@@ -6,15 +6,11 @@
 //! byte is sent, for a transceiver where there must be one (RS-485).
 
 use crate::chip::{self, CORE_HZ, FUNCTION_PIO0};
-use core::cell::Cell;
-use cortex_m::interrupt::{Mutex, free};
+use crate::line::{Line, Transmitter};
+use crate::received::Received;
 use cortex_m::peripheral::NVIC;
 use embassy_rp::pac::{Interrupt, PIO0, RESETS, interrupt};
 use embassy_rp::pio::program::pio_asm;
-use heapless::spsc::{Consumer, Producer, Queue};
-use rollwalk_firmware::hal::servo_line::ServoLine;
-use rollwalk_protocol::actuators::Packet;
-use static_cell::StaticCell;
 
 /// Lines.
 pub const COUNT: usize = 2;
@@ -25,17 +21,11 @@ const RECEIVER_AT: u8 = 8;
 const CYCLES: u32 = 8;
 
 /// Bytes that a line has received: 5 ms at 1 Mbaud.
-type Received = Queue<u8, 512>;
-static RECEIVED: [StaticCell<Received>; COUNT] = [const { StaticCell::new() }; COUNT];
-/// The interrupt's ends.
-static WRITERS: [Mutex<Cell<Option<Producer<'static, u8>>>>; COUNT] =
-    [const { Mutex::new(Cell::new(None)) }; COUNT];
+static RECEIVED: [Received<512>; COUNT] = [const { Received::new() }; COUNT];
 
-/// A line.
-pub struct Line {
+/// The sender of a line.
+pub struct Sender {
     number: usize,
-    state: ServoLine,
-    received: Consumer<'static, u8>,
 }
 
 /// Resets the PIO block: transmission stops at once, even within a byte, and the pins no longer drive the wires.
@@ -43,77 +33,55 @@ pub fn silence() {
     RESETS.reset().modify(|w| w.set_pio0(true));
 }
 
-impl Line {
-    /// The first line, its wire on GP2 and its direction on GP3; once.
-    pub fn first(bit_rate: u32) -> Option<Self> {
-        chip::connect::<2>(FUNCTION_PIO0);
-        chip::connect::<3>(FUNCTION_PIO0);
-        Self::new::<0, 1>(0, 2, bit_rate)
-    }
+/// The first line, its wire on GP2 and its direction on GP3; once.
+pub fn first(bit_rate: u32) -> Option<Line<Sender>> {
+    chip::connect::<2>(FUNCTION_PIO0);
+    chip::connect::<3>(FUNCTION_PIO0);
+    start::<0, 1>(0, 2, bit_rate)
+}
 
-    /// The second line, its wire on GP4 and its direction on GP5; once.
-    pub fn second(bit_rate: u32) -> Option<Self> {
-        chip::connect::<4>(FUNCTION_PIO0);
-        chip::connect::<5>(FUNCTION_PIO0);
-        Self::new::<2, 3>(1, 4, bit_rate)
-    }
+/// The second line, its wire on GP4 and its direction on GP5; once.
+pub fn second(bit_rate: u32) -> Option<Line<Sender>> {
+    chip::connect::<4>(FUNCTION_PIO0);
+    chip::connect::<5>(FUNCTION_PIO0);
+    start::<2, 3>(1, 4, bit_rate)
+}
 
-    fn new<const SENDER: usize, const RECEIVER: usize>(
-        number: usize,
-        pin: u8,
-        bit_rate: u32,
-    ) -> Option<Self> {
-        let (writer, received) = RECEIVED.get(number)?.try_init(Queue::new())?.split();
-        free(|cs| WRITERS.get(number).map(|end| end.borrow(cs).set(Some(writer))));
-        // Clocks of a cycle, in 256ths: 16 whole bits and 8 behind the point, above 1 (11.5.5).
-        let cycles = u64::from(CYCLES) * u64::from(bit_rate);
-        let divisor = (u64::from(CORE_HZ) * 256).checked_div(cycles)?;
-        if !(256..1 << 24).contains(&divisor) {
-            return None;
-        }
-        let divisor = (divisor as u32) << 8;
-        let (sender, receiver) = load_programs();
-        set_up_sender::<SENDER>(pin, divisor, sender);
-        set_up_receiver::<RECEIVER>(pin, divisor, receiver);
-        PIO0.ctrl().modify(|w| w.set_sm_enable(w.sm_enable() | 1 << SENDER | 1 << RECEIVER));
-        PIO0.irqs(0).inte().modify(|w| w.0 |= 1 << RECEIVER);
-        // SAFETY: the handler below touches its ends of the queues, and the receivers.
-        unsafe { NVIC::unmask(Interrupt::PIO0_IRQ_0) };
-        Some(Self { number, state: ServoLine::default(), received })
+fn start<const SENDER: usize, const RECEIVER: usize>(
+    number: usize,
+    pin: u8,
+    bit_rate: u32,
+) -> Option<Line<Sender>> {
+    let received = RECEIVED.get(number)?.reader()?;
+    // Clocks of a cycle, in 256ths: 16 whole bits and 8 behind the point, above 1 (11.5.5).
+    let cycles = u64::from(CYCLES) * u64::from(bit_rate);
+    let divisor = (u64::from(CORE_HZ) * 256).checked_div(cycles)?;
+    if !(256..1 << 24).contains(&divisor) {
+        return None;
     }
+    let divisor = (divisor as u32) << 8;
+    let (sender, receiver) = load_programs();
+    set_up_sender::<SENDER>(pin, divisor, sender);
+    set_up_receiver::<RECEIVER>(pin, divisor, receiver);
+    PIO0.ctrl().modify(|w| w.set_sm_enable(w.sm_enable() | 1 << SENDER | 1 << RECEIVER));
+    PIO0.irqs(0).inte().modify(|w| w.0 |= 1 << RECEIVER);
+    // SAFETY: the handler below touches its ends of the queues, and the receivers.
+    unsafe { NVIC::unmask(Interrupt::PIO0_IRQ_0) };
+    Some(Line::new(Sender { number }, received))
+}
 
-    /// The next byte of a servo.
-    pub fn receive(&mut self) -> Option<u8> {
-        loop {
-            let byte = self.received.dequeue()?;
-            if let Some(byte) = self.state.receive(byte) {
-                return Some(byte);
-            }
-        }
-    }
-
-    /// Whether the packet before has been sent.
-    pub fn is_free(&self) -> bool {
-        self.state.is_free()
-    }
-
-    /// Sends a packet, if [`Self::is_free`].
-    pub fn send(&mut self, packet: Packet) {
-        self.state.send(packet);
-    }
-
-    /// Hands bytes to the hardware while it has room.
-    pub fn work(&mut self) {
+impl Transmitter for Sender {
+    fn has_room(&self) -> bool {
         let sender = if self.number == 0 { 0 } else { 2 };
-        while PIO0.fstat().read().txfull() & 1 << sender == 0
-            && let Some(byte) = self.state.next_byte()
-        {
-            // The program drives where a bit is 1.
-            let low = u32::from(!byte);
-            match self.number {
-                0 => PIO0.txf(0).write_value(low),
-                _ => PIO0.txf(2).write_value(low),
-            }
+        PIO0.fstat().read().txfull() & 1 << sender == 0
+    }
+
+    fn write(&mut self, byte: u8) {
+        // The program drives where a bit is 1.
+        let low = u32::from(!byte);
+        match self.number {
+            0 => PIO0.txf(0).write_value(low),
+            _ => PIO0.txf(2).write_value(low),
         }
     }
 }
@@ -209,20 +177,14 @@ fn set_up_receiver<const SM: usize>(pin: u8, divisor: u32, (first, last): Wrap) 
 
 #[interrupt]
 fn PIO0_IRQ_0() {
-    fetch::<1>(&WRITERS[0]);
-    fetch::<3>(&WRITERS[1]);
+    let [first, second] = &RECEIVED;
+    first.fill(next::<1>);
+    second.fill(next::<3>);
 }
 
-/// Takes the bytes that a receiver has.
-fn fetch<const SM: usize>(writer: &Mutex<Cell<Option<Producer<'static, u8>>>>) {
-    free(|cs| {
-        let mut end = writer.borrow(cs).take();
-        while PIO0.fstat().read().rxempty() & 1 << SM == 0 {
-            // Shifted in from above.
-            let byte = (PIO0.rxf(SM).read() >> 24) as u8;
-            // A byte without room is lost, and the checksum of its packet shows that.
-            let _ = end.as_mut().map(|end| end.enqueue(byte));
-        }
-        writer.borrow(cs).set(end);
-    });
+/// The next byte that a receiver has.
+fn next<const SM: usize>() -> Option<u8> {
+    let is_empty = PIO0.fstat().read().rxempty() & 1 << SM != 0;
+    // Shifted in from above.
+    (!is_empty).then(|| (PIO0.rxf(SM).read() >> 24) as u8)
 }

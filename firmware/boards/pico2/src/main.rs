@@ -8,12 +8,24 @@
 mod chip;
 mod clock;
 mod estop;
+#[path = "../../fault.rs"]
 mod fault;
 mod flash;
+#[path = "../../host.rs"]
+mod host;
 #[path = "../../image_keys.rs"]
 mod image_keys;
+#[path = "../../line.rs"]
+mod line;
 mod lines;
+#[path = "../../link.rs"]
 mod link;
+#[path = "../../partition.rs"]
+mod partition;
+#[path = "../../received.rs"]
+mod received;
+#[path = "../../start.rs"]
+mod start;
 mod uart;
 mod usb;
 mod watchdog;
@@ -24,61 +36,44 @@ include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 use cortex_m_rt::entry;
 use embassy_rp::pac::SIO;
 use heapless::Vec;
-use rollwalk_firmware::hal::ports::{self, Transport};
 use rollwalk_firmware::periods::Periods;
-use rollwalk_firmware::store::{FlashParameters, FlashStore};
-use rollwalk_firmware::{Controller, Settings};
-use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::serial::{Gateway, Packet, Report, Reset};
-use rollwalk_protocol::wire::{Node, ToController, Torque};
-use static_cell::StaticCell;
+use rollwalk_protocol::serial::{Report, Reset};
+use rollwalk_protocol::wire::Torque;
 
 use estop::Contact;
-use flash::{Part, Parts};
-use image_keys::Libraries;
-use lines::Line;
-use link::{Link, Port};
+use host::Host;
+use line::Line;
+use lines::Sender;
+use link::Link;
+use start::{Core, Started};
 use uart::Uart;
 use usb::Usb;
 use watchdog::Watchdog;
 
-/// Boots of a library on trial.
-const TRIAL_BOOTS: u8 = 3;
 /// The board's light, lit while torque is on.
 const LIGHT: usize = 25;
 
-/// The controller with its stores.
-type Core = Controller<Libraries<Part>, FlashParameters<Part>>;
-
-static CONTROLLER: StaticCell<Core> = StaticCell::new();
+/// Takes the lines off.
+fn silence() {
+    lines::silence();
+}
 
 #[entry]
 fn main() -> ! {
     let reset = chip::take_reset_cause();
     chip::start();
     chip::output::<LIGHT>();
-    let settings = Settings { uid: chip::uid(), ..Settings::default() };
-    let period_us = 1_000_000 / u32::from(settings.control_hz.max(1));
-    // A period that was missed is one too many.
-    let settings = Settings { overrun_us: period_us * 3 / 2, ..settings };
-    let Parts { libraries, boots, parameters } = flash::parts();
-    let Ok(libraries) = FlashStore::mount(libraries, TRIAL_BOOTS) else { fault::halt() };
-    let Some(libraries) = image_keys::trusting(libraries) else { fault::halt() };
-    let Ok(parameters) = FlashParameters::mount(parameters) else { fault::halt() };
-    let (config, Some(buses)) = (robot::config(), robot::buses()) else { fault::halt() };
+    let (settings, _) = start::settings(chip::uid());
+    let started = start::start(flash::parts(), settings);
+    let Some(Started { controller, on_can, on_serial }) = started else { fault::halt() };
     // No image is made for a robot with others: `firmware/boards/bench/src/wiring.rs`.
-    let [on_can, on_serial] =
-        [Transport::Can, Transport::Serial].map(|kind| ports::assigned(&config, &buses, kind));
     if on_serial.len() > lines::COUNT || !on_can.is_empty() {
         fault::halt();
     }
-    let build = || Controller::with_parameters(config, buses, libraries, parameters, settings);
-    let Some(controller) = CONTROLLER.try_init_with(build) else { fault::halt() };
-    let Some(()) = image_keys::insist(controller, boots) else { fault::halt() };
 
     let Some(uart) = Uart::new() else { fault::halt() };
     let mut actuators = Vec::new();
-    let make: [fn(u32) -> Option<Line>; lines::COUNT] = [Line::first, Line::second];
+    let make = [lines::first, lines::second];
     for (&(number, bus), make) in on_serial.iter().zip(make) {
         let Some(line) = make(bus.bit_rate) else { fault::halt() };
         let _ = actuators.push(ActuatorLine { number, line });
@@ -94,7 +89,7 @@ fn main() -> ! {
         actuators,
         usb: Link::new(Usb::new(settings.uid)),
         uart: Link::new(uart),
-        host: Host { node: settings.node, ..Host::default() },
+        host: Host::new(settings.node, HostPort::Usb),
         contact: Contact::new(),
         torque: Torque::Off,
         periods: Periods::start(now_us, settings.control_hz),
@@ -108,85 +103,14 @@ fn main() -> ! {
 struct ActuatorLine {
     /// Its number in the robot.
     number: u8,
-    line: Line,
+    line: Line<Sender>,
 }
 
-/// The port over which the host's last message came: it is answered there.
-#[derive(Clone, Copy, Default, PartialEq, Eq)]
+/// Ports to the host.
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum HostPort {
-    #[default]
     Usb,
     Uart,
-}
-
-/// The host, as the controller's side of the link sees it.
-#[derive(Default)]
-struct Host {
-    /// The controller's address on the link.
-    node: u8,
-    port: HostPort,
-    /// Between the controller and the port.
-    gateway: Gateway,
-    /// The port that has asked for the report.
-    report_due: Option<HostPort>,
-}
-
-impl Host {
-    /// Takes a packet from a port.
-    fn take(&mut self, controller: &mut Core, now_us: u64, port: HostPort, packet: &Packet<'_>) {
-        match packet {
-            Packet::Link(frame) => {
-                if self.is_from_a_host(frame) {
-                    self.turn_to(port);
-                }
-                controller.on_link_frame(now_us, frame);
-            }
-            Packet::Message { id, bytes } => {
-                // Its identifier names sender and receiver.
-                if Frame::standard(*id, &[]).is_some_and(|frame| self.is_from_a_host(&frame)) {
-                    self.turn_to(port);
-                    self.gateway.receive(*id, bytes);
-                }
-            }
-            Packet::Ask => self.report_due = Some(port),
-            Packet::Report(_) => {}
-        }
-    }
-
-    /// Whether a frame is a host's and for this controller.
-    fn is_from_a_host(&self, frame: &Frame) -> bool {
-        ToController::decode(frame)
-            .is_ok_and(|(to, _)| to.number() == self.node || to == Node::BROADCAST)
-    }
-
-    /// Answers the host at this port from now on. A message under way to the other port is dropped.
-    fn turn_to(&mut self, port: HostPort) {
-        if self.port != port {
-            (self.port, self.gateway) = (port, Gateway::default());
-        }
-    }
-
-    /// Gives a port that is free the next packet.
-    fn give(
-        &mut self,
-        controller: &mut Core,
-        now_us: u64,
-        (port, link): (HostPort, &mut Link<impl Port>),
-        report: &Report,
-    ) {
-        if link.is_free() && self.report_due == Some(port) {
-            self.report_due = None;
-            link.send(&Packet::Report(*report));
-        }
-        if link.is_free()
-            && self.port == port
-            && let Some(frame) = controller.poll_link(now_us)
-            && let Some(packet) = self.gateway.send(now_us, &frame)
-        {
-            link.send(&packet);
-        }
-        link.work();
-    }
 }
 
 /// The controller and everything around it.
@@ -195,7 +119,7 @@ struct Board {
     actuators: Vec<ActuatorLine, { lines::COUNT }>,
     usb: Link<Usb>,
     uart: Link<Uart>,
-    host: Host,
+    host: Host<HostPort>,
     contact: Contact,
     /// Torque at the last check.
     torque: Torque,
@@ -234,9 +158,7 @@ impl Board {
         if let Some(packet) = self.uart.receive() {
             self.host.take(self.controller, now_us, HostPort::Uart, &packet);
         }
-        if let Some(frame) = self.host.gateway.poll(now_us) {
-            self.controller.on_link_frame(now_us, &frame);
-        }
+        self.host.pass_on(self.controller, now_us);
     }
 
     /// Runs a control period, after `missed` ones that went by unnoticed.

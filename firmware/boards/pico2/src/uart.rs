@@ -2,12 +2,10 @@
 
 use crate::chip::{self, CORE_HZ};
 use crate::link::Port;
-use core::cell::Cell;
-use cortex_m::interrupt::{Mutex, free};
+use crate::received::Received;
 use cortex_m::peripheral::NVIC;
 use embassy_rp::pac::{Interrupt, UART0, interrupt};
-use heapless::spsc::{Consumer, Producer, Queue};
-use static_cell::StaticCell;
+use heapless::spsc::Consumer;
 
 const BAUD: u32 = 1_000_000;
 /// The divisor in 64ths of 16 clocks (RP2350 datasheet, 12.1.7.1).
@@ -18,9 +16,7 @@ const TX: usize = 0;
 const RX: usize = 1;
 
 /// Receive queue: 10 ms of a line that never rests.
-static RECEIVED: StaticCell<Queue<u8, 1024>> = StaticCell::new();
-/// The interrupt's end of it.
-static WRITER: Mutex<Cell<Option<Producer<'static, u8>>>> = Mutex::new(Cell::new(None));
+static RECEIVED: Received<1024> = Received::new();
 
 /// The UART.
 pub struct Uart(Consumer<'static, u8>);
@@ -28,8 +24,7 @@ pub struct Uart(Consumer<'static, u8>);
 impl Uart {
     /// Switches it on; once.
     pub fn new() -> Option<Self> {
-        let (writer, received) = RECEIVED.try_init(Queue::new())?.split();
-        free(|cs| WRITER.borrow(cs).set(Some(writer)));
+        let received = RECEIVED.reader()?;
         chip::connect::<TX>(chip::FUNCTION_UART);
         chip::connect::<RX>(chip::FUNCTION_UART);
         UART0.uartibrd().write(|w| w.set_baud_divint((DIVISOR >> 6) as u16));
@@ -76,15 +71,7 @@ impl Port for Uart {
 
 #[interrupt]
 fn UART0_IRQ() {
-    free(|cs| {
-        let mut writer = WRITER.borrow(cs).take();
-        while !UART0.uartfr().read().rxfe() {
-            let byte = UART0.uartdr().read().data();
-            // A byte without room is lost, and the checksum of its packet shows that.
-            let _ = writer.as_mut().map(|writer| writer.enqueue(byte));
-        }
-        WRITER.borrow(cs).set(writer);
-    });
+    RECEIVED.fill(|| (!UART0.uartfr().read().rxfe()).then(|| UART0.uartdr().read().data()));
     // The timeout is over when the FIFO is empty; both are cleared here.
     UART0.uarticr().write(|w| {
         w.set_rxic(true);

@@ -1,16 +1,15 @@
-//! The end: faults and panics.
+//! The end on the real boards: faults and panics.
 //!
-//! Fail-safe is silence. Nothing is sent any more, so the servos' own watchdogs take the torque away, as they must when
+//! Fail-safe is silence. Nothing is sent any more, so the actuators' own watchdogs take the torque away, as they must when
 //! a cable breaks. Then the watchdog resets the chip; the controller starts as emergency stopped and waits for the operator.
 
-use crate::lines;
 use core::panic::PanicInfo;
 use cortex_m_rt::{ExceptionFrame, exception};
 
-/// Takes the lines off, and waits for the watchdog.
+/// Takes the buses off, and waits for the watchdog.
 pub fn halt() -> ! {
     cortex_m::interrupt::disable();
-    lines::silence();
+    crate::silence();
     loop {
         cortex_m::asm::nop();
     }

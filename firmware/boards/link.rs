@@ -1,4 +1,4 @@
-//! The link's packets over a port: USB, or the UART.
+//! The link's packets over a serial port of a real board.
 
 use rollwalk_protocol::serial::{Deframer, Line, Packet};
 

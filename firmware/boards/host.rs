@@ -1,0 +1,96 @@
+//! The host, as the controller's side of the link sees it, on boards with several ports to it: it is answered where its last
+//! message came from.
+
+use crate::Core;
+use crate::link::{Link, Port};
+use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::serial::{Gateway, Packet, Report};
+use rollwalk_protocol::wire::{Node, ToController};
+
+/// The host at one of the ports `P`.
+pub struct Host<P> {
+    /// The controller's address on the link.
+    node: u8,
+    port: P,
+    /// Between the controller and a serial port.
+    gateway: Gateway,
+    /// The port that has asked for the report.
+    report_due: Option<P>,
+}
+
+impl<P: Copy + PartialEq> Host<P> {
+    /// A host that is taken to be at this port until it is heard at another.
+    pub fn new(node: u8, port: P) -> Self {
+        Self { node, port, gateway: Gateway::default(), report_due: None }
+    }
+
+    /// Takes a frame from a port.
+    pub fn take_frame(&mut self, controller: &mut Core, now_us: u64, port: P, frame: &Frame) {
+        if self.is_from_a_host(frame) {
+            self.turn_to(port);
+        }
+        controller.on_link_frame(now_us, frame);
+    }
+
+    /// Takes a packet from a serial port.
+    pub fn take(&mut self, controller: &mut Core, now_us: u64, port: P, packet: &Packet<'_>) {
+        match packet {
+            Packet::Link(frame) => self.take_frame(controller, now_us, port, frame),
+            Packet::Message { id, bytes } => {
+                // Its identifier names sender and receiver.
+                if Frame::standard(*id, &[]).is_some_and(|frame| self.is_from_a_host(&frame)) {
+                    self.turn_to(port);
+                    self.gateway.receive(*id, bytes);
+                }
+            }
+            Packet::Ask => self.report_due = Some(port),
+            Packet::Report(_) => {}
+        }
+    }
+
+    /// Passes on what the gateway has taken from a message.
+    pub fn pass_on(&mut self, controller: &mut Core, now_us: u64) {
+        if let Some(frame) = self.gateway.poll(now_us) {
+            controller.on_link_frame(now_us, &frame);
+        }
+    }
+
+    /// Whether a frame is a host's and for this controller. Other frames on the link do not show where the host is.
+    fn is_from_a_host(&self, frame: &Frame) -> bool {
+        ToController::decode(frame)
+            .is_ok_and(|(to, _)| to.number() == self.node || to == Node::BROADCAST)
+    }
+
+    /// Answers the host at this port from now on. A message under way to the other port is dropped.
+    fn turn_to(&mut self, port: P) {
+        if self.port != port {
+            (self.port, self.gateway) = (port, Gateway::default());
+        }
+    }
+
+    /// The next frame for a port, if the host is there.
+    pub fn poll(&self, controller: &mut Core, now_us: u64, port: P) -> Option<Frame> {
+        if self.port == port { controller.poll_link(now_us) } else { None }
+    }
+
+    /// Gives a serial port that is free the next packet.
+    pub fn give(
+        &mut self,
+        controller: &mut Core,
+        now_us: u64,
+        (port, link): (P, &mut Link<impl Port>),
+        report: &Report,
+    ) {
+        if link.is_free() && self.report_due == Some(port) {
+            self.report_due = None;
+            link.send(&Packet::Report(*report));
+        }
+        if link.is_free()
+            && let Some(frame) = self.poll(controller, now_us, port)
+            && let Some(packet) = self.gateway.send(now_us, &frame)
+        {
+            link.send(&packet);
+        }
+        link.work();
+    }
+}

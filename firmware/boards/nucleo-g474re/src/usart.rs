@@ -1,0 +1,71 @@
+//! A line of serial servos on one wire: USART3 in half duplex (RM0440, 37.5.15).
+//!
+//! **The wire is never driven high.** A 0 is driven low, a 1 and the rest are the pull-up's: no two ends drive against each
+//! other, and there is no direction to be switched, so that a servo may answer at once.
+
+use crate::chip::CORE_HZ;
+use crate::line::{Line, Transmitter};
+use crate::received::Received;
+use cortex_m::peripheral::NVIC;
+use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
+use embassy_stm32::pac::{USART3, interrupt};
+use embassy_stm32::usart::TxPin;
+use embassy_stm32::{Peri, peripherals};
+
+/// Least and largest divisor (USART_BRR): 2.6 kbit/s to 10.6 Mbit/s.
+const DIVISORS: core::ops::RangeInclusive<u32> = 16..=0xFFFF;
+
+/// Receive queue: 5 ms at 1 Mbaud.
+static RECEIVED: Received<512> = Received::new();
+
+/// The sender of the line.
+pub struct Sender(());
+
+/// Takes it off the wire, in the middle of a byte.
+pub fn silence() {
+    USART3.cr1().write(|_| {});
+}
+
+/// Switches the line on; once. `None` for a rate that it does not make.
+pub fn start(
+    wire: Peri<'static, impl TxPin<peripherals::USART3>>,
+    bit_rate: u32,
+) -> Option<Line<Sender>> {
+    let divisor = CORE_HZ.checked_div(bit_rate).filter(|divisor| DIVISORS.contains(divisor))?;
+    let received = RECEIVED.reader()?;
+    let function = wire.af_num();
+    let mut wire = Flex::new(wire);
+    let open_drain = AfType::output_pull(OutputType::OpenDrain, Speed::VeryHigh, Pull::Up);
+    wire.set_as_af_unchecked(function, open_drain);
+    // It stays so; dropping it would disconnect the pin.
+    core::mem::forget(wire);
+    USART3.brr().write(|w| w.0 = divisor);
+    USART3.cr3().write(|w| w.set_hdsel(true));
+    USART3.cr1().write(|w| {
+        w.set_fifoen(true);
+        w.set_rxneie(true);
+        w.set_te(true);
+        w.set_re(true);
+    });
+    USART3.cr1().modify(|w| w.set_ue(true));
+    // SAFETY: the handler below touches its end of the queue, and the receiver.
+    unsafe { NVIC::unmask(interrupt::USART3) };
+    Some(Line::new(Sender(()), received))
+}
+
+impl Transmitter for Sender {
+    fn has_room(&self) -> bool {
+        USART3.isr().read().txe()
+    }
+
+    fn write(&mut self, byte: u8) {
+        USART3.tdr().write(|w| w.set_dr(byte.into()));
+    }
+}
+
+#[interrupt]
+fn USART3() {
+    RECEIVED.fill(|| USART3.isr().read().rxne().then(|| USART3.rdr().read().dr() as u8));
+    // An overrun would hold the interrupt.
+    USART3.icr().write(|w| w.set_ore(true));
+}

@@ -1,0 +1,52 @@
+//! The controller of a real board, as it starts: settings, stores in flash, keys, and the robot's buses.
+
+use crate::image_keys::{self, Libraries};
+use crate::partition::{Part, Parts};
+use crate::robot;
+use heapless::Vec;
+use rollwalk_firmware::bus::{Bus, MAX_BUSES};
+use rollwalk_firmware::hal::ports::{self, Transport};
+use rollwalk_firmware::store::{FlashParameters, FlashStore};
+use rollwalk_firmware::{Controller, Settings};
+use static_cell::StaticCell;
+
+/// Boots of a library on trial.
+const TRIAL_BOOTS: u8 = 3;
+
+/// The controller with its stores.
+pub type Core = Controller<Libraries<Part>, FlashParameters<Part>>;
+
+static CONTROLLER: StaticCell<Core> = StaticCell::new();
+
+/// Buses of a robot with their numbers, in the order of the board's ports.
+type Assigned = Vec<(u8, Bus), MAX_BUSES>;
+
+/// A controller that can begin.
+pub struct Started {
+    pub controller: &'static mut Core,
+    pub on_can: Assigned,
+    pub on_serial: Assigned,
+}
+
+/// Settings of a chip, and the control period, µs.
+pub fn settings(uid: [u8; 6]) -> (Settings, u32) {
+    let settings = Settings { uid, ..Settings::default() };
+    let period_us = 1_000_000 / u32::from(settings.control_hz.max(1));
+    // A period that was missed is one too many.
+    (Settings { overrun_us: period_us * 3 / 2, ..settings }, period_us)
+}
+
+/// Starts the controller of the image's robot; once. `None` if flash, keys or robot are unfit.
+pub fn start(parts: Parts, settings: Settings) -> Option<Started> {
+    let Parts { libraries, boots, parameters } = parts;
+    let libraries = FlashStore::mount(libraries, TRIAL_BOOTS).ok()?;
+    let libraries = image_keys::trusting(libraries)?;
+    let parameters = FlashParameters::mount(parameters).ok()?;
+    let (config, buses) = (robot::config(), robot::buses()?);
+    let [on_can, on_serial] =
+        [Transport::Can, Transport::Serial].map(|kind| ports::assigned(&config, &buses, kind));
+    let build = || Controller::with_parameters(config, buses, libraries, parameters, settings);
+    let controller = CONTROLLER.try_init_with(build)?;
+    image_keys::insist(controller, boots)?;
+    Some(Started { controller, on_can, on_serial })
+}
