@@ -65,7 +65,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Task {
     /// Check everything that a change must pass: formatting, house rules, lints, docs, the bare-metal
-    /// build and all tests. Stops at the first failure; prints the seconds of every step.
+    /// build and all tests. Goes on after a failure; prints the seconds of every step.
     Test {
         /// Run one step only.
         #[arg(long, value_name = "STEP")]

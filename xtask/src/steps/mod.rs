@@ -23,11 +23,18 @@ pub enum Extent {
 pub trait Step: ValueEnum + 'static {
     /// Subcommand of `cargo xtask` that has these steps.
     const COMMAND: &'static str;
-    /// Whether the steps after a failed one run as well.
-    const CONTINUES: bool;
+    /// Name that `--only` takes.
+    fn name(&self) -> String {
+        self.to_possible_value().expect("no step is hidden").get_name().to_owned()
+    }
 
     /// Description in a few words.
     fn title(&self) -> &'static str;
+
+    /// Step without whose success this one cannot run.
+    fn needs(&self) -> Option<Self> {
+        None
+    }
 
     /// Runs the step.
     ///
@@ -46,7 +53,7 @@ pub trait Step: ValueEnum + 'static {
     }
 }
 
-/// Runs every step of a command, or `only` one.
+/// Runs every step of a command, or `only` one. A failed step keeps those that need it from running, and no others.
 ///
 /// # Errors
 /// The failed steps, with the commands that run them alone.
@@ -55,22 +62,19 @@ pub fn run<S: Step>(only: Option<S>) -> Result<(), String> {
     let steps = only.map_or_else(|| S::value_variants().to_vec(), |step| vec![step]);
     let mut run = Run::new(S::COMMAND, steps.len());
     for step in &steps {
-        let value = step.to_possible_value().expect("no step is hidden");
-        let name = value.get_name();
-        if !run.collect() && !S::CONTINUES {
-            break;
+        let name = step.name();
+        run.collect();
+        if step.is_alone() {
+            run.join();
         }
-        if step.is_alone() && !run.join() && !S::CONTINUES {
-            break;
-        }
-        if step.is_beside() && !alone {
-            run.beside(name, step.title());
+        let needed = step.needs().map(|needed| needed.name());
+        if let Some(needed) = needed.filter(|needed| run.has_failed(needed)) {
+            run.leave_out(&name, step.title(), &needed);
+        } else if step.is_beside() && !alone {
+            run.beside(&name, step.title());
         } else {
-            run.step(name, step.title(), || step.check());
+            run.step(&name, step.title(), || step.check());
         }
-    }
-    if !S::CONTINUES && !run.collect() {
-        run.stop();
     }
     run.finish()
 }

@@ -76,7 +76,6 @@ pub enum NightlyStep {
 
 impl Step for NightlyStep {
     const COMMAND: &'static str = "nightly";
-    const CONTINUES: bool = true;
 
     fn title(&self) -> &'static str {
         match self {

@@ -43,7 +43,6 @@ pub enum TestStep {
 
 impl Step for TestStep {
     const COMMAND: &'static str = "test";
-    const CONTINUES: bool = false;
 
     fn title(&self) -> &'static str {
         match self {
@@ -62,6 +61,12 @@ impl Step for TestStep {
             Self::Robots => "robots that the studio's page drives in real time",
             Self::Test => "all tests",
         }
+    }
+
+    /// The others build what they run themselves, or run what is built elsewhere.
+    fn needs(&self) -> Option<Self> {
+        let builds = [Self::Fmt, Self::Tidy, Self::Crates, Self::Build, Self::NoStd, Self::Hostile];
+        (!builds.contains(self)).then_some(Self::Build)
     }
 
     fn check(&self) -> Result<(), String> {
@@ -89,8 +94,11 @@ impl Step for TestStep {
                     let tests = programs::beside_each_other(&tests);
                     (examples.join().expect("it runs a command"), tests)
                 });
-                tests.and(examples)?;
-                programs::in_real_time(&built)
+                let failures: Vec<_> = [tests, examples, programs::in_real_time(&built)]
+                    .into_iter()
+                    .filter_map(Result::err)
+                    .collect();
+                if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
             }
         }
     }
