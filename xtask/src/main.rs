@@ -20,6 +20,7 @@ mod bare_metal;
 mod board;
 mod browsers;
 mod cantools;
+mod changes;
 mod crates;
 mod debian;
 mod deny;
@@ -77,8 +78,8 @@ enum Task {
         #[arg(long, value_name = "STEP")]
         only: Option<NightlyStep>,
     },
-    /// Check a change while working on it: formatting, house rules, clippy, and the tests of the changed crates and
-    /// of those that depend on them.
+    /// Check a change while working on it: formatting, house rules, lints of the workspace, and the tests of the changed crates.
+    /// Names the crates whose tests it leaves to `cargo xtask test`.
     Quick(quick::Options),
     /// Build a board's image. mps2-an386 boots in QEMU, replays the demo from its memory and plays a short motion
     /// over its UART, every frame compared with the host's simulation; mps2-an386-slcan is measured, for

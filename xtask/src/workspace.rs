@@ -82,6 +82,33 @@ pub fn programs() -> Result<Vec<Program>, String> {
     of(linted(&["build", "--lib", "--bins", "--tests", "--examples", "--bench", "*"])?)
 }
 
+/// Lints every target without building it.
+///
+/// # Errors
+/// The command line; warnings and the compiler's messages are on the terminal.
+pub fn lint() -> Result<(), String> {
+    shell::run(&mut linted(&[
+        "check",
+        "--quiet",
+        "--lib",
+        "--bins",
+        "--tests",
+        "--examples",
+        "--bench",
+        "*",
+    ])?)
+}
+
+/// Builds the tests of some packages, each with the features that it asks for itself.
+///
+/// # Errors
+/// The command line; the compiler's messages are on the terminal.
+pub fn tests_of(packages: &[&str]) -> Result<Vec<Program>, String> {
+    let mut test = shell::cargo(&["test", "--no-run", "--tests"]);
+    test.args(packages.iter().flat_map(|name| ["--package", name]));
+    of(test)
+}
+
 /// Builds one program, by the compiler itself: for those who have no clippy.
 ///
 /// # Errors
