@@ -66,11 +66,15 @@ struct Cli {
 #[derive(Subcommand)]
 enum Task {
     /// Check everything that a change must pass: formatting, house rules, lints, docs, the bare-metal
-    /// build and all tests. Goes on after a failure; prints the seconds of every step.
+    /// build and all tests. Goes on after a failure. Steps that run other programs are brief without a change in what they
+    /// check; the last table has the seconds of every step, failures, and what was left to `cargo xtask nightly`.
     Test {
-        /// Run one step only.
+        /// Run one step only, with all that it checks.
         #[arg(long, value_name = "STEP")]
         only: Option<TestStep>,
+        /// Run the brief form of the step: for a step beside others.
+        #[arg(long, hide = true, requires = "only")]
+        brief: bool,
     },
     /// Run the long forms of the tests: hours. Goes on after a failure; prints the seconds of every step.
     Nightly {
@@ -151,8 +155,8 @@ enum Task {
 
 fn main() -> ExitCode {
     let outcome = match Cli::parse().task {
-        Task::Test { only } => steps::run(only),
-        Task::Nightly { only } => steps::run(only),
+        Task::Test { only, brief } => steps::run(only, brief),
+        Task::Nightly { only } => steps::run(only, false),
         Task::Quick(options) => quick::run(&options),
         Task::Board { board, port, robot, demo_over_uart } => {
             board::run(board, port.as_deref(), robot.as_deref(), demo_over_uart)

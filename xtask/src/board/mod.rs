@@ -20,6 +20,7 @@ mod sizes;
 mod slcan;
 
 use crate::shell;
+use crate::steps::Extent;
 use bench::Bench;
 use clap::ValueEnum;
 use std::path::{self, Path};
@@ -91,15 +92,18 @@ pub fn run(
     }
 }
 
-/// The step of `cargo xtask test`: the image of the emulated board within its limits and without panics; it replays the demo and
-/// plays a short motion over its UART.
+/// The step of `cargo xtask test`: the image of the emulated board within its limits and without panics; it replays the demo and,
+/// unless brief, plays a short motion over its UART.
 ///
 /// # Errors
 /// The first failure.
-pub fn check() -> Result<(), String> {
+pub fn check(extent: Extent) -> Result<(), String> {
     let bench = Bench::build()?;
     sizes::measure(&bench)?;
-    bench.uart(&image::MPS2_AN386.build()?, false)
+    match extent {
+        Extent::Brief => Ok(()),
+        Extent::Short | Extent::Full => bench.uart(&image::MPS2_AN386.build()?, false),
+    }
 }
 
 /// Builds and measures the images that [`check`] leaves out: those of the real boards, those with keys among them; and has the

@@ -7,13 +7,16 @@ pub mod nightly;
 mod run;
 pub mod test;
 
+use crate::changes;
 use clap::ValueEnum;
 pub use run::Run;
 
-/// Length of a step that both commands have.
+/// Length of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// In `cargo xtask test`: minutes for every change.
+    /// In `cargo xtask test` without a change in what the step checks: seconds that show that its programs still fit together.
+    Brief,
+    /// In `cargo xtask test` after a change in what the step checks: minutes.
     Short,
     /// In `cargo xtask nightly`: as long as it takes.
     Full,
@@ -36,11 +39,21 @@ pub trait Step: ValueEnum + 'static {
         None
     }
 
+    /// Folders and files that the step checks ([`changes::concern`]), if it has a brief form.
+    fn checks(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    /// What the brief form leaves to `cargo xtask nightly`.
+    fn left_out(&self) -> &'static str {
+        ""
+    }
+
     /// Runs the step.
     ///
     /// # Errors
     /// The first failure, with what mends it where that is known.
-    fn check(&self) -> Result<(), String>;
+    fn check(&self, extent: Extent) -> Result<(), String>;
 
     /// Whether the step runs beside those that follow it.
     fn is_beside(&self) -> bool {
@@ -53,27 +66,39 @@ pub trait Step: ValueEnum + 'static {
     }
 }
 
-/// Runs every step of a command, or `only` one. A failed step keeps those that need it from running, and no others.
+/// Runs every step of a command, or `only` one, in full or `brief`. A failed step keeps those that need it from running, and no
+/// others.
 ///
 /// # Errors
 /// The failed steps, with the commands that run them alone.
-pub fn run<S: Step>(only: Option<S>) -> Result<(), String> {
+pub fn run<S: Step>(only: Option<S>, brief: bool) -> Result<(), String> {
     let alone = only.is_some();
+    // Without git all is checked.
+    let changed = changes::files(None).ok();
+    let extent = |step: &S| {
+        let is_same = changed.as_ref().is_some_and(|files| !changes::concern(files, step.checks()));
+        let has_brief = !step.checks().is_empty();
+        if has_brief && (brief || !alone && is_same) { Extent::Brief } else { Extent::Short }
+    };
     let steps = only.map_or_else(|| S::value_variants().to_vec(), |step| vec![step]);
     let mut run = Run::new(S::COMMAND, steps.len());
     for step in &steps {
         let name = step.name();
+        let extent = extent(step);
+        if extent == Extent::Brief && !alone {
+            run.leave(&name, step.left_out());
+        }
         run.collect();
         if step.is_alone() {
             run.join();
         }
         let needed = step.needs().map(|needed| needed.name());
         if let Some(needed) = needed.filter(|needed| run.has_failed(needed)) {
-            run.leave_out(&name, step.title(), &needed);
+            run.skip(&name, step.title(), &needed);
         } else if step.is_beside() && !alone {
-            run.beside(&name, step.title());
+            run.beside(&name, step.title(), extent == Extent::Brief);
         } else {
-            run.step(&name, step.title(), || step.check());
+            run.step(&name, step.title(), || step.check(extent));
         }
     }
     run.finish()

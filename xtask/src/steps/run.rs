@@ -17,6 +17,8 @@ pub struct Run {
     rows: Vec<Row>,
     beside: Vec<Beside>,
     failures: Vec<String>,
+    /// Steps in their brief form, and what that leaves to `cargo xtask nightly`.
+    left: Vec<(String, &'static str)>,
 }
 
 /// A line of the table.
@@ -40,8 +42,16 @@ struct Beside {
 impl Run {
     /// No step yet of `total` steps of `cargo xtask COMMAND`.
     pub fn new(command: &'static str, total: usize) -> Self {
-        let (rows, beside, failures) = (Vec::new(), Vec::new(), Vec::new());
-        Self { command, total, start: Instant::now(), begun: 0, rows, beside, failures }
+        Self {
+            command,
+            total,
+            start: Instant::now(),
+            begun: 0,
+            rows: Vec::new(),
+            beside: Vec::new(),
+            failures: Vec::new(),
+            left: Vec::new(),
+        }
     }
 
     /// Runs a step and returns whether it passed.
@@ -64,10 +74,10 @@ impl Run {
         passed
     }
 
-    /// Starts a step in a process of its own; its output is printed when it has ended.
-    pub fn beside(&mut self, name: &str, title: &str) {
+    /// Starts a step in a process of its own, perhaps in its brief form; its output is printed when it has ended.
+    pub fn beside(&mut self, name: &str, title: &str, is_brief: bool) {
         self.begin(name, title);
-        match Beside::start(self.command, name) {
+        match Beside::start(self.command, name, is_brief) {
             Ok(beside) => {
                 eprintln!("== {name} runs beside the next steps");
                 self.beside.push(beside);
@@ -80,10 +90,15 @@ impl Run {
     }
 
     /// Accounts for a step that cannot run because `needed` has failed.
-    pub fn leave_out(&mut self, name: &str, title: &str, needed: &str) {
+    pub fn skip(&mut self, name: &str, title: &str, needed: &str) {
         self.begin(name, title);
         eprintln!("== {name} does not run, because {needed} failed");
         self.add(name, 0.0, &format!("NOT RUN: {needed} failed"));
+    }
+
+    /// Notes what the brief form of a step leaves to `cargo xtask nightly`.
+    pub fn leave(&mut self, name: &str, left: &'static str) {
+        self.left.push((name.into(), left));
     }
 
     /// Whether a step has run and failed.
@@ -122,6 +137,9 @@ impl Run {
     pub fn finish(mut self) -> Result<(), String> {
         self.join();
         eprintln!("\n{}", table(&self.rows, self.start.elapsed().as_secs_f64()));
+        if !self.left.is_empty() {
+            eprintln!("\n{}", brief_steps(&self.left));
+        }
         if self.failures.is_empty() { Ok(()) } else { Err(self.failures.join("\n")) }
     }
 
@@ -143,7 +161,7 @@ impl Run {
 }
 
 impl Beside {
-    fn start(command: &str, name: &str) -> Result<Self, String> {
+    fn start(command: &str, name: &str, is_brief: bool) -> Result<Self, String> {
         let failed = |error: std::io::Error| format!("no process for the step: {error}");
         let folder = shell::target_folder().join("steps");
         fs::create_dir_all(&folder).map_err(failed)?;
@@ -153,6 +171,9 @@ impl Beside {
         // This very program, also when the build has put another in its place.
         let mut process = shell::tied(&format!("/proc/{}/exe", std::process::id()));
         process.args([command, "--only", name]);
+        if is_brief {
+            process.arg("--brief");
+        }
         let child = process.stdout(output).stderr(errors).spawn().map_err(failed)?;
         let waiter = thread::spawn(move || wait(child));
         Ok(Self { name: name.into(), log, waiter })
@@ -176,6 +197,17 @@ fn table(rows: &[Row], total: f64) -> String {
     lines.join("\n")
 }
 
+/// Steps in their brief form, with what each leaves out.
+fn brief_steps(left: &[(String, &str)]) -> String {
+    let mut lines = vec![
+        "Brief, because nothing that these steps check has changed; `cargo xtask test --only STEP` and `cargo xtask nightly` \
+         also check:"
+            .to_owned(),
+    ];
+    lines.extend(left.iter().map(|(name, left)| format!("{name:<16} {left}")));
+    lines.join("\n")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -195,7 +227,7 @@ mod tests {
         let mut run = Run::new("test", 2);
         run.step("build", "fails", || Err("why".into()));
         assert!(run.has_failed("build") && !run.has_failed("dbc"));
-        run.leave_out("dbc", "needs the build", "build");
+        run.skip("dbc", "needs the build", "build");
         assert!(!run.has_failed("dbc"));
         assert_eq!(run.rows[1].remark, "NOT RUN: build failed");
         assert_eq!(run.finish(), Err("step `build` failed: cargo xtask test --only build".into()));
@@ -237,6 +269,12 @@ mod tests {
             "total               200.0",
         ];
         assert_eq!(table(&rows, 200.0), lines.join("\n"));
+    }
+
+    #[test]
+    fn a_brief_step_says_what_it_leaves_out() {
+        let left = brief_steps(&[("studio".into(), "Firefox")]);
+        assert!(left.ends_with("also check:\nstudio           Firefox"), "{left}");
     }
 
     #[test]

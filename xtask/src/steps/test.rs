@@ -69,21 +69,66 @@ impl Step for TestStep {
         (!builds.contains(self)).then_some(Self::Build)
     }
 
-    fn check(&self) -> Result<(), String> {
+    fn checks(&self) -> &'static [&'static str] {
+        match self {
+            Self::Crates => &["**/Cargo.toml", "docs/crates.md", "xtask/src/crates"],
+            Self::Build => &workspace::APART,
+            Self::Studio => &["studio", "cli/src/studio", "gamepads", "xtask/src/browsers.rs"],
+            Self::Board => &["firmware", "protocol", "drives", "xtask/src/board"],
+            Self::Multibody => &["multibody", "robots", "xtask/src/mujoco.rs"],
+            Self::Exports => &[
+                "interchange",
+                "robot/src/urdf",
+                "robots",
+                "tests/exports",
+                "xtask/src/exports.rs",
+            ],
+            Self::Replay => &["tests/replay", "tracking", "xtask/src/replay"],
+            Self::Robots => &[
+                "studio",
+                "cli/src/studio",
+                "cli/src/live.rs",
+                "gamepads",
+                "xtask/src/browsers.rs",
+            ],
+            Self::Fmt | Self::Tidy | Self::NoStd | Self::Dbc | Self::Hostile | Self::Test => &[],
+        }
+    }
+
+    fn left_out(&self) -> &'static str {
+        match self {
+            Self::Crates => "the packages themselves",
+            Self::Build => "the node of ROS 2 and the Python package, their lints and tests",
+            Self::Studio => "the page's sources, Firefox, all but one test",
+            Self::Board => "a motion over the UART",
+            Self::Multibody => "45 of 50 states of each robot",
+            Self::Exports => "robots in Pinocchio and as URDF, plans as MJCF and MCAP",
+            Self::Replay => "robots standing in MuJoCo, a turn that is tracked there",
+            Self::Robots => "robots on buses and at serial lines, the live view, Firefox",
+            Self::Fmt | Self::Tidy | Self::NoStd | Self::Dbc | Self::Hostile | Self::Test => "",
+        }
+    }
+
+    fn check(&self, extent: Extent) -> Result<(), String> {
         match self {
             Self::Fmt => format(),
             Self::Tidy => tidy::check(&shell::workspace_root()),
-            Self::Crates => crates::check(Extent::Short),
-            Self::Build => workspace::programs().map(drop),
-            Self::Studio => browsers::check(Extent::Short),
+            Self::Crates => crates::check(extent),
+            Self::Build => {
+                if extent == Extent::Short {
+                    workspace::select_all();
+                }
+                workspace::programs().map(drop)
+            }
+            Self::Studio => browsers::check(extent),
             Self::NoStd => bare_metal::check(),
-            Self::Board => board::check(),
+            Self::Board => board::check(extent),
             Self::Dbc => cantools::check(),
-            Self::Multibody => mujoco::check(Extent::Short),
-            Self::Exports => exports::check(),
-            Self::Replay => replay::check(Extent::Short),
+            Self::Multibody => mujoco::check(extent),
+            Self::Exports => exports::check(extent),
+            Self::Replay => replay::check(extent),
             Self::Hostile => hostile::check(Extent::Short),
-            Self::Robots => browsers::check_robots(),
+            Self::Robots => browsers::check_robots(extent),
             Self::Test => {
                 need_python()?;
                 let built = workspace::programs()?;
@@ -136,4 +181,20 @@ pub fn need_python() -> Result<(), String> {
     debian::need(&["python3"]).map_err(|install| {
         format!("the tests need python3, any version from 3.9 on. On Debian:\n\n    {install}")
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_brief_steps_check_exists_and_what_they_leave_out_is_said() {
+        for step in TestStep::value_variants() {
+            let paths = step.checks();
+            assert_eq!(paths.is_empty(), step.left_out().is_empty(), "{step:?}");
+            for path in paths.iter().filter(|path| !path.starts_with("**/")) {
+                assert!(shell::workspace_root().join(path).exists(), "{step:?}: no {path}");
+            }
+        }
+    }
 }
