@@ -19,6 +19,8 @@ import replay
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Motions with a goal: one that drives, one that walks, one that turns, one on wheels without motors.
+# Longest run of a command, on a busy computer.
+COMMAND_S = 600.0
 MOTIONS = ("drive_1m", "walk", "turn_in_place", "swizzlebot_forward")
 
 
@@ -165,7 +167,7 @@ def world_frames(transforms):
 def run(*arguments, fails=False):
     """Runs the command line; what it says on stderr."""
     command = [os.environ["ROLLWALK"], *map(str, arguments)]
-    outcome = subprocess.run(command, capture_output=True, text=True, check=False)
+    outcome = subprocess.run(command, capture_output=True, text=True, check=False, timeout=COMMAND_S)
     if (outcome.returncode != 0) != fails:
         raise AssertionError(f"{command}: exit code {outcome.returncode}\n{outcome.stderr}")
     return outcome.stderr

@@ -25,7 +25,7 @@ import time
 import attacks
 import robot
 import wire
-from client import HEARTBEAT_S, NODE, Broken, Client, alive, expect, transfer
+from client import END_S, HEARTBEAT_S, NODE, Broken, Client, alive, ended, expect, transfer
 from libraries import hostile
 from rules import Rules
 
@@ -57,12 +57,13 @@ class Operator:
         self.arms = False
         # Whether it streamed since the robot last played.
         self.streamed = False
-        self.thread = threading.Thread(target=self._run)
+        self.thread = threading.Thread(target=self._run, daemon=True)
         self.thread.start()
 
     def end(self):
         self.running = False
-        self.thread.join()
+        self.thread.join(END_S)
+        expect(not self.thread.is_alive(), f"the operator does not end within {END_S} s")
 
     def _run(self):
         while self.running:
@@ -197,8 +198,7 @@ def main():
         except (Broken, OSError) as broken:
             sys.exit(f"broken: {broken}")
         finally:
-            robot_process.terminate()
-            code = robot_process.wait(20)
+            code = ended(robot_process)
         rules = Rules(robot.motors(options.robot), NODE).check(log)
         counts = rules.counts
         print(f"{took:.0f} s, {counts['frames']} frames on all buses, {counts['setpoints']} setpoints looked at, "

@@ -22,7 +22,7 @@ import time
 import attacks
 import robot
 import wire
-from client import HEARTBEAT_S, NODE, Broken, Client, alive, expect, transfer
+from client import END_S, HEARTBEAT_S, NODE, Broken, Client, alive, ended, expect, transfer
 from rules import Rules
 
 PAUSE_S = 0.003
@@ -91,12 +91,13 @@ class Driver:
         self.host, self.codes, self.rng = host, codes, rng
         self.commanded = collections.Counter()
         self.running, self.arms = True, False
-        self.thread = threading.Thread(target=self._run)
+        self.thread = threading.Thread(target=self._run, daemon=True)
         self.thread.start()
 
     def end(self):
         self.running = False
-        self.thread.join()
+        self.thread.join(END_S)
+        expect(not self.thread.is_alive(), f"the operator does not end within {END_S} s")
 
     def command(self, kind, **fields):
         self.commanded[kind] += 1
@@ -252,8 +253,7 @@ def main():
         except (Broken, OSError) as broken:
             sys.exit(f"broken: {broken}")
         finally:
-            process.terminate()
-            process.wait(20)
+            ended(process)
         rules = Rules(robot.motors(options.robot), NODE).check(log)
         print(f"{rules.counts['frames']} frames on all buses, {rules.counts['setpoints']} setpoints looked at, "
               f"{len(rules.broken)} broken rules")

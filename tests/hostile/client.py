@@ -13,6 +13,10 @@ NODE = 1
 HEARTBEAT_S = 0.05
 
 
+# Longest wait for the end of a thread or of a program.
+END_S = 20.0
+
+
 class Broken(Exception):
     """What must not have happened."""
 
@@ -20,6 +24,15 @@ class Broken(Exception):
 def expect(condition, what):
     if not condition:
         raise Broken(what)
+
+
+def ended(process):
+    """Ends a program as Ctrl-C does, or kills it; its exit code."""
+    process.terminate()
+    try:
+        return process.wait(END_S)
+    finally:
+        process.kill()
 
 
 class Client:

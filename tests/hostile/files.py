@@ -18,10 +18,14 @@ import tempfile
 import time
 
 
+# Longest run of a command, on a busy computer.
+COMMAND_S = 120
+
+
 def commands(rollwalk, folder):
     """Name of the output and the command that writes it."""
     plan = folder / "plan.json"
-    subprocess.run([rollwalk, "plan", "motions/stand.toml", "-o", plan], check=True, capture_output=True)
+    subprocess.run([rollwalk, "plan", "motions/stand.toml", "-o", plan], check=True, capture_output=True, timeout=COMMAND_S)
     return [
         ("out.json", [rollwalk, "plan", "motions/stand.toml", "-o"]),
         ("out.rwl", [rollwalk, "library", "build", "motions/test_leg_library.toml", "-o"]),
@@ -42,7 +46,10 @@ def run(command, out, limit=None, kill_after_s=None):
     if kill_after_s is not None:
         time.sleep(kill_after_s)
         process.kill()
-    said, _ = process.communicate(timeout=120)
+    try:
+        said, _ = process.communicate(timeout=COMMAND_S)
+    finally:
+        process.kill()
     return process.returncode, said.decode(errors="replace")
 
 

@@ -1,6 +1,8 @@
 """`rollwalk control` in lockstep: a line of measurements in, setpoints out (docs/tracking.md, "In your simulator")."""
 
 import json
+import os
+import select
 import subprocess
 
 import numpy as np
@@ -9,13 +11,18 @@ from errors import Unusable
 import robots
 
 
+# Longest wait for an answer, on a busy computer.
+ANSWER_S = 60.0
+
+
 class Control:
     """The controller of a plan in a process of its own; ends with its block."""
 
     def __init__(self, rollwalk, plan, robot, feedback, control_hz, latency_s=0.0):
         words = [str(rollwalk), "control", str(plan), "--feedback", feedback, "--rate", str(control_hz)]
         words += ["--latency-ms", str(1e3 * latency_s)]
-        self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.unread = b""
         self.hello = self._read()
         feet = robot["end_effectors"]
         # Orders are those of the harness, which knows none of the program's code.
@@ -40,7 +47,7 @@ class Control:
     def tick(self, record):
         """Setpoints for a record, as arrays in channel order, and why they are the plan's in open loop, if they are."""
         try:
-            self.process.stdin.write(json.dumps(record) + "\n")
+            self.process.stdin.write(json.dumps(record).encode() + b"\n")
             self.process.stdin.flush()
         except BrokenPipeError:
             # Why is on its standard error.
@@ -49,9 +56,15 @@ class Control:
         return {key: np.array(answer[key]) for key in KEYS}, answer["untracked"]
 
     def _read(self):
-        line = self.process.stdout.readline()
-        if not line:
-            raise Unusable(f"rollwalk control: {self.process.stderr.read().strip()}")
+        out = self.process.stdout.fileno()
+        while b"\n" not in self.unread:
+            if not select.select([out], [], [], ANSWER_S)[0]:
+                raise Unusable(f"rollwalk control: no answer within {ANSWER_S} s")
+            data = os.read(out, 65536)
+            if not data:
+                raise Unusable(f"rollwalk control: {self.process.stderr.read().decode().strip()}")
+            self.unread += data
+        line, self.unread = self.unread.split(b"\n", 1)
         return json.loads(line)
 
 

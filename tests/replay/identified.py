@@ -22,6 +22,8 @@ import robots  # noqa: E402
 ROOT = Path(__file__).resolve().parents[2]
 ROBOT = ROOT / "shipped/robots/agilebot.toml"
 FITTED, PREDICTED = ("slalom", "walk", "step_and_drive"), ("step_and_drive", "walk", "trot")
+# Longest run of a command: identification takes minutes.
+COMMAND_S = 1800
 # The robot sinks into its servos at first: several ways in which its wheels come down then fit about as well, with other gains.
 BEGINS = ("--from", "0.3")
 # What the robot in MuJoCo has in place of the numbers of its file: table, key, values. All wheels have one line of a template.
@@ -47,7 +49,7 @@ def main(arguments):
         hidden.write_text(hide(ROBOT.read_text(encoding="utf-8")), encoding="utf-8")
         logs = {motion: log(options, motion) for motion in dict.fromkeys((*FITTED, *PREDICTED))}
         results = [identify(options, hidden, logs, seed) for seed in options.seeds]
-    except (OSError, subprocess.CalledProcessError, ValueError) as error:
+    except (OSError, subprocess.SubprocessError, ValueError) as error:
         print(error, file=sys.stderr)
         return 2
     results = {"true": truth(robots.from_file(hidden)), "seeds": results}
@@ -81,7 +83,7 @@ def truth(robot):
 
 def run(options, *arguments):
     words = [str(word) for word in (options.rollwalk, *arguments)]
-    return subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True).stdout
+    return subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True, timeout=COMMAND_S).stdout
 
 
 def log(options, motion):

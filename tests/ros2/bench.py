@@ -20,6 +20,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 DOMAINS = itertools.count(1 + os.getpid() % 99)
 # Of a motion that lasts some seconds, on a computer with other work.
 PLAYED_S = 30.0
+# Of a command that plans.
+COMMAND_S = 600.0
 # Their message definitions come with rosbags.
 DISTRIBUTIONS = (Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY, Stores.ROS2_KILTED, Stores.ROS2_LYRICAL)
 
@@ -57,10 +59,14 @@ class Bench(unittest.TestCase):
 
     @classmethod
     def tearDownClass(cls):
-        for process in reversed(cls.processes):
-            process.terminate()
-            process.wait(timeout=30)
-        cls.folder.cleanup()
+        try:
+            for process in reversed(cls.processes):
+                process.terminate()
+                process.wait(timeout=PLAYED_S)
+        finally:
+            for process in cls.processes:
+                process.kill()
+            cls.folder.cleanup()
 
     @classmethod
     def path(cls, name):
@@ -74,7 +80,7 @@ class Bench(unittest.TestCase):
 
     @staticmethod
     def run_to_its_end(command):
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=COMMAND_S)
         if done.returncode != 0:
             raise AssertionError(f"{command}: {done.stderr}")
 

@@ -30,7 +30,7 @@ class Control(unittest.TestCase):
         """One robot: each motor has the one controller that commands its interface."""
         urdf, yaml = folder / f"{file.stem}.urdf", folder / f"{file.stem}.yaml"
         for args in (["--ros2-control", "-o", urdf], ["-o", yaml]):
-            subprocess.run([os.environ["ROLLWALK"], "robot", "export", file, *args], check=True, capture_output=True)
+            subprocess.run([os.environ["ROLLWALK"], "robot", "export", file, *args], check=True, capture_output=True, timeout=60)
         robot = ElementTree.parse(urdf).getroot()
         kinds = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}
         system = robot.find("ros2_control")

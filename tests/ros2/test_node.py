@@ -152,7 +152,7 @@ class Node(bench.Bench):
 
         def is_stopped():
             monitor = [os.environ["ROLLWALK"], "monitor", "--bus", self.bus, "--json", "--for", "0.3"]
-            heard = subprocess.run(monitor, capture_output=True, text=True, check=True).stdout
+            heard = subprocess.run(monitor, capture_output=True, text=True, check=True, timeout=PLAYED_S).stdout
             return '"TorqueOff"' in heard and '"HostLost"' in heard
 
         ros.wait_for(is_stopped, "the robot without its host", PLAYED_S)

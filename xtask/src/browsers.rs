@@ -8,19 +8,22 @@ use crate::{debian, shell, studio, workspace};
 use std::fs;
 use std::process::Command;
 
-/// Browsers; and a display with WebGL for Firefox, which has none without one.
+/// Browsers, Chromium first; and a display with WebGL for Firefox, which has none without one.
 const PACKAGES: [&str; 4] = ["chromium", "firefox-esr", "xvfb", "libgl1-mesa-dri"];
 
-/// Compares the committed page with its sources, and drives it in Chromium and Firefox.
+/// Compares the committed page with its sources, and drives it in Chromium and Firefox; in brief drives it in Chromium, in one test.
 ///
 /// # Errors
 /// What differs, what failed, or the command that installs what is missing.
 pub fn check(extent: Extent) -> Result<(), String> {
-    install()?;
+    if extent == Extent::Brief {
+        return brief("test/served.test.mjs", "opens the files of the command line");
+    }
+    install(&PACKAGES)?;
     shell::run(&mut npm(&["run", "types"]))?;
     compare_with_sources()?;
     let mut tests = tests(match extent {
-        Extent::Short => &["run", "served"],
+        Extent::Brief | Extent::Short => &["run", "served"],
         Extent::Full => &["test"],
     })?;
     if extent == Extent::Full {
@@ -29,13 +32,24 @@ pub fn check(extent: Extent) -> Result<(), String> {
     shell::run(&mut tests)
 }
 
-/// Drives robots in real time from the page: a heartbeat that is late for want of a processor stops them.
+/// Drives robots in real time from the page, in brief a simulated one: a heartbeat that is late for want of a processor stops them.
 ///
 /// # Errors
 /// As [`check`].
-pub fn check_robots() -> Result<(), String> {
-    install()?;
+pub fn check_robots(extent: Extent) -> Result<(), String> {
+    if extent == Extent::Brief {
+        return brief("test/bus.test.mjs", "a simulated robot is flashed");
+    }
+    install(&PACKAGES)?;
     shell::run(&mut tests(&["run", "robots"])?)
+}
+
+/// Runs a test of the page in Chromium alone.
+fn brief(file: &str, test: &str) -> Result<(), String> {
+    install(&PACKAGES[..1])?;
+    let pattern = format!("--test-name-pattern={test}");
+    let mut test = tests(&["run", "files", "--", &pattern, file])?;
+    shell::run(test.env("STUDIO_BROWSERS", "chromium"))
 }
 
 fn tests(script: &[&str]) -> Result<Command, String> {
@@ -53,11 +67,11 @@ fn npm(args: &[&str]) -> Command {
     npm
 }
 
-fn install() -> Result<(), String> {
+fn install(packages: &[&str]) -> Result<(), String> {
     let missing = |install: String| {
         format!("the studio's page is tested in real browsers. On Debian:\n\n    {install}")
     };
-    debian::need(&PACKAGES).map_err(missing)?;
+    debian::need(packages).map_err(missing)?;
     if !shell::succeeds(&mut shell::command("npm", &["--version"])) {
         debian::need(&["nodejs", "npm"]).map_err(missing)?;
     }

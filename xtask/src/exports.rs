@@ -1,7 +1,8 @@
 //! Exported robots and plans as the tools read them that they are for, from PyPI.
 
+use crate::extent::Extent;
 use crate::python::Environment;
-use crate::{shell, workspace};
+use crate::{mujoco, shell, workspace};
 
 /// Readers of the formats: MuJoCo of MJCF and URDF, Pinocchio and a parser of URDF, a reader of MCAP.
 const READERS: [&str; 5] = [
@@ -12,11 +13,21 @@ const READERS: [&str; 5] = [
     "mcap-protobuf-support==0.6.0",
 ];
 
-/// Compares poses of every shipped robot, replays motions from their exported models alone, and reads recordings.
+/// Test that takes no reader but MuJoCo.
+const IMPORTED: &str = "an_imported_model_has_the_poses_of_mujoco";
+
+/// Compares poses of every shipped robot, replays motions from their exported models alone, and reads recordings. In brief
+/// it compares the poses of one imported robot in MuJoCo.
 ///
 /// # Errors
 /// The differences, or the command that installs what is missing.
-pub fn check() -> Result<(), String> {
+pub fn check(extent: Extent) -> Result<(), String> {
+    if extent == Extent::Brief {
+        let programs = workspace::programs()?;
+        let consumers = workspace::find(&programs, "planner/interchange", "consumers", true)?;
+        let mut imported = consumers.tests(&[IMPORTED, "--ignored", "--nocapture"])?;
+        return shell::run(imported.env("PYTHONPATH", mujoco::path()?));
+    }
     let python = Environment::kept("exports", &READERS)?;
     let programs = workspace::programs()?;
     let consumers = workspace::find(&programs, "planner/interchange", "consumers", true)?;

@@ -3,7 +3,9 @@
 /// Length of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// In `cargo xtask test`: minutes for every change.
+    /// In `cargo xtask test` without a change in what the step checks: seconds that show that its programs still fit together.
+    Brief,
+    /// In `cargo xtask test` after a change in what the step checks: minutes.
     Short,
     /// In `cargo xtask nightly`: as long as it takes.
     Full,

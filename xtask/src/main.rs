@@ -20,6 +20,7 @@ mod bare_metal;
 mod board;
 mod browsers;
 mod cantools;
+mod changes;
 mod checkout;
 mod crates;
 mod debian;
@@ -67,11 +68,15 @@ struct Cli {
 #[derive(Subcommand)]
 enum Task {
     /// Check everything that a change must pass: formatting, house rules, lints, docs, the bare-metal
-    /// build and all tests. Stops at the first failure; prints the seconds of every step.
+    /// build and all tests. Goes on after a failure. Steps that run other programs are brief without a change in what they
+    /// check; the last table has the seconds of every step, failures, and what was left to `cargo xtask nightly`.
     Test {
-        /// Run one step only.
+        /// Run one step only, with all that it checks.
         #[arg(long, value_name = "STEP")]
         only: Option<TestStep>,
+        /// Run the brief form of the step: for a step beside others.
+        #[arg(long, hide = true, requires = "only")]
+        brief: bool,
     },
     /// Run the long forms of the tests: hours. Goes on after a failure; prints the seconds of every step.
     Nightly {
@@ -79,8 +84,8 @@ enum Task {
         #[arg(long, value_name = "STEP")]
         only: Option<NightlyStep>,
     },
-    /// Check a change while working on it: formatting, house rules, clippy, and the tests of the changed crates and
-    /// of those that depend on them.
+    /// Check a change while working on it: formatting, house rules, lints of the workspace, and the tests of the changed crates.
+    /// Names the crates whose tests it leaves to `cargo xtask test`.
     Quick(quick::Options),
     /// Build a board's image. mps2-an386 boots in QEMU, replays the demo from its memory and plays a short motion
     /// over its UART, every frame compared with the host's simulation; mps2-an386-slcan is measured, for
@@ -152,8 +157,8 @@ enum Task {
 
 fn main() -> ExitCode {
     let outcome = match Cli::parse().task {
-        Task::Test { only } => steps::run(only),
-        Task::Nightly { only } => steps::run(only),
+        Task::Test { only, brief } => steps::run(only, brief),
+        Task::Nightly { only } => steps::run(only, false),
         Task::Quick(options) => quick::run(&options),
         Task::Board { board, port, robot, demo_over_uart } => {
             board::run(board, port.as_deref(), robot.as_deref(), demo_over_uart)

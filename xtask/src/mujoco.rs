@@ -7,12 +7,13 @@ use std::ffi::OsString;
 /// Works with Python 3.10 and later.
 const MUJOCO: &str = "mujoco==4.0.0";
 
-/// Compares `rollwalk-multibody` with MuJoCo on random states of each robot: 50, or 1,000.
+/// Compares `rollwalk-multibody` with MuJoCo on random states of each robot: 5, 50 or 1,000.
 ///
 /// # Errors
 /// The differences, or the command that installs what is missing.
 pub fn check(extent: Extent) -> Result<(), String> {
     let states = match extent {
+        Extent::Brief => "5",
         Extent::Short => "50",
         Extent::Full => "1000",
     };

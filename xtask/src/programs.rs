@@ -36,6 +36,21 @@ pub fn beside_each_other(programs: &[&Program]) -> Result<(), String> {
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
 }
 
+/// Runs modules of the end-to-end tests, without the tests that [`in_real_time`] runs.
+///
+/// # Errors
+/// All that the failed programs printed.
+pub fn modules(programs: &[&Program], modules: &[String]) -> Result<(), String> {
+    for program in programs.iter().filter(|program| program.name == END_TO_END) {
+        for module in modules {
+            let module = format!("{module}::");
+            let tests = ["--quiet", "--skip", REAL_TIME, END_TO_END_THREADS, &module];
+            shell::run(&mut program.command(&tests))?;
+        }
+    }
+    Ok(())
+}
+
 /// Runs the tests with deadlines in real time, with nothing beside them.
 ///
 /// # Errors

@@ -1,32 +1,29 @@
-//! `cargo xtask quick`: the check of a change while working on it. Formatting, house rules, clippy, and the tests of
-//! the changed crates and of those that depend on them.
+//! `cargo xtask quick`: the check of a change while working on it. Formatting, house rules, lints of the whole workspace, and the
+//! tests of the changed crates. Dependent crates are linted with their tests, but these are left to `cargo xtask test`, and named.
 //!
-//! Cargo is given the whole workspace, as in `cargo xtask test`: it recompiles what has changed, and no dependency in
-//! another selection of features. Only the tests to run are chosen here.
+//! Lints need no machine code, so a change low in the workspace does not compile all crates above it. The tests of one crate are built
+//! for that crate alone, with its own selection of features: its first build compiles dependencies once more.
 
-use crate::steps::test::{self, TestStep};
-use crate::steps::{Run, Step};
+use crate::steps::{Run, test};
 use crate::workspace::{self, Program};
-use crate::{programs, shell, tidy};
+use crate::{changes, programs, shell, tidy};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Files that no test reads. All others outside of the crates (robots, motions, documents) are read by tests of several.
-const UNREAD: [&str; 7] = [
-    "CHANGELOG.md",
-    "CONTRIBUTING.md",
-    "LICENSE-APACHE",
-    "LICENSE-MIT",
-    "docs/images",
-    "rustfmt.toml",
-    ".gitignore",
+/// Crates whose tests read files that lie in no crate.
+const READERS: [(&str, &str); 3] = [
+    ("shipped/robots", "rollwalk-robot"),
+    ("shipped/motions", "rollwalk-planner"),
+    ("shipped/designs", "rollwalk-design"),
 ];
+/// The end-to-end tests, a module for each file.
+const END_TO_END: &str = "tests/integration";
 
 /// Options of the command.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Revision that the working tree is compared with; by default, where this branch left `main`.
+    /// Revision that the working tree is compared with; by default, where this branch left `origin/main`.
     #[arg(long, value_name = "REV")]
     since: Option<String>,
 }
@@ -36,23 +33,32 @@ pub struct Options {
 /// # Errors
 /// The failed step; or git's or cargo's errors.
 pub fn run(options: &Options) -> Result<(), String> {
-    let files = changed_files(options.since.as_deref())?;
+    let files = changes::files(options.since.as_deref())?;
     let metadata =
         shell::output(&mut shell::cargo(&["metadata", "--no-deps", "--format-version", "1"]))?;
     let metadata: Value =
         serde_json::from_str(&metadata).map_err(|error| format!("cargo metadata: {error}"))?;
     let packages = packages(&metadata).ok_or("cargo metadata: no packages")?;
-    let affected = affected(&packages, &files);
-    let names: Vec<&str> = affected.iter().map(|package| package.name.as_str()).collect();
-    eprintln!("{} changed files; crates to test: {}", files.len(), names.join(", "));
+    let changed = changed(&packages, &files);
+    eprintln!("{} changed files; crates to test: {}", files.len(), names(&changed));
 
     let mut run = Run::new("quick", 4);
     let root = shell::workspace_root();
     let _ = run.step("fmt", "formatting", test::format)
         && run.step("tidy", "house rules", || tidy::check(&root))
-        && run.step("build", TestStep::Build.title(), || TestStep::Build.check())
-        && run.step("test", "tests of the affected crates", || run_tests(&affected));
-    run.finish()
+        && run.step("lint", "every target, linted without building it", workspace::lint)
+        && run.step("test", "tests of the changed crates", || run_tests(&changed, &files));
+    let outcome = run.finish();
+    let left = dependents(&packages, &changed);
+    if !left.is_empty() {
+        eprintln!("\nLeft to `cargo xtask test`: the tests of {}", names(&left));
+    }
+    outcome
+}
+
+fn names(packages: &[&Package]) -> String {
+    let names: Vec<_> = packages.iter().map(|package| package.name.as_str()).collect();
+    if names.is_empty() { "none".into() } else { names.join(", ") }
 }
 
 /// A package of the workspace.
@@ -82,65 +88,63 @@ fn packages(metadata: &Value) -> Option<Vec<Package>> {
     packages.collect()
 }
 
-/// Packages with changed files, and all whose tests use them.
-fn affected<'a>(packages: &'a [Package], files: &[PathBuf]) -> Vec<&'a Package> {
+/// Packages with changed files, or whose tests read some.
+fn changed<'a>(packages: &'a [Package], files: &[PathBuf]) -> Vec<&'a Package> {
     let root = shell::workspace_root();
-    let owner = |file: &PathBuf| {
+    let name = |file: &PathBuf| {
         let owners = packages.iter().filter(|package| file.starts_with(&package.folder));
-        owners.max_by_key(|package| package.folder.as_os_str().len())
+        let owner = owners.max_by_key(|package| package.folder.as_os_str().len());
+        let reader = || READERS.iter().find(|(folder, _)| file.starts_with(root.join(folder)));
+        owner.map(|owner| owner.name.as_str()).or_else(|| reader().map(|(_, name)| *name))
     };
-    let is_read =
-        |file: &&PathBuf| !UNREAD.iter().any(|unread| file.starts_with(root.join(unread)));
-    if files.iter().filter(is_read).any(|file| owner(file).is_none()) {
-        return packages.iter().collect();
-    }
-    let mut changed: BTreeSet<&str> =
-        files.iter().filter_map(owner).map(|package| package.name.as_str()).collect();
+    let names: BTreeSet<_> = files.iter().filter_map(name).collect();
+    packages.iter().filter(|package| names.contains(package.name.as_str())).collect()
+}
+
+/// Other packages that use some, or whose tests do.
+fn dependents<'a>(packages: &'a [Package], changed: &[&Package]) -> Vec<&'a Package> {
+    let of = |names: &BTreeSet<&str>, used: &BTreeSet<String>| {
+        used.iter().any(|name| names.contains(name.as_str()))
+    };
+    let first: BTreeSet<_> = changed.iter().map(|package| package.name.as_str()).collect();
+    let mut names = first.clone();
     loop {
-        let uses = |package: &&Package| {
-            package.dependencies.iter().any(|name| changed.contains(name.as_str()))
-        };
-        let dependents: Vec<&str> =
-            packages.iter().filter(uses).map(|package| package.name.as_str()).collect();
-        let before = changed.len();
-        changed.extend(dependents);
-        if changed.len() == before {
+        let using = packages.iter().filter(|package| of(&names, &package.dependencies));
+        let before = names.len();
+        let using: Vec<_> = using.map(|package| package.name.as_str()).collect();
+        names.extend(using);
+        if names.len() == before {
             break;
         }
     }
-    let is_affected = |package: &&Package| {
-        changed.contains(package.name.as_str())
-            || package.test_dependencies.iter().any(|name| changed.contains(name.as_str()))
+    let is_left = |package: &&Package| {
+        let is_affected =
+            names.contains(package.name.as_str()) || of(&names, &package.test_dependencies);
+        is_affected && !first.contains(package.name.as_str())
     };
-    packages.iter().filter(is_affected).collect()
+    packages.iter().filter(is_left).collect()
 }
 
-/// Builds the workspace and runs the tests of some packages, but for those in real time.
-fn run_tests(packages: &[&Package]) -> Result<(), String> {
+/// Builds and runs the tests of some packages. Of the end-to-end tests it runs those in changed files, but for those in real time.
+fn run_tests(packages: &[&Package], files: &[PathBuf]) -> Result<(), String> {
     if packages.is_empty() {
         return Ok(());
     }
     test::need_python()?;
-    let programs = workspace::programs()?;
-    let is_affected = |program: &&Program| {
+    let names: Vec<_> = packages.iter().map(|package| package.name.as_str()).collect();
+    let built = workspace::tests_of(&names)?;
+    let is_test = |program: &&Program| {
         program.is_test && packages.iter().any(|package| package.folder == program.folder)
     };
-    let tests: Vec<&Program> = programs.iter().filter(is_affected).collect();
-    programs::beside_each_other(&tests)
-}
-
-/// Files that differ from a revision, and those that git does not know yet.
-fn changed_files(since: Option<&str>) -> Result<Vec<PathBuf>, String> {
-    let git = |args: &[&str]| shell::output(&mut shell::command("git", args));
-    let base = match since {
-        Some(revision) => revision.to_owned(),
-        // Without a branch `main`, only what is not committed yet.
-        None => git(&["merge-base", "HEAD", "main"]).unwrap_or_else(|_| "HEAD".into()),
-    };
-    let changed = git(&["diff", "--name-only", "--no-renames", base.trim()])?;
-    let new = git(&["ls-files", "--others", "--exclude-standard"])?;
-    let root = shell::workspace_root();
-    Ok(changed.lines().chain(new.lines()).map(|file| root.join(file)).collect())
+    let folder = shell::workspace_root().join(END_TO_END);
+    let is_end_to_end = |program: &&Program| folder.parent() == Some(&*program.folder);
+    let (end_to_end, tests): (Vec<_>, Vec<_>) =
+        built.iter().filter(is_test).partition(is_end_to_end);
+    let file_name = |file: &PathBuf| file.file_stem().map(|name| name.to_string_lossy().into());
+    let modules: Vec<String> =
+        files.iter().filter(|file| file.starts_with(&folder)).filter_map(file_name).collect();
+    programs::beside_each_other(&tests)?;
+    programs::modules(&end_to_end, &modules)
 }
 
 #[cfg(test)]
@@ -159,32 +163,52 @@ mod tests {
             package("drives", json!([normal("protocol")])),
             package("simulator", json!([normal("firmware")])),
             package("firmware/boards", json!([])),
+            package("rollwalk-robot", json!([])),
         ]});
         packages(&metadata).expect("metadata")
     }
 
-    fn affected_by(file: &str) -> Vec<String> {
-        let files = [shell::workspace_root().join(file)];
-        affected(&workspace(), &files).iter().map(|package| package.name.clone()).collect()
+    fn names_of(packages: &[&Package]) -> Vec<String> {
+        packages.iter().map(|package| package.name.clone()).collect()
     }
 
-    #[test]
-    fn dependents_are_affected_and_of_tests_only_the_tests() {
-        assert_eq!(affected_by("protocol/src/lib.rs").len(), 4);
-        assert_eq!(affected_by("firmware/src/lib.rs"), ["firmware", "simulator"]);
-        // The firmware's tests drive them; what runs the firmware does not.
-        assert_eq!(affected_by("firmware/drives/src/lib.rs"), ["firmware", "drives"]);
+    fn changed_by(file: &str) -> Vec<String> {
+        names_of(&changed(&workspace(), &[shell::workspace_root().join(file)]))
+    }
+
+    fn left_by(file: &str) -> Vec<String> {
+        let (packages, file) = (workspace(), shell::workspace_root().join(file));
+        names_of(&dependents(&packages, &changed(&packages, &[file])))
     }
 
     #[test]
     fn a_file_belongs_to_the_innermost_package() {
-        assert_eq!(affected_by("firmware/boards/build.rs"), ["firmware/boards"]);
-        assert_eq!(affected_by("CHANGELOG.md"), [""; 0]);
+        assert_eq!(changed_by("firmware/src/lib.rs"), ["firmware"]);
+        assert_eq!(changed_by("firmware/boards/build.rs"), ["firmware/boards"]);
+        assert_eq!(changed_by("CHANGELOG.md"), [""; 0]);
     }
 
     #[test]
-    fn a_file_of_no_package_affects_all_whose_tests_may_read_it() {
-        assert_eq!(affected_by("robots/agilebot.toml").len(), 5);
-        assert_eq!(affected_by("Cargo.lock").len(), 5);
+    fn a_robot_file_is_read_by_the_tests_of_robots() {
+        assert_eq!(changed_by("shipped/robots/agilebot.toml"), ["rollwalk-robot"]);
+    }
+
+    #[test]
+    fn tests_of_dependents_are_left_and_of_tests_only_the_tests() {
+        assert_eq!(left_by("protocol/src/lib.rs"), ["firmware", "drives", "simulator"]);
+        assert_eq!(left_by("firmware/src/lib.rs"), ["simulator"]);
+        // The firmware's tests drive them; what runs the firmware does not.
+        assert_eq!(left_by("drives/src/lib.rs"), ["firmware"]);
+    }
+
+    #[test]
+    fn the_crates_that_read_files_exist() {
+        let metadata = shell::cargo(&["metadata", "--no-deps", "--format-version", "1"]);
+        let metadata = shell::output(&mut { metadata }).expect("cargo metadata");
+        for (folder, name) in READERS {
+            assert!(shell::workspace_root().join(folder).exists(), "{folder}");
+            assert!(metadata.contains(&format!("\"name\":\"{name}\"")), "{name}");
+        }
+        assert!(shell::workspace_root().join(END_TO_END).exists());
     }
 }

@@ -29,7 +29,7 @@ const INSTALLED: [&str; 4] = [
     "share/ament_index/resource_index/packages/rollwalk_ros2",
 ];
 
-/// Tests the node that colcon builds, which is optimised.
+/// Tests the node's crate, and the node that colcon builds, which is optimised.
 ///
 /// # Errors
 /// A test or the build failed; or a tool is missing, and the error names the command that installs it.
@@ -38,6 +38,11 @@ pub fn check() -> Result<(), String> {
     let program = |folder, name| {
         workspace::find(&programs, folder, name, false).map(|program| program.path.clone())
     };
+    for tests in
+        programs.iter().filter(|program| program.is_test && program.folder.ends_with("ros2"))
+    {
+        shell::run(&mut tests.command(&[]))?;
+    }
     let node = colcon()?;
     let python = Environment::kept("ros2", &CLIENT)?;
     let mut tests = python.module("unittest", &["discover", "-v", "-f", "-s", "tests/ros2"]);

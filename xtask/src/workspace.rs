@@ -4,22 +4,42 @@
 //! Clippy is the compiler of our own crates: it lints them while it compiles them. `cargo clippy` would check all
 //! dependencies as well, and then compile none of them.
 
-use crate::{shell, toolchain};
+use crate::{changes, shell, toolchain};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 
 /// Every package, and the features that are off by default.
 const SELECTION: [&str; 3] =
     ["--workspace", "--features", "rollwalk-firmware/authenticated,rollwalk-firmware/ed25519"];
+/// Packages on which no other depends, with many dependencies of their own.
+const COSTLY: [&str; 4] = ["--exclude", "rollwalk-ros2", "--exclude", "rollwalk-python"];
+/// Folders of [`COSTLY`]. Without a change in one, `cargo xtask test` leaves those packages to `nightly`.
+pub const APART: [&str; 3] = ["apps/ros2", "apps/python", "apps/packaging/rollwalk_ros2"];
+
+/// Whether builds of this process have [`COSTLY`].
+static HAS_ALL: OnceLock<bool> = OnceLock::new();
+
+/// Selects every package for the builds of this process.
+pub fn select_all() {
+    // Only if something was built before is it set.
+    let _ = HAS_ALL.set(true);
+}
+
+fn selection() -> Vec<&'static str> {
+    let has_changed = || changes::files(None).is_ok_and(|files| changes::concern(&files, &APART));
+    let has_all = *HAS_ALL.get_or_init(has_changed);
+    SELECTION.iter().chain(if has_all { &[][..] } else { &COSTLY }).copied().collect()
+}
 
 /// Options of clippy, each with the separator of options after it.
 const DENY_WARNINGS: &str = "-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__";
 
-/// A cargo command on every package of the workspace.
+/// A cargo command on the packages of the workspace.
 pub fn cargo(args: &[&str]) -> Command {
     let mut cargo = shell::cargo(args);
-    cargo.args(SELECTION);
+    cargo.args(selection());
     cargo
 }
 
@@ -80,6 +100,33 @@ impl Program {
 pub fn programs() -> Result<Vec<Program>, String> {
     // Not `--all-targets`, which would make test programs of programs without tests.
     of(linted(&["build", "--lib", "--bins", "--tests", "--examples", "--bench", "*"])?)
+}
+
+/// Lints every target without building it.
+///
+/// # Errors
+/// The command line; warnings and the compiler's messages are on the terminal.
+pub fn lint() -> Result<(), String> {
+    shell::run(&mut linted(&[
+        "check",
+        "--quiet",
+        "--lib",
+        "--bins",
+        "--tests",
+        "--examples",
+        "--bench",
+        "*",
+    ])?)
+}
+
+/// Builds the tests of some packages, each with the features that it asks for itself.
+///
+/// # Errors
+/// The command line; the compiler's messages are on the terminal.
+pub fn tests_of(packages: &[&str]) -> Result<Vec<Program>, String> {
+    let mut test = shell::cargo(&["test", "--no-run", "--tests"]);
+    test.args(packages.iter().flat_map(|name| ["--package", name]));
+    of(test)
 }
 
 /// Builds one program, by the compiler itself: for those who have no clippy.

@@ -10,8 +10,6 @@ import sys
 
 import mujoco
 import numpy as np
-import pinocchio
-from urdf_parser_py.urdf import URDF
 
 # Metres, radians and kg m2: what double precision leaves after a dozen joints.
 TOLERANCE = 1e-9
@@ -120,6 +118,8 @@ def about_com(model, data):
 
 def in_pinocchio(path, expected):
     """The URDF in Pinocchio: poses, mass, limits, frames of end effectors."""
+    import pinocchio
+
     model = pinocchio.buildModelFromUrdf(str(path), pinocchio.JointModelFreeFlyer())
     data = model.createData()
     worst = compare(f"{path}: mass", pinocchio.computeTotalMass(model), expected["mass_kg"])
@@ -151,6 +151,8 @@ def in_pinocchio(path, expected):
 
 def urdf_fields(path, expected):
     """Limits and the tree in a reader that only reads."""
+    from urdf_parser_py.urdf import URDF
+
     robot = URDF.from_xml_string(path.read_bytes())
     if robot.get_root() != expected["links"][0]:
         raise Different(f"{path}: root {robot.get_root()}, expected {expected['links'][0]}")

@@ -5,7 +5,7 @@ import { mkdtemp, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
-import { launch, Studio, WAIT_MS } from "./harness.mjs";
+import { launch, Studio } from "./harness.mjs";
 import { program, root, serveStudio, simulator, startRobot } from "./programs.mjs";
 import { clearFaults, flashRobot, outlivesBusyPage, runRobot } from "./robot.mjs";
 
@@ -35,14 +35,14 @@ for (const name of browsers) describe(`a robot behind the page that rollwalk stu
   // In Firefox bytes of a worker's WebSocket pass through the page's own thread: there the first would disarm it.
   test("it stays armed while the page is busy for half a second, and does not for three", { skip: name === "firefox" }, async () => {
     await studio.button("Connect");
-    await studio.page.waitForFunction(() => globalThis.studio.link.view?.contact, { timeout: WAIT_MS });
+    await studio.until(() => globalThis.studio.link.view?.contact);
     await clearFaults(studio);
     await studio.button("Disconnect");
-    await studio.page.waitForFunction(() => !globalThis.studio.link.connected, { timeout: WAIT_MS });
+    await studio.until(() => !globalThis.studio.link.connected);
     await flashRobot(studio, "relay");
     await outlivesBusyPage(studio);
     await studio.button("Disconnect");
-    await studio.page.waitForFunction(() => !globalThis.studio.link.connected, { timeout: WAIT_MS });
+    await studio.until(() => !globalThis.studio.link.connected);
   });
 
   test("a controller that insists on a link key obeys a page that has it", async () => {
@@ -67,12 +67,12 @@ for (const name of browsers) describe(`a robot behind the page that rollwalk stu
 
   test("a second page is told that the first has the bus", async () => {
     await studio.button("Connect");
-    await studio.page.waitForFunction(() => globalThis.studio.link.view?.contact, { timeout: WAIT_MS });
+    await studio.until(() => globalThis.studio.link.view?.contact);
     const other = await Studio.open(browser, studio.page.url());
     await other.click("#tab-run");
     await other.page.select("#place", "relay");
     await other.button("Connect");
-    await other.page.waitForFunction(() => /another page has sim:.*robot.sock/.test(document.querySelector(".steps .note").textContent), { timeout: WAIT_MS });
+    await other.until(() => /another page has sim:.*robot.sock/.test(document.querySelector(".steps .note").textContent));
     assert.equal(await other.state("link.connected"), false);
     await other.page.close();
     assert.equal(await studio.state("link.connected"), true);

@@ -1,7 +1,6 @@
 // The live view of `rollwalk-sim --foxglove` and `rollwalk monitor --foxglove`, by Foxglove's own client library.
 // STUDIO_ROLLWALK and STUDIO_SIM are the programs.
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
 import { mkdtemp } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -10,7 +9,8 @@ import protocol from "@foxglove/ws-protocol";
 import protobuf from "protobufjs";
 import "protobufjs/ext/descriptor/index.js";
 import WebSocket from "ws";
-import { program, root, said, simulator } from "./programs.mjs";
+import { Program, program, simulator } from "./programs.mjs";
+import { WAIT_MS, within } from "./within.mjs";
 
 // A CommonJS module has no named exports here.
 const { FoxgloveClient } = protocol;
@@ -41,16 +41,17 @@ class Client {
       const all = client.messages.get(topic) ?? [];
       client.messages.set(topic, [...all, type.toObject(type.decode(new Uint8Array(data.buffer, data.byteOffset, data.byteLength)), { arrays: true })]);
     });
-    await new Promise((resolve, reject) => {
+    const open = new Promise((resolve, reject) => {
       foxglove.on("open", resolve);
       foxglove.on("error", reject);
     });
+    await within(`a connection to ${address}`, open);
     return client;
   }
 
   /** Waits for some messages of a topic. */
   async some(topic, count) {
-    for (const end = Date.now() + 60_000; Date.now() < end; ) {
+    for (const end = Date.now() + WAIT_MS; Date.now() < end; ) {
       const all = this.messages.get(topic) ?? [];
       if (all.length >= count) return all;
       await new Promise((resolve) => setTimeout(resolve, 50));
@@ -63,9 +64,9 @@ describe("robots in Foxglove", { skip: program && simulator ? false : "STUDIO_RO
   let bus, robot, address;
   before(async () => {
     bus = `sim:${join(await mkdtemp(join(tmpdir(), "live-")), "robot.sock")}`;
-    robot = spawn(simulator, ["robots/agilebot.toml", "--bus", bus, "--foxglove", "0"], { cwd: root });
-    address = await said(robot, /ws:\S+/);
-    await said(robot, /Ctrl-C/);
+    robot = new Program(simulator, ["robots/agilebot.toml", "--bus", bus, "--foxglove", "0"]);
+    address = await robot.said(/ws:\S+/);
+    await robot.said(/Ctrl-C/);
   });
   after(() => robot?.kill());
 
@@ -89,9 +90,9 @@ describe("robots in Foxglove", { skip: program && simulator ? false : "STUDIO_RO
   });
 
   test("a monitor shows the joints that a robot on a bus reports", async () => {
-    const monitor = spawn(program, ["monitor", "--bus", bus, "--robot", "robots/agilebot.toml", "--foxglove", "0"], { cwd: root });
+    const monitor = new Program(program, ["monitor", "--bus", bus, "--robot", "robots/agilebot.toml", "--foxglove", "0"]);
     try {
-      const client = await Client.connect(await said(monitor, /ws:\S+/));
+      const client = await Client.connect(await monitor.said(/ws:\S+/));
       const states = await client.some("/joint_states", 3);
       assert.equal(states[0].joints.length, 20);
       await client.some("/tf", 3);
@@ -103,9 +104,9 @@ describe("robots in Foxglove", { skip: program && simulator ? false : "STUDIO_RO
 
   test("a port that is taken is refused with what to do", async () => {
     const port = address.split(":").at(-1);
-    const other = spawn(simulator, ["robots/agilebot.toml", "--bus", `${bus}.other`, "--foxglove", port], { cwd: root });
+    const other = new Program(simulator, ["robots/agilebot.toml", "--bus", `${bus}.other`, "--foxglove", port]);
     try {
-      await assert.rejects(said(other, /Ctrl-C/), /cannot serve Foxglove on 127\.0\.0\.1[\s\S]*--foxglove PORT/);
+      await assert.rejects(other.said(/Ctrl-C/), /cannot serve Foxglove on 127\.0\.0\.1[\s\S]*--foxglove PORT/);
     } finally {
       other.kill();
     }

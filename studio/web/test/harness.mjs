@@ -1,17 +1,18 @@
 // Serves the page with its engine and drives it in a real browser, as a person does: mouse, keyboard, reload.
 // Waits are for a version of the documents whose plan has been answered, never for time.
 import assert from "node:assert/strict";
-import { spawn, spawnSync } from "node:child_process";
+import { spawnSync } from "node:child_process";
 import { access, readFile } from "node:fs/promises";
 import { createServer } from "node:http";
 import { dirname, extname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 import puppeteer from "puppeteer-core";
+import { child } from "./programs.mjs";
+import { WAIT_MS, within } from "./within.mjs";
 
 const here = dirname(fileURLToPath(import.meta.url));
 export const DIST = process.env.STUDIO_DIST ?? join(here, "../../dist");
 export const WASM = process.env.STUDIO_WASM ?? join(here, "../../../target/studio/studio.wasm");
-export const WAIT_MS = Number(process.env.STUDIO_WAIT_MS ?? 60_000);
 const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm" };
 const PROGRAMS = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" };
 
@@ -37,8 +38,8 @@ export async function serve(changed = (html) => html) {
 /** A display for Firefox, whose headless mode has no WebGL without a GPU. */
 async function display() {
   if (spawnSync("which", ["Xvfb"]).status !== 0) return null;
-  const program = spawn("Xvfb", ["-displayfd", "3", "-screen", "0", "1600x1200x24", "-nolisten", "tcp"], { stdio: ["ignore", "ignore", "ignore", "pipe"] });
-  const number = await new Promise((resolve) => program.stdio[3].once("data", (data) => resolve(String(data).trim())));
+  const program = child("Xvfb", ["-displayfd", "3", "-screen", "0", "1600x1200x24", "-nolisten", "tcp"], { stdio: ["ignore", "ignore", "ignore", "pipe"] });
+  const number = await within("the display of Xvfb", new Promise((resolve) => program.stdio[3].once("data", (data) => resolve(String(data).trim()))));
   return { name: `:${number}`, close: () => program.kill() };
 }
 
@@ -46,20 +47,31 @@ export async function launch(name) {
   const executablePath = process.env[`STUDIO_${name.toUpperCase()}`] ?? PROGRAMS[name];
   if (name === "chromium") {
     // Root has no user namespaces to put a sandbox in.
-    return puppeteer.launch({ executablePath, headless: true, args: process.getuid() === 0 ? ["--no-sandbox"] : [] });
+    return closing(await puppeteer.launch({ executablePath, headless: true, timeout: WAIT_MS, args: process.getuid() === 0 ? ["--no-sandbox"] : [] }));
   }
   const screen = await display();
   const browser = await puppeteer.launch({
     browser: "firefox",
     executablePath,
+    timeout: WAIT_MS,
     headless: screen === null,
     env: { ...process.env, DISPLAY: screen?.name ?? "", LIBGL_ALWAYS_SOFTWARE: "1" },
     extraPrefsFirefox: { "webgl.force-enabled": true },
   });
+  return closing(browser, () => screen?.close());
+}
+
+/** A browser that is killed if it does not close. */
+function closing(browser, then = () => {}) {
   const close = browser.close.bind(browser);
   browser.close = async () => {
-    await close();
-    screen?.close();
+    const process = browser.process();
+    try {
+      await within("the end of the browser", close());
+    } finally {
+      process?.kill("SIGKILL");
+      then();
+    }
   };
   return browser;
 }
@@ -75,6 +87,7 @@ export class Studio {
     const studio = new Studio();
     studio.page = await browser.newPage();
     const { page } = studio;
+    page.setDefaultTimeout(WAIT_MS);
     await page.setViewport({ width: 1280, height: 860, ...options.viewport });
     if (options.theme) await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: options.theme }]);
     page.on("console", (message) => {
@@ -95,14 +108,21 @@ export class Studio {
       if (document.querySelector(".stopped")) throw new Error("the page did not start");
       return state && state.version > 0 && state.settled === state.version && !state.planning;
     };
+    await this.until(settled);
+  }
+
+  /** Waits until a function of the page is true; fails with the function and what the page shows instead. */
+  async until(wanted, argument, ms = WAIT_MS) {
     try {
-      await this.page.waitForFunction(settled, { timeout: WAIT_MS });
+      await this.page.waitForFunction(wanted, { timeout: ms }, argument);
     } catch (error) {
-      const state = await this.page.evaluate(() => {
+      const shown = await this.page.evaluate(() => {
         const { version, settled, planning, problem, faults } = globalThis.studio?.state ?? {};
-        return JSON.stringify({ version, settled, planning, problem, faults, says: document.body.innerText.slice(0, 300) });
+        const robot = globalThis.studio?.link?.view?.state;
+        return JSON.stringify({ version, settled, planning, problem, faults, robot, says: document.body.innerText.slice(0, 300) });
       });
-      throw new Error(`${error.message}\n${state}\n${this.errors.join("\n")}`);
+      const what = argument === undefined ? `${wanted}` : `${wanted} of ${JSON.stringify(argument)}`;
+      throw new Error(`${error.message}\nwaited for ${what}\n${shown}\n${this.errors.join("\n")}`);
     }
   }
 
@@ -110,7 +130,7 @@ export class Studio {
   async edit(act) {
     const before = await this.state("state.version");
     await act();
-    await this.page.waitForFunction((version) => globalThis.studio.state.version > version, { timeout: WAIT_MS }, before);
+    await this.until((version) => globalThis.studio.state.version > version, before);
     await this.settled();
   }
 
@@ -134,7 +154,7 @@ export class Studio {
   }
 
   click(selector) {
-    return this.page.locator(selector).setTimeout(WAIT_MS).click();
+    return this.page.locator(selector).click();
   }
 
   button(text) {

@@ -1,7 +1,8 @@
 // A serial port for the page that is none: `navigator.serial` as browsers have it, and in Node what is at the other end of the
 // cable, a controller's line at a pseudo terminal, or a CAN adapter that speaks SLCAN.
-import { spawn } from "node:child_process";
 import { connect } from "node:net";
+import { child } from "./programs.mjs";
+import { within } from "./within.mjs";
 
 /** In the page, before its scripts: ports that behave as Web Serial says. Bytes arrive in pieces of any length. With `inWorkers` its
  * workers have them too. */
@@ -89,8 +90,8 @@ while True:
             sys.exit()
         os.write(1 if ready == near else near, data)
 `;
-  const program = spawn("python3", ["-c", source], { stdio: ["pipe", "pipe", "inherit"] });
-  const device = await new Promise((resolve) => program.stdout.once("data", (name) => resolve(String(name).trim())));
+  const program = child("python3", ["-c", source], { stdio: ["pipe", "pipe", "inherit"] });
+  const device = await within("the name of a pseudo terminal", new Promise((resolve) => program.stdout.once("data", (name) => resolve(String(name).trim()))));
   program.stdout.on("data", (bytes) => heard(bytes));
   return { device, send: (bytes) => program.stdin.write(bytes), close: () => program.stdin.end() };
 }
@@ -98,7 +99,7 @@ while True:
 /** An SLCAN adapter on the link of a simulated robot. */
 export async function slcanAdapter(socket, heard) {
   const robot = connect(socket);
-  await new Promise((resolve) => robot.once("connect", resolve));
+  await within(`a connection to ${socket}`, new Promise((resolve, reject) => robot.once("connect", resolve).once("error", reject)));
   let isOpen = false;
   let text = "";
   let packet = [];

@@ -4,7 +4,7 @@ import { mkdtemp, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, afterEach, before, beforeEach, describe, test } from "node:test";
-import { launch, serve, Studio, WAIT_MS } from "./harness.mjs";
+import { launch, serve, Studio } from "./harness.mjs";
 import { runRobot } from "./robot.mjs";
 
 describe("the page", () => {
@@ -53,7 +53,7 @@ describe("the page", () => {
 
   test("plays, stops, steps and scrubs", async () => {
     await studio.press("Space");
-    await studio.page.waitForFunction(() => globalThis.studio.playback.time_s > 0.2, { timeout: WAIT_MS });
+    await studio.until(() => globalThis.studio.playback.time_s > 0.2);
     await studio.press("Space");
     assert.equal(await studio.state("playback.playing"), false);
     await studio.press("Home");
@@ -66,10 +66,10 @@ describe("the page", () => {
 
   test("says what each parameter does, and again after a change", async () => {
     const shown = () => studio.page.$$eval(".slope", (all) => all.map((one) => one.textContent));
-    const known = (before) => studio.page.waitForFunction((before) => {
+    const known = (before) => studio.until((before) => {
       const all = [...document.querySelectorAll(".slope")].map((one) => one.textContent);
       return all.every((one) => /^\+.*%\)$/.test(one)) && all.join() !== before ? true : null;
-    }, { timeout: WAIT_MS }, before);
+    }, before);
     await studio.click("#tab-robot");
     await studio.click("#slopes");
     await known("");
@@ -162,7 +162,7 @@ describe("the page", () => {
       await studio.page.mouse.move(from.x, from.y);
       await studio.page.mouse.down();
       await studio.page.mouse.move(from.x, from.y - 10);
-      await studio.page.waitForFunction(() => globalThis.drags > 0, { timeout: WAIT_MS });
+      await studio.until(() => globalThis.drags > 0);
       await studio.page.mouse.move(from.x, from.y - 14);
       await studio.page.mouse.up();
     });
@@ -239,7 +239,7 @@ describe("the page", () => {
     await studio.page.evaluate(() => (navigator.clipboard.writeText = async (text) => void (globalThis.copied = text)));
     await studio.button("Share");
     await studio.button("Copy linkthe project is in the link itself; nothing is sent");
-    await studio.page.waitForFunction(() => /link/i.test(globalThis.studio.state.notice), { timeout: WAIT_MS });
+    await studio.until(() => /link/i.test(globalThis.studio.state.notice));
     const link = await studio.page.evaluate(() => globalThis.copied);
     const other = await browser.createBrowserContext();
     const opened = await Studio.open(other, link);
@@ -330,7 +330,7 @@ describe("the page", () => {
 
   test("the report is a table with tolerances", async () => {
     await studio.click("#tab-report");
-    await studio.page.waitForSelector(".report tbody tr", { timeout: WAIT_MS });
+    await studio.page.waitForSelector(".report tbody tr");
     const rows = await studio.page.$$eval(".report tbody th", (list) => list.map((one) => one.innerText));
     assert.ok(rows.some((row) => /slip/.test(row)), rows.join("; "));
   });

@@ -1,40 +1,85 @@
-// The programs that tests start: `rollwalk studio` (STUDIO_ROLLWALK) and simulated robots (STUDIO_SIM).
+// The programs that tests start: `rollwalk studio` (STUDIO_ROLLWALK) and simulated robots (STUDIO_SIM). None keeps Node from ending, and
+// all are killed when it ends.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
+import { EventEmitter } from "node:events";
 import { dirname, join } from "node:path";
 import { createInterface } from "node:readline";
 import { fileURLToPath } from "node:url";
+import { within } from "./within.mjs";
 
 export const program = process.env.STUDIO_ROLLWALK;
 export const simulator = process.env.STUDIO_SIM;
 export const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
 
-/** Waits until a line of a program matches: data may end within a line, in the middle of an address. */
-export function said(child, wanted) {
-  let text = "";
-  return new Promise((resolve, reject) => {
-    for (const stream of [child.stdout, child.stderr]) {
+const children = new Set();
+process.on("exit", () => children.forEach((child) => child.kill("SIGKILL")));
+// The runner ends a file so that takes too long.
+process.on("SIGTERM", () => process.exit(1));
+
+/** A child process that does not outlive the tests. Wait for it with a bound (`within`), which keeps Node from ending meanwhile. */
+export function child(...args) {
+  const child = spawn(...args);
+  children.add(child);
+  for (const part of [child, ...child.stdio]) part?.unref();
+  child.on("close", () => children.delete(child));
+  return child;
+}
+
+/** A program with all lines that it has printed. */
+export class Program extends EventEmitter {
+  #lines = [];
+  #hasEnded = false;
+
+  constructor(file, args, folder = root) {
+    super();
+    this.name = [file, ...args].join(" ");
+    this.child = child(file, args, { cwd: folder });
+    for (const stream of [this.child.stdout, this.child.stderr]) {
+      // Data may end within a line, in the middle of an address.
       createInterface({ input: stream }).on("line", (line) => {
-        text += `${line}\n`;
-        const found = wanted.exec(line);
-        if (found) resolve(found[0]);
+        this.#lines.push(line);
+        this.emit("change");
       });
     }
+    this.child.on("error", (error) => this.#lines.push(String(error)));
     // After its streams have closed: all lines have come.
-    child.on("close", () => reject(new assert.AssertionError({ message: `the program ended: ${text}` })));
-  });
+    this.child.on("close", () => {
+      this.#hasEnded = true;
+      this.emit("change");
+    });
+  }
+
+  /** Waits for a line that matches. Lines that came before count: several may come at once. */
+  said(wanted) {
+    const text = () => `${this.name}\n${this.#lines.join("\n")}`;
+    const found = new Promise((resolve, reject) => {
+      const look = () => {
+        const found = this.#lines.map((line) => wanted.exec(line)).find((found) => found);
+        if (found) resolve(found[0]);
+        else if (this.#hasEnded) reject(new assert.AssertionError({ message: `the program ended without ${wanted}: ${text()}` }));
+        else this.once("change", look);
+      };
+      look();
+    });
+    return within(() => `a line ${wanted} of ${text()}`, found);
+  }
+
+  kill() {
+    this.child.kill();
+  }
 }
 
 /** A test leg on a stand, whose link is at `bus`. */
 export async function startRobot(folder, bus, args = []) {
-  const robot = spawn(simulator, ["robots/test_leg.toml", "--on", "stand", "--bus", bus, ...args], { cwd: folder });
-  await said(robot, /Ctrl-C/);
+  const robot = new Program(simulator, ["robots/test_leg.toml", "--on", "stand", "--bus", bus, ...args], folder);
+  await robot.said(/Ctrl-C/);
   return robot;
 }
 
 /** `rollwalk studio`, and where its page is. */
 export async function serveStudio(folder, args) {
-  const server = spawn(program, ["studio", ...args, "--no-open"], { cwd: folder });
-  const address = await said(server, /http:\S+/);
+  const server = new Program(program, ["studio", ...args, "--no-open"], folder);
+  const address = await server.said(/http:\S+/);
   return { address, kill: () => server.kill() };
 }

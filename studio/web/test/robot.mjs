@@ -1,8 +1,8 @@
 // A robot on the Run tab, from connecting to leaving, as a person does it. The project at hand has a library.
 import assert from "node:assert/strict";
-import { WAIT_MS } from "./harness.mjs";
+import { WAIT_MS } from "./within.mjs";
 
-const waits = (studio) => (wanted, argument) => studio.page.waitForFunction(wanted, { timeout: WAIT_MS }, argument);
+const waits = (studio) => (wanted, argument) => studio.until(wanted, argument);
 
 /** Connects to a robot and gives it its library. */
 export async function flashRobot(studio, place = "simulated") {
@@ -151,12 +151,12 @@ async function repeatUntil(studio, order, obeyed, { argument, then } = {}) {
   for (let attempt = 1; ; attempt++) {
     await order();
     const last = attempt === ATTEMPTS;
-    const done = await studio.page.waitForFunction(obeyed, { timeout: last ? WAIT_MS : 10_000 }, argument).then(
-      () => true,
-      () => false,
+    const late = await studio.until(obeyed, argument, last ? WAIT_MS : 10_000).then(
+      () => null,
+      (error) => error,
     );
     await then?.();
-    if (done) return;
-    assert.ok(!last, JSON.stringify(await studio.state("link.view"), null, 1));
+    if (!late) return;
+    assert.ok(!last, `${late.message}\n${JSON.stringify(await studio.state("link.view"), null, 1)}`);
   }
 }

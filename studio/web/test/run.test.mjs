@@ -1,7 +1,7 @@
 // A robot that stands and walks, simulated in the page: beside the plan, while the page is busy, and with a gamepad.
 import assert from "node:assert/strict";
 import { after, before, describe, test } from "node:test";
-import { launch, serve, Studio, WAIT_MS } from "./harness.mjs";
+import { launch, serve, Studio } from "./harness.mjs";
 import { fakePad } from "./pad.mjs";
 import { armRobot, flashRobot, outlivesBusyPage, play, stop } from "./robot.mjs";
 
@@ -9,7 +9,7 @@ const browsers = (process.env.STUDIO_BROWSERS ?? "chromium,firefox").split(",");
 
 for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
   let server, browser, studio;
-  const until = (wanted, argument) => studio.page.waitForFunction(wanted, { timeout: WAIT_MS }, argument);
+  const until = (wanted, argument) => studio.until(wanted, argument);
   const leave = async () => {
     await studio.button("Disconnect");
     await until(() => !globalThis.studio.link.connected);

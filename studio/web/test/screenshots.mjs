@@ -65,10 +65,10 @@ await picture("run", { theme: "light", viewport: desktop }, async (studio) => {
   await studio.click("#tab-run");
   await studio.click(".run .flash");
   await studio.button("Connect");
-  await studio.page.waitForFunction(() => globalThis.studio.link.view?.contact);
-  await studio.page.waitForFunction(() => document.querySelector(".run .flash").textContent === "Flash library", { timeout: 60_000 });
+  await studio.until(() => globalThis.studio.link.view?.contact);
+  await studio.until(() => document.querySelector(".run .flash").textContent === "Flash library");
   await studio.click(".run .flash");
-  await studio.page.waitForFunction(() => globalThis.studio.link.view.motions.length > 1, { timeout: 60_000 });
+  await studio.until(() => globalThis.studio.link.view.motions.length > 1);
 });
 await browser.close();
 server.close();

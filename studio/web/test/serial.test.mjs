@@ -5,7 +5,7 @@ import { mkdtemp } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
-import { launch, Studio, WAIT_MS } from "./harness.mjs";
+import { launch, Studio } from "./harness.mjs";
 import { fakeSerial, serialLine, slcanAdapter } from "./line.mjs";
 import { program, root, serveStudio, simulator, startRobot } from "./programs.mjs";
 import { flashRobot, runRobot } from "./robot.mjs";
@@ -33,7 +33,7 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
       isPassing = false;
     };
   };
-  const until = (wanted, argument) => studio.page.waitForFunction(wanted, { timeout: WAIT_MS }, argument);
+  const until = (wanted, argument) => studio.until(wanted, argument);
   const trouble = (words) => until((words) => document.querySelector(".steps .note").textContent.includes(words), words);
   const set = (change) => studio.page.evaluate((change) => void Object.assign(globalThis.fakeSerial, change), change);
   const fake = (name) => studio.page.evaluate((name) => globalThis.fakeSerial[name], name);

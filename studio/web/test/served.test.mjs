@@ -4,8 +4,9 @@ import { cp, mkdtemp, readFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
-import { launch, Studio, WAIT_MS } from "./harness.mjs";
+import { launch, Studio } from "./harness.mjs";
 import { program, root, serveStudio } from "./programs.mjs";
+import { WAIT_MS } from "./within.mjs";
 
 const browsers = (process.env.STUDIO_BROWSERS ?? "chromium,firefox").split(",");
 
@@ -28,7 +29,7 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
     assert.equal(await studio.converged(), true);
     await studio.edit(() => studio.type("Duration", "1.2"));
     await studio.press("Control", "s");
-    await studio.page.waitForFunction(() => /Saved/.test(globalThis.studio.state.notice), { timeout: WAIT_MS });
+    await studio.until(() => /Saved/.test(globalThis.studio.state.notice));
     assert.match(await readFile(join(folder, path), "utf8"), /^duration_s = 1\.2/m);
   });
 
@@ -71,7 +72,7 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
     assert.equal(await friction(), 0.55);
     assert.equal(await studio.text(), motion);
     await drop("bad.urdf", "<robot name='r'>\n<link/>\n</robot>");
-    await studio.page.waitForFunction(() => /bad\.urdf, line 2/.test(document.querySelector(".status-body").textContent), { timeout: WAIT_MS });
+    await studio.until(() => /bad\.urdf, line 2/.test(document.querySelector(".status-body").textContent));
     assert.equal(await studio.state("state.documents.robotPath"), "rover.toml", "what was open stays");
   });
 
@@ -80,15 +81,15 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
     await studio.click("#tab-library");
     await studio.edit(() => studio.button("New library"));
     const rows = () => studio.page.$$eval(".graph-list strong", (names) => names.map((name) => name.textContent));
-    await studio.page.waitForFunction(() => document.querySelectorAll(".graph-list strong").length === 2, { timeout: WAIT_MS });
+    await studio.until(() => document.querySelectorAll(".graph-list strong").length === 2);
     assert.deepEqual(await rows(), ["stand", "walk"]);
     await studio.edit(() => studio.button("Add transition"));
-    await studio.page.waitForSelector('[aria-label="Remove the transition from stand to walk"]', { timeout: WAIT_MS });
+    await studio.page.waitForSelector('[aria-label="Remove the transition from stand to walk"]');
     assert.match(await studio.text("libraryPath"), /\[\[transition\]\]\nfrom = "stand"\nto = "walk"\nduration_s = 1.2/);
     await studio.edit(() => studio.click('[aria-label="Remove the transition from stand to walk"]'));
     assert.doesNotMatch(await studio.text("libraryPath"), /\[\[transition/);
     await studio.button("Build library");
-    await studio.page.waitForFunction(() => Number(document.querySelector("[data-built]")?.dataset.built) > 100, { timeout: 4 * WAIT_MS });
+    await studio.until(() => Number(document.querySelector("[data-built]")?.dataset.built) > 100, undefined, 4 * WAIT_MS);
     await studio.edit(() => studio.press("Control", "z"));
   });
 

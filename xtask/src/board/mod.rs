@@ -19,6 +19,7 @@ mod real;
 mod sizes;
 mod slcan;
 
+use crate::extent::Extent;
 use crate::shell;
 use bench::Bench;
 use clap::ValueEnum;
@@ -91,15 +92,18 @@ pub fn run(
     }
 }
 
-/// The step of `cargo xtask test`: the image of the emulated board within its limits and without panics; it replays the demo and
-/// plays a short motion over its UART.
+/// The step of `cargo xtask test`: the image of the emulated board within its limits and without panics; it replays the demo and,
+/// unless brief, plays a short motion over its UART.
 ///
 /// # Errors
 /// The first failure.
-pub fn check() -> Result<(), String> {
+pub fn check(extent: Extent) -> Result<(), String> {
     let bench = Bench::build()?;
     sizes::measure(&bench)?;
-    bench.uart(&image::MPS2_AN386.build()?, false)
+    match extent {
+        Extent::Brief => Ok(()),
+        Extent::Short | Extent::Full => bench.uart(&image::MPS2_AN386.build()?, false),
+    }
 }
 
 /// Builds and measures the images that [`check`] leaves out: those of the real boards, those with keys among them; and has the

@@ -3,8 +3,8 @@
 use super::Step;
 use crate::extent::Extent;
 use crate::{
-    board, browsers, crates, deny, docs, explore, fuzz, hostile, miri, mujoco, package, replay,
-    ros2, sbom, shell, studio, vcan, wheel, workspace,
+    board, browsers, crates, deny, docs, explore, exports, fuzz, hostile, miri, mujoco, package,
+    replay, ros2, sbom, shell, studio, vcan, wheel, workspace,
 };
 use clap::ValueEnum;
 
@@ -53,6 +53,8 @@ pub enum NightlyStep {
     Multibody,
     /// The experiments of the differentiable simulator.
     Physics,
+    /// Exported robots and plans as MuJoCo, Pinocchio and readers of URDF and MCAP read them.
+    Exports,
     /// A sweep over designs, whole, interrupted, and split by GNU parallel and Slurm.
     Explore,
     /// Every shipped motion replayed in MuJoCo, without and with feed-forward, level and disturbed.
@@ -77,7 +79,6 @@ pub enum NightlyStep {
 
 impl Step for NightlyStep {
     const COMMAND: &'static str = "nightly";
-    const CONTINUES: bool = true;
 
     fn title(&self) -> &'static str {
         match self {
@@ -91,6 +92,7 @@ impl Step for NightlyStep {
             Self::Miri => "tests of protocol and firmware in Miri",
             Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states a robot",
             Self::Physics => "experiments of the differentiable simulator",
+            Self::Exports => "exports as other tools read them",
             Self::Explore => "a sweep over designs, split in every way",
             Self::Replay => "every shipped motion replayed in MuJoCo",
             Self::Hostile => "attacks on a simulated robot, and on files being written",
@@ -106,7 +108,8 @@ impl Step for NightlyStep {
         }
     }
 
-    fn check(&self) -> Result<(), String> {
+    fn check(&self, _: Extent) -> Result<(), String> {
+        workspace::select_all();
         match self {
             Self::Deny => deny::check().and_then(|()| sbom::write(None)),
             Self::Crates => crates::check(Extent::Full),
@@ -126,6 +129,7 @@ impl Step for NightlyStep {
                 let out = shell::target_folder().join("physics");
                 shell::run(bench.command(&["physics", "--out"]).arg(out))
             }
+            Self::Exports => exports::check(Extent::Full),
             Self::Explore => explore::check(),
             Self::Replay => replay::check(Extent::Full),
             Self::Hostile => hostile::check(Extent::Full),

@@ -4,10 +4,8 @@ use crate::shell;
 use std::fs::{self, File};
 use std::path::PathBuf;
 use std::process::Child;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// The steps of a command so far.
 pub struct Run {
@@ -19,20 +17,24 @@ pub struct Run {
     rows: Vec<Row>,
     beside: Vec<Beside>,
     failures: Vec<String>,
+    /// Steps in their brief form, and what that leaves to `cargo xtask nightly`.
+    left: Vec<(String, &'static str)>,
 }
 
 /// A line of the table.
 struct Row {
     name: String,
     seconds: f64,
-    remark: &'static str,
+    remark: String,
 }
+
+/// Remark on a failed step.
+const FAILED: &str = "FAILED";
 
 /// A step in a process of its own.
 struct Beside {
     name: String,
     log: PathBuf,
-    stop: Arc<AtomicBool>,
     /// Ends with the process: whether it succeeded, and its seconds.
     waiter: JoinHandle<(bool, f64)>,
 }
@@ -40,8 +42,16 @@ struct Beside {
 impl Run {
     /// No step yet of `total` steps of `cargo xtask COMMAND`.
     pub fn new(command: &'static str, total: usize) -> Self {
-        let (rows, beside, failures) = (Vec::new(), Vec::new(), Vec::new());
-        Self { command, total, start: Instant::now(), begun: 0, rows, beside, failures }
+        Self {
+            command,
+            total,
+            start: Instant::now(),
+            begun: 0,
+            rows: Vec::new(),
+            beside: Vec::new(),
+            failures: Vec::new(),
+            left: Vec::new(),
+        }
     }
 
     /// Runs a step and returns whether it passed.
@@ -60,57 +70,64 @@ impl Run {
             Ok(()) => eprintln!("== {name} ok in {seconds:.1} s"),
             Err(why) => self.fail(name, seconds, &why),
         }
-        self.add(name, seconds, if passed { "" } else { "FAILED" });
+        self.add(name, seconds, if passed { "" } else { FAILED });
         passed
     }
 
-    /// Starts a step in a process of its own; its output is printed when it has ended.
-    pub fn beside(&mut self, name: &str, title: &str) {
+    /// Starts a step in a process of its own, perhaps in its brief form; its output is printed when it has ended.
+    pub fn beside(&mut self, name: &str, title: &str, is_brief: bool) {
         self.begin(name, title);
-        match Beside::start(self.command, name) {
+        match Beside::start(self.command, name, is_brief) {
             Ok(beside) => {
                 eprintln!("== {name} runs beside the next steps");
                 self.beside.push(beside);
             }
-            Err(why) => self.fail(name, 0.0, &why),
+            Err(why) => {
+                self.fail(name, 0.0, &why);
+                self.add(name, 0.0, FAILED);
+            }
         }
     }
 
-    /// Ends the steps that still run beside the others.
-    pub fn stop(&self) {
-        self.beside.iter().for_each(|beside| beside.stop.store(true, Ordering::Relaxed));
+    /// Accounts for a step that cannot run because `needed` has failed.
+    pub fn skip(&mut self, name: &str, title: &str, needed: &str) {
+        self.begin(name, title);
+        eprintln!("== {name} does not run, because {needed} failed");
+        self.add(name, 0.0, &format!("NOT RUN: {needed} failed"));
     }
 
-    /// Accounts for the steps beside the others that have ended. Returns whether every step so far has passed.
-    pub fn collect(&mut self) -> bool {
+    /// Notes what the brief form of a step leaves to `cargo xtask nightly`.
+    pub fn leave(&mut self, name: &str, left: &'static str) {
+        self.left.push((name.into(), left));
+    }
+
+    /// Whether a step has run and failed.
+    pub fn has_failed(&self, name: &str) -> bool {
+        self.rows.iter().any(|row| row.name == name && row.remark == FAILED)
+    }
+
+    /// Accounts for the steps beside the others that have ended.
+    pub fn collect(&mut self) {
         let beside = std::mem::take(&mut self.beside).into_iter();
         let (ended, running): (Vec<_>, _) = beside.partition(|one| one.waiter.is_finished());
         self.beside = running;
         ended.into_iter().for_each(|one| self.end(one));
-        self.failures.is_empty()
     }
 
-    /// Waits for the steps beside the others. Returns whether every step so far has passed.
-    pub fn join(&mut self) -> bool {
+    /// Waits for the steps beside the others.
+    pub fn join(&mut self) {
         std::mem::take(&mut self.beside).into_iter().for_each(|one| self.end(one));
-        self.failures.is_empty()
     }
 
     /// Waits for the end of a step beside the others and prints its output.
-    fn end(&mut self, Beside { name, log, stop, waiter }: Beside) {
+    fn end(&mut self, Beside { name, log, waiter }: Beside) {
         let (passed, seconds) = waiter.join().expect("the waiting thread does not panic");
-        let stopped = stop.load(Ordering::Relaxed) && !passed;
         eprintln!("\n== output of {name}, which ran beside others");
         eprintln!("{}", String::from_utf8_lossy(&fs::read(&log).unwrap_or_default()));
-        let remark = match (passed, stopped) {
-            (true, _) => "beside others",
-            (false, true) => "stopped",
-            (false, false) => "FAILED",
-        };
-        if !passed && !stopped {
+        if !passed {
             self.fail(&name, seconds, "its output is above");
         }
-        self.add(&name, seconds, remark);
+        self.add(&name, seconds, if passed { "beside others" } else { FAILED });
     }
 
     /// Waits for the steps beside the others and prints the table.
@@ -120,6 +137,9 @@ impl Run {
     pub fn finish(mut self) -> Result<(), String> {
         self.join();
         eprintln!("\n{}", table(&self.rows, self.start.elapsed().as_secs_f64()));
+        if !self.left.is_empty() {
+            eprintln!("\n{}", brief_steps(&self.left));
+        }
         if self.failures.is_empty() { Ok(()) } else { Err(self.failures.join("\n")) }
     }
 
@@ -128,8 +148,8 @@ impl Run {
         eprintln!("\n== {}/{} {name}: {title}", self.begun, self.total);
     }
 
-    fn add(&mut self, name: &str, seconds: f64, remark: &'static str) {
-        self.rows.push(Row { name: name.into(), seconds, remark });
+    fn add(&mut self, name: &str, seconds: f64, remark: &str) {
+        self.rows.push(Row { name: name.into(), seconds, remark: remark.into() });
     }
 
     fn fail(&mut self, name: &str, seconds: f64, why: &str) {
@@ -141,7 +161,7 @@ impl Run {
 }
 
 impl Beside {
-    fn start(command: &str, name: &str) -> Result<Self, String> {
+    fn start(command: &str, name: &str, is_brief: bool) -> Result<Self, String> {
         let failed = |error: std::io::Error| format!("no process for the step: {error}");
         let folder = shell::target_folder().join("steps");
         fs::create_dir_all(&folder).map_err(failed)?;
@@ -151,31 +171,20 @@ impl Beside {
         // This very program, also when the build has put another in its place.
         let mut process = shell::tied(&format!("/proc/{}/exe", std::process::id()));
         process.args([command, "--only", name]);
+        if is_brief {
+            process.arg("--brief");
+        }
         let child = process.stdout(output).stderr(errors).spawn().map_err(failed)?;
-        let stop = Arc::new(AtomicBool::new(false));
-        let stopped = stop.clone();
-        let waiter = thread::spawn(move || wait(child, &stopped));
-        Ok(Self { name: name.into(), log, stop, waiter })
+        let waiter = thread::spawn(move || wait(child));
+        Ok(Self { name: name.into(), log, waiter })
     }
 }
 
-/// Waits for the end of a process or of the need for it; whether it succeeded, and its seconds.
-fn wait(mut child: Child, stop: &AtomicBool) -> (bool, f64) {
+/// Waits for the end of a process; whether it succeeded, and its seconds.
+fn wait(mut child: Child) -> (bool, f64) {
     let start = Instant::now();
-    loop {
-        let ended = child.try_wait();
-        let seconds = start.elapsed().as_secs_f64();
-        match ended {
-            Ok(Some(status)) => return (status.success(), seconds),
-            Ok(None) if !stop.load(Ordering::Relaxed) => thread::sleep(Duration::from_millis(50)),
-            _ => {
-                // It may have ended by itself.
-                let _ = child.kill();
-                let _ = child.wait();
-                return (false, seconds);
-            }
-        }
-    }
+    let succeeded = child.wait().is_ok_and(|status| status.success());
+    (succeeded, start.elapsed().as_secs_f64())
 }
 
 /// Seconds of each step and of all of them.
@@ -185,6 +194,17 @@ fn table(rows: &[Row], total: f64) -> String {
         format!("{name:<16} {seconds:>8.1} {remark}").trim_end().to_owned()
     }));
     lines.push(format!("{:<16} {total:>8.1}", "total"));
+    lines.join("\n")
+}
+
+/// Steps in their brief form, with what each leaves out.
+fn brief_steps(left: &[(String, &str)]) -> String {
+    let mut lines = vec![
+        "Brief, because nothing that these steps check has changed; `cargo xtask test --only STEP` and `cargo xtask nightly` \
+         also check:"
+            .to_owned(),
+    ];
+    lines.extend(left.iter().map(|(name, left)| format!("{name:<16} {left}")));
     lines.join("\n")
 }
 
@@ -203,32 +223,44 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_beside_others_is_seen_before_they_end() {
+    fn what_needs_a_failed_step_does_not_run() {
+        let mut run = Run::new("test", 2);
+        run.step("build", "fails", || Err("why".into()));
+        assert!(run.has_failed("build") && !run.has_failed("dbc"));
+        run.skip("dbc", "needs the build", "build");
+        assert!(!run.has_failed("dbc"));
+        assert_eq!(run.rows[1].remark, "NOT RUN: build failed");
+        assert_eq!(run.finish(), Err("step `build` failed: cargo xtask test --only build".into()));
+    }
+
+    #[test]
+    fn a_failure_beside_others_is_accounted_for_before_they_end() {
         let beside = |name: &str, passed: bool, until: mpsc::Receiver<()>| {
             let ends = move || (until.recv().is_ok() && passed, 0.0);
-            Beside {
-                name: name.into(),
-                log: PathBuf::new(),
-                stop: Arc::default(),
-                waiter: thread::spawn(ends),
-            }
+            Beside { name: name.into(), log: PathBuf::new(), waiter: thread::spawn(ends) }
         };
         let ((goes_on, first), (fails, second)) = (mpsc::channel(), mpsc::channel());
         let mut run = Run::new("test", 2);
         run.beside = vec![beside("goes on", true, first), beside("fails", false, second)];
-        assert!(run.collect());
+        run.collect();
+        assert_eq!(run.beside.len(), 2);
         fails.send(()).unwrap();
         while !run.beside[1].waiter.is_finished() {
             thread::yield_now();
         }
-        assert!(!run.collect());
+        run.collect();
+        assert!(run.has_failed("fails") && run.beside.len() == 1);
         goes_on.send(()).unwrap();
         assert_eq!(run.finish(), Err("step `fails` failed: cargo xtask test --only fails".into()));
     }
 
     #[test]
     fn the_table_has_a_line_for_each_step() {
-        let row = |name: &str, seconds, remark| Row { name: name.into(), seconds, remark };
+        let row = |name: &str, seconds, remark: &str| Row {
+            name: name.into(),
+            seconds,
+            remark: remark.into(),
+        };
         let rows = [row("fmt", 1.26, ""), row("vcan", 180.0, "beside others")];
         let lines = [
             "step              seconds",
@@ -240,10 +272,16 @@ mod tests {
     }
 
     #[test]
-    fn a_process_is_stopped_when_nobody_needs_it() {
-        let sleep = || shell::command("sleep", &["60"]).spawn().expect("sleep");
-        assert!(!wait(sleep(), &AtomicBool::new(true)).0);
-        let ended = shell::command("true", &[] as &[&str]).spawn().expect("true");
-        assert!(wait(ended, &AtomicBool::new(false)).0);
+    fn a_brief_step_says_what_it_leaves_out() {
+        let left = brief_steps(&[("studio".into(), "Firefox")]);
+        assert!(left.ends_with("also check:\nstudio           Firefox"), "{left}");
+    }
+
+    #[test]
+    fn the_end_of_a_process_says_whether_it_succeeded() {
+        for (program, succeeds) in [("true", true), ("false", false)] {
+            let child = shell::command(program, &[] as &[&str]).spawn().expect(program);
+            assert_eq!(wait(child).0, succeeds);
+        }
     }
 }

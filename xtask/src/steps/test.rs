@@ -44,7 +44,6 @@ pub enum TestStep {
 
 impl Step for TestStep {
     const COMMAND: &'static str = "test";
-    const CONTINUES: bool = false;
 
     fn title(&self) -> &'static str {
         match self {
@@ -65,21 +64,72 @@ impl Step for TestStep {
         }
     }
 
-    fn check(&self) -> Result<(), String> {
+    /// The others build what they run themselves, or run what is built elsewhere.
+    fn needs(&self) -> Option<Self> {
+        let builds = [Self::Fmt, Self::Tidy, Self::Crates, Self::Build, Self::NoStd, Self::Hostile];
+        (!builds.contains(self)).then_some(Self::Build)
+    }
+
+    fn checks(&self) -> &'static [&'static str] {
+        match self {
+            Self::Crates => &["**/Cargo.toml", "docs/crates.md", "xtask/src/crates"],
+            Self::Build => &workspace::APART,
+            Self::Studio => &["studio", "cli/src/studio", "host/gamepads", "xtask/src/browsers.rs"],
+            Self::Board => &["firmware", "protocol", "xtask/src/board"],
+            Self::Multibody => &["robot/multibody", "shipped/robots", "xtask/src/mujoco.rs"],
+            Self::Exports => &[
+                "planner/interchange",
+                "robot/src/urdf",
+                "shipped/robots",
+                "tests/exports",
+                "xtask/src/exports.rs",
+            ],
+            Self::Replay => &["tests/replay", "control/tracking", "xtask/src/replay"],
+            Self::Robots => &[
+                "studio",
+                "cli/src/studio",
+                "cli/src/live.rs",
+                "host/gamepads",
+                "xtask/src/browsers.rs",
+            ],
+            Self::Fmt | Self::Tidy | Self::NoStd | Self::Dbc | Self::Hostile | Self::Test => &[],
+        }
+    }
+
+    fn left_out(&self) -> &'static str {
+        match self {
+            Self::Crates => "the packages themselves",
+            Self::Build => "the node of ROS 2 and the Python package, their lints and tests",
+            Self::Studio => "the page's sources, Firefox, all but one test",
+            Self::Board => "a motion over the UART",
+            Self::Multibody => "45 of 50 states of each robot",
+            Self::Exports => "robots in Pinocchio and as URDF, plans as MJCF and MCAP",
+            Self::Replay => "robots standing in MuJoCo, a turn that is tracked there",
+            Self::Robots => "robots on buses and at serial lines, the live view, Firefox",
+            Self::Fmt | Self::Tidy | Self::NoStd | Self::Dbc | Self::Hostile | Self::Test => "",
+        }
+    }
+
+    fn check(&self, extent: Extent) -> Result<(), String> {
         match self {
             Self::Fmt => format(),
             Self::Tidy => tidy::check(&shell::workspace_root()),
-            Self::Crates => crates::check(Extent::Short),
-            Self::Build => workspace::programs().map(drop),
-            Self::Studio => browsers::check(Extent::Short),
+            Self::Crates => crates::check(extent),
+            Self::Build => {
+                if extent == Extent::Short {
+                    workspace::select_all();
+                }
+                workspace::programs().map(drop)
+            }
+            Self::Studio => browsers::check(extent),
             Self::NoStd => bare_metal::check(),
-            Self::Board => board::check(),
+            Self::Board => board::check(extent),
             Self::Dbc => cantools::check(),
-            Self::Multibody => mujoco::check(Extent::Short),
-            Self::Exports => exports::check(),
-            Self::Replay => replay::check(Extent::Short),
+            Self::Multibody => mujoco::check(extent),
+            Self::Exports => exports::check(extent),
+            Self::Replay => replay::check(extent),
             Self::Hostile => hostile::check(Extent::Short),
-            Self::Robots => browsers::check_robots(),
+            Self::Robots => browsers::check_robots(extent),
             Self::Test => {
                 need_python()?;
                 let built = workspace::programs()?;
@@ -90,8 +140,11 @@ impl Step for TestStep {
                     let tests = programs::beside_each_other(&tests);
                     (examples.join().expect("it runs a command"), tests)
                 });
-                tests.and(examples)?;
-                programs::in_real_time(&built)
+                let failures: Vec<_> = [tests, examples, programs::in_real_time(&built)]
+                    .into_iter()
+                    .filter_map(Result::err)
+                    .collect();
+                if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
             }
         }
     }
@@ -129,4 +182,20 @@ pub fn need_python() -> Result<(), String> {
     debian::need(&["python3"]).map_err(|install| {
         format!("the tests need python3, any version from 3.9 on. On Debian:\n\n    {install}")
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_brief_steps_check_exists_and_what_they_leave_out_is_said() {
+        for step in TestStep::value_variants() {
+            let paths = step.checks();
+            assert_eq!(paths.is_empty(), step.left_out().is_empty(), "{step:?}");
+            for path in paths.iter().filter(|path| !path.starts_with("**/")) {
+                assert!(shell::workspace_root().join(path).exists(), "{step:?}: no {path}");
+            }
+        }
+    }
 }

@@ -1,0 +1,17 @@
+// Bounds on waits: each says what it waited for.
+
+/** Longest wait for anything, on a busy computer. */
+export const WAIT_MS = Number(process.env.STUDIO_WAIT_MS ?? 60_000);
+
+/** Settles with a promise, or fails after some time. `what` describes what was waited for; a function sees how far it came. */
+export async function within(what, promise, ms = WAIT_MS) {
+  let timer;
+  const late = new Promise((_, reject) => {
+    timer = setTimeout(() => reject(new Error(`not within ${ms / 1000} s: ${typeof what === "function" ? what() : what}`)), ms);
+  });
+  try {
+    return await Promise.race([promise, late]);
+  } finally {
+    clearTimeout(timer);
+  }
+}
