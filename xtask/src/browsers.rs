@@ -47,6 +47,12 @@ pub fn check_robots(extent: Extent) -> Result<(), String> {
 /// Runs a test of the page in Chromium alone.
 fn brief(file: &str, test: &str) -> Result<(), String> {
     install(&PACKAGES[..1])?;
+    let path = shell::workspace_root().join("studio/web").join(file);
+    let text = fs::read_to_string(path).map_err(|error| format!("{file}: {error}"))?;
+    if !text.contains(&format!("test(\"{test}")) {
+        // Node passes if no test has the name.
+        return Err(format!("{file} has no test \"{test}"));
+    }
     let pattern = format!("--test-name-pattern={test}");
     let mut test = tests(&["run", "files", "--", &pattern, file])?;
     shell::run(test.env("STUDIO_BROWSERS", "chromium"))
