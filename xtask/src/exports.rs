@@ -4,13 +4,7 @@ use crate::python::Environment;
 use crate::{shell, workspace};
 
 /// Readers of the formats: MuJoCo of MJCF and URDF, Pinocchio and a parser of URDF, a reader of MCAP.
-const READERS: [&str; 5] = [
-    "mujoco==4.0.0",
-    "pin==4.1.0",
-    "urdf-parser-py==0.0.4",
-    "mcap==1.6.0",
-    "mcap-protobuf-support==0.6.0",
-];
+const READERS: [&str; 4] = ["mujoco==4.0.0", "pin==4.1.0", "urdf-parser-py==0.0.4", "mcap==1.6.0"];
 
 /// Compares poses of every shipped robot, replays motions from their exported models alone, and reads recordings.
 ///
