@@ -120,8 +120,8 @@ impl<'r> View<'r> {
         let speeds: Vec<_> = all.iter().map(|joint| joint.speed_rad_s.unwrap_or(0.0)).collect();
         let torques: Vec<_> = all.iter().filter_map(|joint| joint.torque_nm).collect();
         let now_s = since_1970_s();
-        self.live.frames.log(&figure.transforms(&posture, now_s));
-        channel.log(&figure.joint_states(&posture, &speeds, &torques, now_s));
+        self.live.frames.log(&figure.transforms(&posture, now_s), now_s);
+        channel.log(&figure.joint_states(&posture, &speeds, &torques, now_s), now_s);
         self.show_solids(now_s);
     }
 
@@ -155,19 +155,21 @@ impl<'r> View<'r> {
         let touches = world.touches().map(|touch| (touch.point.into(), touch.force.into()));
         let touches: Vec<_> = touches.collect();
         let now_s = since_1970_s();
-        self.live.frames.log(&self.measured.transforms(&posture, now_s));
-        self.live.frames.log(&self.planned.transforms(&target, now_s));
-        self.live.measured.log(&self.measured.joint_states(&posture, &speeds, &torques, now_s));
-        self.live.planned.log(&self.planned.joint_states(&target, &target_speeds, &[], now_s));
-        self.live.forces.log(&self.measured.forces(&touches, now_s));
+        let measured = self.measured.joint_states(&posture, &speeds, &torques, now_s);
+        let planned = self.planned.joint_states(&target, &target_speeds, &[], now_s);
+        self.live.frames.log(&self.measured.transforms(&posture, now_s), now_s);
+        self.live.frames.log(&self.planned.transforms(&target, now_s), now_s);
+        self.live.measured.log(&measured, now_s);
+        self.live.planned.log(&planned, now_s);
+        self.live.forces.log(&self.measured.forces(&touches, now_s), now_s);
         self.show_solids(now_s);
     }
 
     fn show_solids(&mut self, now_s: f64) {
         if self.shown_solids.is_none_or(|at| at.elapsed() >= SOLIDS) {
             self.shown_solids = Some(Instant::now());
-            self.live.robot.log(&self.measured.solids(now_s));
-            self.live.robot.log(&self.planned.solids(now_s));
+            self.live.robot.log(&self.measured.solids(now_s), now_s);
+            self.live.robot.log(&self.planned.solids(now_s), now_s);
         }
     }
 }

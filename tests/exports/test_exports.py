@@ -13,7 +13,7 @@ import unittest
 
 import mujoco
 import numpy as np
-from mcap_protobuf.reader import read_protobuf_messages
+from mcap.reader import make_reader
 
 import replay
 
@@ -91,17 +91,21 @@ class Exports(unittest.TestCase):
             frames = replay.Motion(self.path(f"{motion}.xml"))
             model, data = frames.model, mujoco.MjData(frames.model)
             topics = {}
-            for message in read_protobuf_messages(self.path(f"{motion}.mcap")):
-                topics.setdefault(message.topic, []).append(message)
+            with open(self.path(f"{motion}.mcap"), "rb") as file:
+                for schema, channel, message in make_reader(file).iter_messages():
+                    self.assertEqual((schema.encoding, channel.message_encoding), ("jsonschema", "json"))
+                    content = json.loads(message.data)
+                    self.assertEqual(json.loads(schema.data)["title"], schema.name)
+                    topics.setdefault(channel.topic, []).append((message.log_time, content))
             counts = {topic: len(messages) for topic, messages in topics.items()}
             expected = {topic: model.nkey for topic in ("/tf", "/joint_states", "/forces", "/com")}
             self.assertEqual(counts, {**expected, "/robot": 1})
-            seen = {entity.frame_id for entity in topics["/robot"][0].proto_msg.entities}
-            for key, message in enumerate(topics["/tf"]):
-                self.assertAlmostEqual(message.log_time_ns * 1e-9, frames.times_s[key], delta=1e-8)
+            seen = {entity["frame_id"] for entity in topics["/robot"][0][1]["entities"]}
+            for key, (log_time, message) in enumerate(topics["/tf"]):
+                self.assertAlmostEqual(log_time * 1e-9, frames.times_s[key], delta=1e-8)
                 mujoco.mj_resetDataKeyframe(model, data, key)
                 mujoco.mj_kinematics(model, data)
-                places = world_frames(message.proto_msg.transforms)
+                places = world_frames(message["transforms"])
                 self.assertEqual(seen, set(places) - {"world"})
                 for body in range(1, model.nbody):
                     name = model.body(body).name
@@ -152,15 +156,15 @@ def world_frames(transforms):
     waiting = list(transforms)
     while waiting:
         transform = waiting.pop(0)
-        if transform.parent_frame_id not in places:
+        if transform["parent_frame_id"] not in places:
             waiting.append(transform)
             continue
-        place, q = np.eye(4), transform.rotation
+        place, q = np.eye(4), transform["rotation"]
         turn = np.zeros(9)
-        mujoco.mju_quat2Mat(turn, np.array([q.w, q.x, q.y, q.z]))
+        mujoco.mju_quat2Mat(turn, np.array([q[of] for of in "wxyz"]))
         place[:3, :3] = turn.reshape(3, 3)
-        place[:3, 3] = [transform.translation.x, transform.translation.y, transform.translation.z]
-        places[transform.child_frame_id] = places[transform.parent_frame_id] @ place
+        place[:3, 3] = [transform["translation"][of] for of in "xyz"]
+        places[transform["child_frame_id"]] = places[transform["parent_frame_id"]] @ place
     return places
 
 

@@ -5,13 +5,7 @@ use crate::python::Environment;
 use crate::{mujoco, shell, workspace};
 
 /// Readers of the formats: MuJoCo of MJCF and URDF, Pinocchio and a parser of URDF, a reader of MCAP.
-const READERS: [&str; 5] = [
-    "mujoco==4.0.0",
-    "pin==4.1.0",
-    "urdf-parser-py==0.0.4",
-    "mcap==1.6.0",
-    "mcap-protobuf-support==0.6.0",
-];
+const READERS: [&str; 4] = ["mujoco==4.0.0", "pin==4.1.0", "urdf-parser-py==0.0.4", "mcap==1.6.0"];
 
 /// Test that takes no reader but MuJoCo.
 const IMPORTED: &str = "an_imported_model_has_the_poses_of_mujoco";

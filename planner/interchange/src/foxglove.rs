@@ -5,16 +5,18 @@
 //! prefix of all frames tells robots apart: the planned one beside the measured one.
 
 mod live;
+mod messages;
 mod recording;
+mod session;
 
 pub use live::{Live, LiveError};
 pub use recording::{RecordingError, recording};
 
 use crate::bodies::{Blades, Body, Geometry, Of, Placed, Role, WORLD, bodies, joint_names};
-use foxglove::messages::{
+use messages::{
     ArrowPrimitive, Color, CubePrimitive, CylinderPrimitive, FrameTransform, FrameTransforms,
-    JointState, JointStates, Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive,
-    Timestamp, Vector3 as Size,
+    JointState, JointStates, Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive, Time,
+    Vector3 as Size,
 };
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use rollwalk_planner::sample::driven_wheels;
@@ -71,11 +73,11 @@ impl<'r> Figure<'r> {
                 }
             };
             FrameTransform {
-                timestamp: Some(timestamp(time_s)),
+                timestamp: timestamp(time_s),
                 parent_frame_id: parent,
                 child_frame_id: format!("{}{}", self.prefix, body.name),
-                translation: Some(vector(&pose.translation.vector)),
-                rotation: Some(quaternion(&pose.rotation)),
+                translation: vector(&pose.translation.vector),
+                rotation: quaternion(&pose.rotation),
             }
         };
         FrameTransforms { transforms: self.bodies.iter().map(transform).collect() }
@@ -85,7 +87,7 @@ impl<'r> Figure<'r> {
     pub fn solids(&self, time_s: f64) -> SceneUpdate {
         let entity = |(index, body): (usize, &Body<'_>)| {
             let mut entity = SceneEntity {
-                timestamp: Some(timestamp(time_s)),
+                timestamp: timestamp(time_s),
                 frame_id: self.frame(index),
                 id: self.frame(index),
                 frame_locked: true,
@@ -119,11 +121,10 @@ impl<'r> Figure<'r> {
             name: name.clone(),
             position: Some(*angle_rad),
             velocity: speed_rad_s.get(channel).copied(),
-            acceleration: None,
             effort: torque_nm.get(channel).copied(),
         };
         let joints = self.joint_names.iter().zip(angles_rad).enumerate().map(state).collect();
-        JointStates { timestamp: Some(timestamp(time_s)), joints }
+        JointStates { timestamp: timestamp(time_s), joints }
     }
 
     /// Forces of the ground on the end effectors, N, at contact points in the world, m, as arrows.
@@ -136,16 +137,16 @@ impl<'r> Figure<'r> {
             let turn = UnitQuaternion::rotation_between(&Vector3::x(), &force);
             let place = Translation3::from(Vector3::from(*point));
             (force.norm() > NO_FORCE * weight_n).then(|| ArrowPrimitive {
-                pose: Some(pose(&Isometry3::from_parts(place, turn.unwrap_or_default()))),
+                pose: pose(&Isometry3::from_parts(place, turn.unwrap_or_default())),
                 shaft_length: length_m - head_m,
                 shaft_diameter: SHAFT_M,
                 head_length: head_m,
                 head_diameter: 2.5 * SHAFT_M,
-                color: Some(color([0.85, 0.33, 0.1, self.color[3]])),
+                color: color([0.85, 0.33, 0.1, self.color[3]]),
             })
         };
         let entity = SceneEntity {
-            timestamp: Some(timestamp(time_s)),
+            timestamp: timestamp(time_s),
             frame_id: WORLD.to_owned(),
             id: format!("{}forces", self.prefix),
             arrows: at.iter().filter_map(arrow).collect(),
@@ -160,24 +161,24 @@ impl<'r> Figure<'r> {
 }
 
 fn add(entity: &mut SceneEntity, solid: &Placed<'_>, rgba: [f64; 4]) {
-    let (at, color) = (&solid.body_from_solid, Some(color(rgba)));
-    let size = |x, y, z| Some(Size { x, y, z });
+    let (at, paint) = (&solid.body_from_solid, || color(rgba));
+    let size = |x, y, z| Size { x, y, z };
     let cylinder = |radius_m: f64, length_m: f64| CylinderPrimitive {
-        pose: Some(pose(at)),
+        pose: pose(at),
         size: size(2.0 * radius_m, 2.0 * radius_m, length_m),
         bottom_scale: 1.0,
         top_scale: 1.0,
-        color,
+        color: paint(),
     };
     let ball = |at: &Isometry3<f64>, radius_m: f64| SpherePrimitive {
-        pose: Some(pose(at)),
+        pose: pose(at),
         size: size(2.0 * radius_m, 2.0 * radius_m, 2.0 * radius_m),
-        color,
+        color: paint(),
     };
     match solid.form {
         Geometry::Box(sides) => {
-            let size = Some(vector(&sides));
-            entity.cubes.push(CubePrimitive { pose: Some(pose(at)), size, color });
+            let size = vector(&sides);
+            entity.cubes.push(CubePrimitive { pose: pose(at), size, color: paint() });
         }
         Geometry::Sphere(radius_m) => entity.spheres.push(ball(at, radius_m)),
         Geometry::Cylinder(radius_m, length_m) => {
@@ -197,10 +198,10 @@ fn add(entity: &mut SceneEntity, solid: &Placed<'_>, rgba: [f64; 4]) {
 }
 
 /// A time of a motion as one of a recording, which begins at 0.
-fn timestamp(time_s: f64) -> Timestamp {
+fn timestamp(time_s: f64) -> Time {
     let nanoseconds = nanoseconds(time_s);
     let (seconds, rest) = (nanoseconds / 1_000_000_000, nanoseconds % 1_000_000_000);
-    Timestamp::new(seconds as u32, rest as u32)
+    Time { sec: seconds as u32, nsec: rest as u32 }
 }
 
 fn nanoseconds(time_s: f64) -> u64 {
@@ -208,10 +209,7 @@ fn nanoseconds(time_s: f64) -> u64 {
 }
 
 fn pose(pose: &Isometry3<f64>) -> Pose {
-    Pose {
-        position: Some(vector(&pose.translation.vector)),
-        orientation: Some(quaternion(&pose.rotation)),
-    }
+    Pose { position: vector(&pose.translation.vector), orientation: quaternion(&pose.rotation) }
 }
 
 fn vector(v: &Vector3<f64>) -> Size {

@@ -6,8 +6,6 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
 import protocol from "@foxglove/ws-protocol";
-import protobuf from "protobufjs";
-import "protobufjs/ext/descriptor/index.js";
 import WebSocket from "ws";
 import { Program, program, simulator } from "./programs.mjs";
 import { WAIT_MS, within } from "./within.mjs";
@@ -17,29 +15,40 @@ const { FoxgloveClient } = protocol;
 const TOPICS = ["/tf", "/robot", "/joint_states", "/planned_joint_states", "/forces"];
 const SCHEMAS = ["foxglove.FrameTransforms", "foxglove.SceneUpdate", "foxglove.JointStates", "foxglove.JointStates", "foxglove.SceneUpdate"];
 
-/** A client with the messages of all topics, decoded by the schemas that the server sends. */
+/** Asserts that a message has fields of its JSON schema alone, of the types that the schema names. */
+function conforms(value, schema) {
+  if (schema.type === "array") return value.forEach((item) => conforms(item, schema.items));
+  if (schema.type !== "object") return assert.equal(typeof value, schema.type === "integer" ? "number" : schema.type);
+  for (const [name, field] of Object.entries(value)) conforms(field, schema.properties[name] ?? assert.fail(`${schema.title} has no ${name}`));
+}
+
+/** A client with the messages of all topics, which must conform to the schemas that the server sends. */
 class Client {
   channels = new Map();
   messages = new Map();
 
-  static async connect(address) {
-    const socket = new WebSocket(address, ["foxglove.sdk.v1"]);
+  static async connect(address, subprotocol = "foxglove.sdk.v1") {
+    const socket = new WebSocket(address, [subprotocol]);
     const client = new Client();
     const foxglove = new FoxgloveClient({ ws: socket });
     client.close = () => foxglove.close();
+    const decoder = new TextDecoder();
     const types = new Map();
     foxglove.on("serverInfo", (info) => (client.info = info));
     foxglove.on("advertise", (channels) => {
       for (const channel of channels) {
         client.channels.set(channel.topic, channel);
-        const set = protobuf.Root.fromDescriptor(Buffer.from(channel.schema, "base64"));
-        types.set(foxglove.subscribe(channel.id), [channel.topic, set.lookupType(channel.schemaName)]);
+        const schema = JSON.parse(channel.schema);
+        assert.deepEqual([channel.encoding, channel.schemaEncoding, schema.title], ["json", "jsonschema", channel.schemaName]);
+        types.set(foxglove.subscribe(channel.id), [channel.topic, schema]);
       }
     });
     foxglove.on("message", ({ subscriptionId, data }) => {
-      const [topic, type] = types.get(subscriptionId);
+      const [topic, schema] = types.get(subscriptionId);
       const all = client.messages.get(topic) ?? [];
-      client.messages.set(topic, [...all, type.toObject(type.decode(new Uint8Array(data.buffer, data.byteOffset, data.byteLength)), { arrays: true })]);
+      const message = JSON.parse(decoder.decode(data));
+      conforms(message, schema);
+      client.messages.set(topic, [...all, message]);
     });
     const open = new Promise((resolve, reject) => {
       foxglove.on("open", resolve);
@@ -100,6 +109,13 @@ describe("robots in Foxglove", { skip: program && simulator ? false : "STUDIO_RO
     } finally {
       monitor.kill();
     }
+  });
+
+  test("clients of the older subprotocol are served, too, and others are refused", async () => {
+    const client = await Client.connect(address, "foxglove.websocket.v1");
+    await client.some("/tf", 2);
+    client.close();
+    await assert.rejects(Client.connect(address, "chat"), /400/);
   });
 
   test("a port that is taken is refused with what to do", async () => {

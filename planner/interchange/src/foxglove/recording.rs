@@ -6,19 +6,21 @@
 //! | `/robot` | `foxglove.SceneUpdate` | once: solids of all bodies |
 //! | `/joint_states` | `foxglove.JointStates` | every frame: joints and driven wheels, with speed and torque |
 //! | `/forces` | `foxglove.SceneUpdate` | every frame: arrows of the ground's forces |
-//! | `/com` | `foxglove.PointInFrame` | every frame: centre of mass |
+//! | `/com` | `foxglove.Point3InFrame` | every frame: centre of mass |
 //!
 //! Times begin at 0.
 
+use super::messages::{FrameTransforms, JointStates, Point3, Point3InFrame, SceneUpdate, Schema};
 use super::{Figure, Posture, nanoseconds, timestamp};
 use crate::bodies::WORLD;
-use foxglove::messages::{FrameTransforms, JointStates, Point3, Point3InFrame, SceneUpdate};
-use foxglove::{ChannelBuilder, Context, FoxgloveError, McapWriteOptions, PartialMetadata};
+use mcap::records::MessageHeader;
+use mcap::{McapError, McapResult, WriteOptions, Writer};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use rollwalk_planner::export::Rate;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sample::PlanSpline;
 use rollwalk_planner::whole_body::WholeBody;
+use std::collections::BTreeMap;
 use std::io::Cursor;
 use thiserror::Error;
 
@@ -28,28 +30,23 @@ const PLANNED: [f64; 4] = [0.36, 0.53, 0.78, 1.0];
 /// A recording that could not be made.
 #[derive(Debug, Error)]
 #[error("cannot make the recording: {0}")]
-pub struct RecordingError(#[from] FoxgloveError);
+pub struct RecordingError(#[from] McapError);
 
 /// A plan as an MCAP file, from its beginning to its end.
 ///
 /// # Errors
 /// The library's, of which none is known for a validated plan.
 pub fn recording(plan: &Plan, rate: Rate) -> Result<Vec<u8>, RecordingError> {
-    let context = Context::new();
-    // Chunks are compressed by nothing: a plan is small, and every reader can.
-    let options = McapWriteOptions::new().compression(None);
-    let writer = context.mcap_writer_with_options(options).create(Cursor::new(Vec::new()))?;
-    let build = |topic: &str| ChannelBuilder::new(topic).context(&context);
-    let frames = build("/tf").build::<FrameTransforms>();
-    let solids = build("/robot").build::<SceneUpdate>();
-    let joints = build("/joint_states").build::<JointStates>();
-    let forces = build("/forces").build::<SceneUpdate>();
-    let com = build("/com").build::<Point3InFrame>();
+    let mut file = File::new()?;
+    let frames = file.topic::<FrameTransforms>("/tf")?;
+    let solids = file.topic::<SceneUpdate>("/robot")?;
+    let joints = file.topic::<JointStates>("/joint_states")?;
+    let forces = file.topic::<SceneUpdate>("/forces")?;
+    let com = file.topic::<Point3InFrame>("/com")?;
 
     let figure = Figure::new(&plan.robot, &[], "", PLANNED);
     let (spline, mut whole) = (PlanSpline::new(plan), WholeBody::new(plan));
     for (number, time_s) in rate.times_s(plan.motion.duration_s).enumerate() {
-        let at = PartialMetadata::with_log_time(nanoseconds(time_s));
         let sample = spline.sample(time_s);
         let [w, x, y, z] = sample.base_orientation_wxyz;
         let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
@@ -65,17 +62,57 @@ pub fn recording(plan: &Plan, rate: Rate) -> Result<Vec<u8>, RecordingError> {
         let feet: Vec<_> = feet.collect();
         let [x, y, z] = sample.com_m;
         let point = Point3InFrame {
-            timestamp: Some(timestamp(time_s)),
+            timestamp: timestamp(time_s),
             frame_id: WORLD.to_owned(),
-            point: Some(Point3 { x, y, z }),
+            point: Point3 { x, y, z },
         };
-        frames.log_with_meta(&figure.transforms(&posture, time_s), at);
+        file.write(frames, &figure.transforms(&posture, time_s), time_s)?;
         if number == 0 {
-            solids.log_with_meta(&figure.solids(time_s), at);
+            file.write(solids, &figure.solids(time_s), time_s)?;
         }
-        joints.log_with_meta(&figure.joint_states(&posture, &speeds, &torque_nm, time_s), at);
-        forces.log_with_meta(&figure.forces(&feet, time_s), at);
-        com.log_with_meta(&point, at);
+        let states = figure.joint_states(&posture, &speeds, &torque_nm, time_s);
+        file.write(joints, &states, time_s)?;
+        file.write(forces, &figure.forces(&feet, time_s), time_s)?;
+        file.write(com, &point, time_s)?;
     }
-    Ok(writer.close()?.into_inner())
+    Ok(file.finish()?)
+}
+
+/// File in memory with JSON messages.
+struct File {
+    writer: Writer<Cursor<Vec<u8>>>,
+    sequence: u32,
+}
+
+impl File {
+    fn new() -> McapResult<Self> {
+        let library = concat!("rollwalk ", env!("CARGO_PKG_VERSION"));
+        // Without compression every reader can read it, and a plan is small.
+        let options = WriteOptions::new().compression(None).library(library);
+        Ok(Self { writer: options.create(Cursor::new(Vec::new()))?, sequence: 0 })
+    }
+
+    fn topic<M: Schema>(&mut self, topic: &str) -> McapResult<u16> {
+        let schema = M::schema().to_string();
+        let schema = self.writer.add_schema(M::NAME, "jsonschema", schema.as_bytes())?;
+        self.writer.add_channel(schema, topic, "json", &BTreeMap::new())
+    }
+
+    fn write(&mut self, topic: u16, message: &impl Schema, time_s: f64) -> McapResult<()> {
+        let data = serde_json::to_vec(message).unwrap_or_default();
+        let log_time = nanoseconds(time_s);
+        let header = MessageHeader {
+            channel_id: topic,
+            sequence: self.sequence,
+            log_time,
+            publish_time: log_time,
+        };
+        self.sequence += 1;
+        self.writer.write_to_known_channel(&header, &data)
+    }
+
+    fn finish(mut self) -> McapResult<Vec<u8>> {
+        self.writer.finish()?;
+        Ok(self.writer.into_inner().into_inner())
+    }
 }
