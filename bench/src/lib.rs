@@ -5,7 +5,6 @@
 //! through [`Program`]; what it finds is a value, [`Findings`], which `rollwalk bench` prints and writes. What each
 //! benchmark shows: `docs/benchmarks.md`.
 
-pub mod chart;
 mod design_edits;
 mod fault_campaign;
 mod figure_2_3;
