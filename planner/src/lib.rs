@@ -24,6 +24,7 @@
 //! ```
 
 pub mod building;
+pub mod cone_program;
 mod diagnose;
 pub mod export;
 pub mod families;
