@@ -37,7 +37,7 @@
 //! ```
 
 mod centroidal;
-mod clearance;
+pub mod clearance;
 mod composite;
 mod contact;
 pub mod distance;

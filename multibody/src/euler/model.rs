@@ -1,10 +1,10 @@
 //! A robot prepared for the optimiser: nominal pose, second moments of links, chains of degrees of freedom.
 
-use super::clearance::Clearance;
 use super::pose::drop_to_contact;
 use super::swept::second_moments;
 use super::{BASE_POSITION, JOINTS};
 use crate::Tree;
+use crate::clearance::Clearance;
 use nalgebra::{DVector, Matrix3, Vector3};
 use rollwalk_robot::Robot;
 
