@@ -3,6 +3,9 @@
 //! The cubic between two frames has the frames' values and slopes at its ends. The slope at a frame is the central
 //! difference of its neighbours, so one frame of look-ahead suffices, the curve is C1 everywhere, also at the seams
 //! of loops and between clips, and constant, linear and quadratic motions are reproduced exactly.
+//!
+//! The planner's curve through its samples has a continuous second derivative, for which it solves for all slopes at once
+//! (`planner/src/sample/spline.rs`).
 
 use rollwalk_protocol::library::RATE_HZ;
 

@@ -1,4 +1,6 @@
 //! Curves of time through knots, as which motors' targets are optimised: few numbers, and smooth.
+//!
+//! Terrain consists of the same cubic B-splines, with coefficients that interpolate its samples.
 
 /// How a curve follows its knots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -26,6 +26,7 @@
 #![warn(missing_docs)]
 
 pub mod building;
+pub mod cone_program;
 mod diagnose;
 pub mod export;
 pub mod families;

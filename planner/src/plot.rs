@@ -1,5 +1,5 @@
-//! SVG pictures of a plan: one figure of all quantities over time, strips of the robot, and the robot in motion; and of a robot without
-//! a plan.
+//! SVG pictures of a plan: one figure of all quantities over time, strips of the robot, and the robot in motion; of a robot without
+//! a plan; and charts of any numbers.
 //!
 //! The figure has five columns over one time axis: motion of the body with swing heights and support; joint angles of every
 //! limb, or of every joint, with their limits; their speeds; torques of their motors; ground force of every foot with its friction cone.
@@ -8,6 +8,7 @@
 mod animation;
 mod axes;
 mod camera;
+pub mod chart;
 mod ground;
 mod hull;
 mod limbs;
@@ -51,24 +52,26 @@ pub enum JointPanels {
 
 /// SVG text of the figure of a validated plan.
 pub fn figure(plan: &Plan, panels: JointPanels) -> String {
-    page(&panels::columns(plan, panels), title(plan))
+    let columns = panels::columns(plan, panels).into_iter();
+    page(columns.map(|panels| (COLUMN_WIDTH, panels)).collect(), PANEL_HEIGHT, title(plan))
 }
 
-/// Columns of panels below a heading and a line of facts.
-fn page(columns: &[Vec<panels::Panel>], texts: [String; 2]) -> String {
-    let most = columns.iter().map(Vec::len).max().unwrap_or(0);
-    let body_height = PANEL_HEIGHT * most as f64;
-    let width = COLUMN_WIDTH * columns.len() as f64 + 2.0 * MARGIN;
+/// Columns of panels with their widths below a heading and a line of facts. Panels have at least the given height.
+fn page(columns: Vec<(f64, Vec<panels::Panel>)>, least_height: f64, texts: [String; 2]) -> String {
+    let most = columns.iter().map(|(_, column)| column.len()).max().unwrap_or(0);
+    let body_height = least_height * most as f64;
+    let width = columns.iter().map(|(width, _)| width).sum::<f64>() + 2.0 * MARGIN;
     let height = HEADER_HEIGHT + body_height + MARGIN;
     let mut document = document(width, height).add(heading(texts));
-    for (c, column) in columns.iter().enumerate() {
+    let mut left = MARGIN;
+    for (column_width, column) in columns {
         let panel_height = body_height / column.len().max(1) as f64;
         for (r, panel) in column.iter().enumerate() {
-            let corner =
-                [MARGIN + c as f64 * COLUMN_WIDTH, HEADER_HEIGHT + r as f64 * panel_height];
+            let corner = [left, HEADER_HEIGHT + r as f64 * panel_height];
             let last = r + 1 == column.len();
-            document = document.add(panel.draw(corner, [COLUMN_WIDTH, panel_height], last));
+            document = document.add(panel.draw(corner, [column_width, panel_height], last));
         }
+        left += column_width;
     }
     format!("{document}\n")
 }
@@ -85,7 +88,8 @@ pub fn comparison(before: &Plan, after: &Plan) -> String {
     }
     let names = [before, after].map(|plan| plan.robot.name.as_str());
     let facts = "full lines: after · dashed lines: before · dots: as planned".to_owned();
-    page(&columns, [format!("{} – {}", names[1], after.motion.name), facts])
+    let columns = columns.into_iter().map(|panels| (COLUMN_WIDTH, panels)).collect();
+    page(columns, PANEL_HEIGHT, [format!("{} – {}", names[1], after.motion.name), facts])
 }
 
 /// An empty white page.

@@ -31,7 +31,7 @@ fn written(desk: &Desk, stdout: &str, name: &str, plots: &[&str]) -> Value {
     for plot in plots {
         let svg = desk.read_text(plot);
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{plot}");
-        assert!(svg.contains("<polyline") || svg.contains("<circle"), "{plot} has curves");
+        assert!(svg.contains("<path") || svg.contains("<circle"), "{plot} has curves");
     }
     let json = desk.read_text(&format!("out/{name}.json"));
     serde_json::from_str(&json).unwrap_or_else(|error| panic!("{error} in {json}"))

@@ -94,7 +94,7 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     );
     desk.run(&["plot", "run.csv", "-o", "run.svg"]).succeeds();
     let figure = desk.read_text("run.svg");
-    for words in ["force along the normal", "rear_right", " drive_1m"] {
+    for words in ["force along the normal", "rear_right", "drive_1m"] {
         assert!(figure.contains(words), "{words}");
     }
     desk.write("bad.csv", desk.read_text("run.csv").replacen(",0.0", ",x", 1));

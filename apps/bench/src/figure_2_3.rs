@@ -1,10 +1,10 @@
 //! Figure 2.3 of the thesis: how fast its Newton methods, L-BFGS and ours converge.
 
-use crate::chart::{self, Curve, Labels};
 use crate::only::Only;
 use crate::{Block, Findings, Program, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::plan::SolveSummary;
+use rollwalk_planner::plot::chart::{self, Curve, Labels};
 use rollwalk_planner::{Method, Options, candidates, optimise};
 use serde::Serialize;
 
@@ -105,7 +105,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
                 y: "worst constraint over its tolerance",
             };
             let name = format!("figure-2-3-{}-{what}.svg", motion.name);
-            charts.push((name, chart::draw(&labels, curves)?));
+            charts.push((name, chart::logarithmic(&labels, curves)));
         }
     }
     let text = "The methods of the thesis minimise its penalty energy (weight 10000, goals 50), ours the same\n\

@@ -1,11 +1,11 @@
 //! Figure 2.4 of the thesis: front legs get longer, by hand and with the other parts following so that the body stays level.
 
-use crate::chart::{self, Curve, Labels};
 use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
 use miette::IntoDiagnostic;
 use rollwalk_design::keep::keep;
 use rollwalk_design::plans::Plans;
 use rollwalk_planner::Progress;
+use rollwalk_planner::plot::chart::{self, Curve, Labels};
 use rollwalk_planner::sensitivity::Feature;
 use serde::Serialize;
 
@@ -69,7 +69,7 @@ pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
         x: "time, s",
         y: "pitch, degrees",
     };
-    let charts = vec![("figure-2-4.svg".to_owned(), chart::draw_linear(&labels, &curves)?)];
+    let charts = vec![("figure-2-4.svg".to_owned(), chart::linear(&labels, &curves))];
     let blocks = vec![Block::Table(table), Block::Text(text)];
     let verdict = if holds { Verdict::Passed } else { Verdict::OutOfBounds };
     Ok(Some(Findings { charts, verdict, ..Findings::new("figure-2-4", blocks, &rows) }))

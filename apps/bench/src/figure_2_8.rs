@@ -4,7 +4,6 @@
 //! 0.23 m, and its body is asked to rise higher. The thesis says how many steps its method took; its energies are of other
 //! robots and weights.
 
-use crate::chart::{self, Curve, Labels};
 use crate::only::Only;
 use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
 use cpu_time::ThreadTime;
@@ -12,6 +11,7 @@ use miette::IntoDiagnostic;
 use rollwalk_design::repair::{Free, Made, Outcome, PULL, Shown, repair};
 use rollwalk_planner::motion::{Motion, Subject, Target};
 use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::plot::chart::{self, Curve};
 use rollwalk_planner::sensitivity::Shortfall;
 use rollwalk_planner::{Method, Options, candidates, optimise};
 use rollwalk_robot::{Contact, Robot};
@@ -93,7 +93,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
     for case in &cases {
         blocks.push(Block::Text(heading(case)));
         blocks.push(Block::Table(cells(case)));
-        charts.push((format!("figure-2-8-{}.svg", case.name), draw(case)?));
+        charts.push((format!("figure-2-8-{}.svg", case.name), draw(case)));
     }
     blocks.push(Block::Text(
         "The thesis: three design steps until the car was fixed; the walker reached its target after one, and its energy fell\n\
@@ -306,7 +306,7 @@ fn cells(case: &Case) -> Vec<Vec<String>> {
 }
 
 /// Energy and what is reached against the steps of the design, as the thesis's figure has them.
-fn draw(case: &Case) -> miette::Result<String> {
+fn draw(case: &Case) -> String {
     let curve = |name: &str, of: fn(&Row) -> Option<f64>| -> Curve {
         let points = case.rows.iter().enumerate();
         let points = points.filter_map(|(step, row)| Some((step as f64, of(row)?)));
@@ -317,7 +317,6 @@ fn draw(case: &Case) -> miette::Result<String> {
         "car" => ("The car with tilted wheels".to_owned(), "displacement, m"),
         _ => (format!("The walker that is to reach {} m", case.asked_m), "height of the body, m"),
     };
-    let labels = |title, y| Labels { title, x: "design step", y };
     let mut energies = vec![curve("ours", |row| Some(row.energy))];
     let mut reached = vec![curve("ours", |row| Some(row.reached_m))];
     if case.rows[0].thesis.is_some() {
@@ -325,6 +324,6 @@ fn draw(case: &Case) -> miette::Result<String> {
         reached.push(curve("weights of the thesis", |row| Some(row.thesis?.1)));
     }
     reached.push(("asked for".into(), asked));
-    let panels = [(labels(&title, "energy"), energies), (labels("", what), reached)];
-    chart::draw_panels(&title, &panels, &[])
+    let panels = [("energy".to_owned(), energies), (what.to_owned(), reached)];
+    chart::panels(&title, "design step", &panels, &[])
 }

@@ -1,10 +1,10 @@
 //! Figure 3.2 of the thesis: its warm start against none, on walking, trotting and harder gaits.
 
-use crate::chart::{self, Curve, Labels};
 use crate::only::Only;
 use crate::{Block, Findings, Program, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::plan::SolveSummary;
+use rollwalk_planner::plot::chart::{self, Curve, Labels};
 use rollwalk_planner::start::{Start, WarmStart};
 use rollwalk_planner::{Options, optimise};
 use serde::Serialize;
@@ -66,7 +66,10 @@ pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings
             x: "CPU time, ms",
             y: "worst constraint of the problem at hand over its level",
         };
-        charts.push((format!("figure-3-2-{}.svg", motion.name), chart::draw(&labels, &curves)?));
+        charts.push((
+            format!("figure-3-2-{}.svg", motion.name),
+            chart::logarithmic(&labels, &curves),
+        ));
     }
     let text = "The thesis reports a trot in 5 s with the warm start against 9.5 s without, and no walk within a \
          minute without.\nHere Gauss-Newton with multipliers plans both from standing in fewer iterations \

@@ -1,10 +1,10 @@
 //! Figure 3.6 of the thesis: the body's planned and simulated trajectories of ANYmal's forward duck, open loop.
 
-use crate::chart::{self, Curve, Labels};
 use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
 use miette::IntoDiagnostic;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_planner::plan::Status;
+use rollwalk_planner::plot::chart::{self, Curve, Labels};
 use rollwalk_planner::{Options, optimise};
 use rollwalk_simulate::{Control, Script, play};
 use serde::Serialize;
@@ -82,7 +82,7 @@ pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
         let curves = [curve("planned", |row| row.planned), curve("simulated", |row| row.simulated)];
         let title = format!("Forward duck of ANYmal: the body, {name}");
         let labels = Labels { title: &title, x: "time, s", y: &format!("{name}, {unit}") };
-        charts.push((format!("figure-3-6-{name}.svg"), chart::draw_linear(&labels, &curves)?));
+        charts.push((format!("figure-3-6-{name}.svg"), chart::linear(&labels, &curves)));
     }
     let text = format!(
         "{}, open loop with the planned torques, implicit steps of 1/{RATE_HZ} s: {:.2} s with a second of rest before and after, {:.2} iterations a step, {}.",

@@ -1,10 +1,10 @@
 //! Figures 3.7 and 3.8 of the thesis: ANYmal ducks and turns in closed loop, and how near it keeps to its plans.
 
-use crate::chart::{self, Curve, Labels};
 use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
 use miette::IntoDiagnostic;
 use nalgebra::{Isometry3, Rotation3, Vector3};
 use rollwalk_planner::plan::{Plan, Status};
+use rollwalk_planner::plot::chart::{self, Curve};
 use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_planner::{Options, optimise};
 use rollwalk_simulate::sensors::Noise;
@@ -70,7 +70,7 @@ pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
         let fate =
             if stood { "no fall, comes where the plan says" } else { "falls, or comes short" };
         text.push(format!("{}: {fate}.", motion.name));
-        charts.push((format!("figure-3-8-{}.svg", motion.name), draw(&plan, &of_motion)?));
+        charts.push((format!("figure-3-8-{}.svg", motion.name), draw(&plan, &of_motion)));
         rows.extend(of_motion);
     }
     text.push(format!(
@@ -122,7 +122,7 @@ fn row(plan: &Plan, planned: &mut WholeBody, moment: &Moment<'_>, time_s: f64) -
 }
 
 /// Body and ground forces over time, planned and tracked.
-fn draw(plan: &Plan, rows: &[Row]) -> miette::Result<String> {
+fn draw(plan: &Plan, rows: &[Row]) -> String {
     let curves = |pick: &dyn Fn(&Pose) -> f64| -> Vec<Curve> {
         let of = |name: &str, pose: fn(&Row) -> &Pose| {
             (name.to_owned(), rows.iter().map(|row| (row.time_s, pick(pose(row)))).collect())
@@ -136,9 +136,6 @@ fn draw(plan: &Plan, rows: &[Row]) -> miette::Result<String> {
         (format!("{}, N", end_effector.name), curves(&|pose: &Pose| pose.normal_n[j]))
     });
     let panels: Vec<(String, Vec<Curve>)> = of_body.chain(forces).collect();
-    let labelled: Vec<(Labels<'_>, Vec<Curve>)> = panels
-        .iter()
-        .map(|(y, curves)| (Labels { title: "", x: "time, s", y }, curves.clone()))
-        .collect();
-    chart::draw_panels(&format!("{}, planned and tracked", plan.motion.name), &labelled, &[])
+    let title = format!("{}, planned and tracked", plan.motion.name);
+    chart::panels(&title, "time, s", &panels, &[])
 }

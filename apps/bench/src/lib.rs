@@ -6,7 +6,6 @@
 //! benchmark shows: `docs/benchmarks.md`.
 
 pub mod campaign;
-pub mod chart;
 mod design_edits;
 mod experiments;
 mod fault_campaign;

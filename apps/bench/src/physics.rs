@@ -1,10 +1,10 @@
 //! `bench physics`: runs the experiments of the thesis's differentiable simulator (ch. 4) and compares their numbers with the thesis's.
 
-use crate::chart::{self, Labels};
 use crate::experiments::{ALL, Chart, Experiment, Outcome, Watch};
 use crate::{Block, Findings, Program, Verdict, table};
 use cpu_time::ProcessTime;
 use miette::miette;
+use rollwalk_planner::plot::chart::{self, Labels};
 use serde::Serialize;
 
 /// Options.
@@ -89,7 +89,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
         blocks.extend([Block::Text(title), Block::Table(cells)]);
         blocks.extend(reasons.into_iter().map(Block::Text));
         for chart in &outcome.charts {
-            charts.push((format!("physics-{name}-{}.svg", chart.name), draw(chart)?));
+            charts.push((format!("physics-{name}-{}.svg", chart.name), draw(chart)));
         }
         let holds = outcome.checks.iter().all(|check| check.holds != Some(false));
         rows.push(Row { experiment: name, source, cpu_s, holds, outcome });
@@ -100,8 +100,8 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
     Ok(Some(Findings { charts, failures, verdict, ..Findings::new("physics", blocks, &rows) }))
 }
 
-fn draw(of: &Chart) -> miette::Result<String> {
+fn draw(of: &Chart) -> String {
     let labels = Labels { title: &of.title, x: &of.x, y: &of.y };
-    let draw = if of.logarithmic { chart::draw } else { chart::draw_linear };
+    let draw = if of.logarithmic { chart::logarithmic } else { chart::linear };
     draw(&labels, &of.curves)
 }

@@ -1,8 +1,8 @@
 //! Cost against the number of samples: the same drive, sampled 12 to 240 times.
 
-use crate::chart::{self, Labels};
 use crate::{Block, Findings, Program, measure, table};
 use rollwalk_planner::Options;
+use rollwalk_planner::plot::chart::{self, Labels};
 use serde::Serialize;
 
 pub const MOTION: &str = "motions/walk.toml";
@@ -75,7 +75,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
     }
     let labels = Labels { title: "Cost against samples", x: "samples", y: "CPU time, ms" };
     let curves = [("whole solve".to_owned(), whole), ("one iteration".to_owned(), single)];
-    let charts = vec![("samples.svg".to_owned(), chart::draw(&labels, &curves)?)];
+    let charts = vec![("samples.svg".to_owned(), chart::logarithmic(&labels, &curves))];
     Ok(Some(Findings { charts, ..Findings::new("samples", blocks, &rows) }))
 }
 

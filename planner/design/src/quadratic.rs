@@ -1,10 +1,7 @@
-//! Small quadratic programs: steps of designs within their bounds, solved by clarabel.
+//! Small quadratic programs: steps of designs within their bounds.
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT,
-};
 use nalgebra::{DMatrix, DVector};
+use rollwalk_planner::cone_program::{Cone, ConeProgram};
 
 /// ½ xᵀPx + qᵀx, P positive semidefinite, with lower ≤ x ≤ upper and Ax ≤ b.
 #[derive(Clone, Debug)]
@@ -52,33 +49,23 @@ impl Quadratic {
             rows[(2 * n + m + k, n + k)] = -1.0;
             right.push(0.0);
         }
-        let settings = DefaultSettingsBuilder::default().verbose(false).build().ok()?;
-        let cones = [SupportedConeT::NonnegativeConeT(right.len())];
-        let (curvature, rows) = (upper_triangle(&curvature), sparse(&rows));
-        let mut solver =
-            DefaultSolver::new(&curvature, &slope, &rows, &right, &cones, settings).ok()?;
-        solver.solve();
-        let solution = &solver.solution;
-        let solved = matches!(
-            solution.status,
-            SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress
-        );
+        let solution = ConeProgram {
+            hessian: curvature,
+            gradient: slope,
+            cones: vec![Cone::NonNegative(right.len())],
+            rows,
+            bounds: right,
+            accuracy: None,
+        }
+        .solve();
         let inside = |k: usize| {
             let (lower, upper) = (self.lower[k], self.upper[k]);
             solution.x[k].clamp(lower.min(upper), upper)
         };
-        solved
-            .then(|| (DVector::from_fn(n, |k, _| inside(k)), solution.z[2 * n..2 * n + m].to_vec()))
+        solution.is_solved.then(|| {
+            (DVector::from_fn(n, |k, _| inside(k)), solution.multipliers[2 * n..2 * n + m].to_vec())
+        })
     }
-}
-
-fn sparse(dense: &DMatrix<f64>) -> CscMatrix<f64> {
-    let rows: Vec<Vec<f64>> = dense.row_iter().map(|row| row.iter().copied().collect()).collect();
-    CscMatrix::from(&rows)
-}
-
-fn upper_triangle(dense: &DMatrix<f64>) -> CscMatrix<f64> {
-    sparse(&dense.upper_triangle())
 }
 
 #[cfg(test)]

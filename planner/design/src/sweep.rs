@@ -4,6 +4,7 @@
 //! **chain**: the first is planned from scratch, every other one from its neighbour. Chains know nothing of each other, so that
 //! a sweep can be interrupted between them, and split, and gives the same rows.
 
+pub mod figure;
 mod file;
 pub mod picture;
 mod row;

@@ -49,7 +49,7 @@ pub(crate) fn write_plan(
 /// Converts one sample of the timeline to a sample of the plan, without torques.
 fn sample(problem: &Problem, t: usize, state: &State, after: Option<&State>) -> Sample {
     let layout = &problem.layout;
-    let rotation = Rotation3::from_matrix_unchecked(state.pose.world_from_body);
+    let rotation = Rotation3::from_matrix_unchecked(state.pose.frames.world_from_link[0]);
     let quaternion = UnitQuaternion::from_rotation_matrix(&rotation);
     let end_effectors = layout
         .end_effectors

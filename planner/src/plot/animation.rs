@@ -133,7 +133,7 @@ impl Page {
             let (corner, size) = ([MARGIN, above_chart], [WIDTH - 2.0 * MARGIN, chart_height]);
             Chart {
                 drawing: chart.draw(corner, size, true),
-                axis_px: panels::Panel::time_axis_px(corner[0], size[0]),
+                axis_px: panels::Panel::axis_px(corner[0], size[0]),
                 rows_px: [corner[1] + 20.0, corner[1] + chart_height - 32.0],
             }
         });

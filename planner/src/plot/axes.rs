@@ -1,4 +1,4 @@
-//! One panel: a value over time with axes, ticks, limits, shading and a legend.
+//! Panel: curves, bars or a map over two axes, with ticks, limits, shading and a legend.
 
 use super::{COLORS, FAINT, INK, px};
 use svg::node::element::{Circle, Group, Line, Path, Rectangle, Text};
@@ -17,34 +17,66 @@ const LEGEND_LETTER: f64 = 5.5;
 /// Width of the piece of line before a name in a legend, with the space around it, px.
 const LEGEND_KEY: f64 = 24.0;
 
+/// Horizontal axis.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    /// Quantity with unit.
+    pub label: String,
+    /// Values at the left and at the right end.
+    pub range: [f64; 2],
+    /// Spacing of the values.
+    pub scale: Scale,
+}
+
+/// Spacing of the values on an axis.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Scale {
+    /// Equal.
+    Linear,
+    /// Equal for equal ratios.
+    Logarithmic,
+    /// Names at 0, 1, 2 …
+    Names(Vec<String>),
+}
+
 /// A curve.
 pub struct Series {
     /// Name in the legend; empty for none.
     pub name: String,
     /// Index into [`COLORS`].
     pub color: usize,
-    /// Points of the line: time in s, value.
+    /// Points of the line. NaN interrupts it.
     pub line: Vec<[f64; 2]>,
-    /// Dots at planned samples.
+    /// Dots, in figures of plans at the planned samples.
     pub dots: Vec<[f64; 2]>,
     /// SVG dash pattern; empty for a full line.
     pub dash: &'static str,
 }
 
-/// Target value at a time or over a span of time.
+/// Cross at a point, or bar over a span.
 #[derive(Clone, Copy)]
 pub struct Mark {
-    /// Start of the span, s.
-    pub from_s: f64,
-    /// End of the span, s; equal to the start for a single time.
-    pub to_s: f64,
+    /// Start of the span.
+    pub from: f64,
+    /// End of the span; equal to the start for a cross.
+    pub to: f64,
     /// The value.
     pub value: f64,
     /// Index into [`COLORS`].
     pub color: usize,
 }
 
-/// Content of a panel over its time axis.
+/// Rectangle of one colour.
+pub struct Cell {
+    /// Left and right end.
+    pub x: [f64; 2],
+    /// Lower and upper end.
+    pub y: [f64; 2],
+    /// SVG colour.
+    pub fill: String,
+}
+
+/// Content of a panel over its horizontal axis.
 pub enum Content {
     /// Curves over a value axis.
     Curves {
@@ -54,10 +86,19 @@ pub enum Content {
         limits: Vec<(f64, usize)>,
         /// Values that the value axis must include.
         include: Vec<f64>,
-        /// Marks of target values.
+        /// Crosses and bars.
+        marks: Vec<Mark>,
+        /// Linear or logarithmic value axis.
+        scale: Scale,
+    },
+    /// Cells over a value axis.
+    Map {
+        /// The cells.
+        cells: Vec<Cell>,
+        /// Crosses and bars.
         marks: Vec<Mark>,
     },
-    /// One bar row for each name, filled over spans of time.
+    /// One bar row for each name, filled over spans.
     Bars(Vec<(String, Vec<[f64; 2]>)>),
 }
 
@@ -65,38 +106,73 @@ pub enum Content {
 pub struct Panel {
     /// Title with unit.
     pub title: String,
-    /// Duration of the time axis, s.
-    pub duration_s: f64,
-    /// Spans of time to shade, s.
+    /// Horizontal axis.
+    pub axis: Axis,
+    /// Spans to shade.
     pub shaded: Vec<[f64; 2]>,
-    /// Content over the time axis.
+    /// Vertical lines with words beside their upper ends.
+    pub moments: Vec<(f64, String)>,
+    /// Content over the horizontal axis.
     pub content: Content,
 }
 
-/// The drawing area of a panel in pixels with the scales of both axes.
-struct Area {
+impl Axis {
+    /// Time axis from 0, s.
+    pub fn time(duration_s: f64) -> Self {
+        Self { label: "time (s)".to_owned(), range: [0.0, duration_s], scale: Scale::Linear }
+    }
+}
+
+impl Scale {
+    /// Coordinate whose equal steps are equally long.
+    fn place(&self, value: f64) -> f64 {
+        if *self == Self::Logarithmic { value.ln() } else { value }
+    }
+
+    /// Ticks with their labels, about `wanted` of them.
+    fn ticks(&self, range: [f64; 2], wanted: usize) -> Vec<(f64, String)> {
+        let [low, high] = range;
+        match self {
+            Self::Linear => {
+                let label = |value| (value, number(value, high - low));
+                ticks(range, wanted).into_iter().map(label).collect()
+            }
+            Self::Logarithmic => logarithmic_ticks(range, wanted),
+            Self::Names(names) => {
+                names.iter().enumerate().map(|(k, name)| (k as f64, name.clone())).collect()
+            }
+        }
+    }
+}
+
+/// The drawing area of a panel in pixels with both axes.
+struct Area<'a> {
     x: f64,
     y: f64,
     width: f64,
     height: f64,
-    duration_s: f64,
+    axis: &'a Axis,
     range: [f64; 2],
+    scale: &'a Scale,
 }
 
-impl Area {
-    fn x_of(&self, time_s: f64) -> f64 {
-        px(self.x + self.width * time_s / self.duration_s)
+impl Area<'_> {
+    fn x_of(&self, value: f64) -> f64 {
+        let [low, high, value] = [self.axis.range[0], self.axis.range[1], value]
+            .map(|value| self.axis.scale.place(value));
+        px(self.x + self.width * (value - low) / (high - low))
     }
 
     fn y_of(&self, value: f64) -> f64 {
-        let [low, high] = self.range;
+        let [low, high, value] =
+            [self.range[0], self.range[1], value].map(|value| self.scale.place(value));
         px(self.y + self.height * (high - value) / (high - low))
     }
 }
 
 impl Panel {
     /// Adds the curves of another panel, dashed and without dots.
-    pub fn compare(&mut self, other: &Self) {
+    pub(super) fn compare(&mut self, other: &Self) {
         let (Content::Curves { series, .. }, Content::Curves { series: others, .. }) =
             (&mut self.content, &other.content)
         else {
@@ -111,52 +187,39 @@ impl Panel {
         }));
     }
 
-    /// Where the time axis of a panel at `x` of this width begins and ends on the page, px.
-    pub fn time_axis_px(x: f64, width: f64) -> [f64; 2] {
+    /// Ends on the page of the horizontal axis of a panel at `x` of this width, px.
+    pub(super) fn axis_px(x: f64, width: f64) -> [f64; 2] {
         [x + LEFT, x + width - RIGHT]
     }
 
-    /// Draws the panel into a rectangle, px; `time_axis` adds the numbers of the time axis below it.
-    pub fn draw(&self, [x, y]: [f64; 2], [width, height]: [f64; 2], time_axis: bool) -> Group {
-        let range = match &self.content {
-            Content::Curves { series, limits, include, marks } => {
-                let lines = series.iter().flat_map(|s| s.line.iter().chain(&s.dots)).map(|p| p[1]);
-                let asked = marks.iter().map(|mark| mark.value).chain(include.iter().copied());
-                padded_range(lines.chain(limits.iter().map(|l| l.0)).chain(asked))
-            }
-            Content::Bars(_) => [0.0, 1.0],
-        };
+    /// Draws the panel into a rectangle, px; `numbers` adds the numbers of the horizontal axis below it.
+    pub(super) fn draw(&self, [x, y]: [f64; 2], [width, height]: [f64; 2], numbers: bool) -> Group {
         let inner_width = width - LEFT - RIGHT;
-        let title_width = TITLE_LETTER * self.title.chars().count() as f64;
-        let fits = title_width + self.legend_width() <= inner_width;
-        let legend_line = if fits { 0.0 } else { LEGEND_LINE };
+        let (range, scale) = self.value_axis();
+        let legend = self.legend(inner_width);
+        let legend_height = LEGEND_LINE * legend.lines_below as f64;
         let area = Area {
             x: x + LEFT,
-            y: y + TOP + legend_line,
+            y: y + TOP + legend_height,
             width: inner_width,
-            height: height - TOP - legend_line - BOTTOM - TIME_AXIS,
-            duration_s: self.duration_s,
+            height: height - TOP - legend_height - BOTTOM - TIME_AXIS,
+            axis: &self.axis,
             range,
+            scale,
         };
         let mut group = Group::new();
         for &[from, to] in &self.shaded {
-            group = group.add(
-                Rectangle::new()
-                    .set("x", area.x_of(from))
-                    .set("y", px(area.y))
-                    .set("width", px(area.x_of(to) - area.x_of(from)))
-                    .set("height", px(area.height))
-                    .set("fill", "#eef2f6"),
-            );
+            group =
+                group.add(rectangle(&area, [from, to], area.y, area.height).set("fill", "#eef2f6"));
         }
-        group = time_grid(group, &area, time_axis);
+        group = axis_grid(group, &area, numbers);
         group = group.add(
             label(&self.title, area.x, y + 15.0)
                 .set("font-weight", 600)
                 .set("fill", INK)
                 .set("font-size", 12),
         );
-        match &self.content {
+        group = match &self.content {
             Content::Curves { series, limits, marks, .. } => {
                 group = value_grid(group, &area);
                 for &(value, color) in limits {
@@ -166,17 +229,114 @@ impl Panel {
                 }
                 group = series.iter().fold(group, |group, s| curve(group, &area, s));
                 group = marks.iter().fold(group, |group, mark| mark_in(group, &area, mark));
-                legend(group, &area, series, y + 15.0 + legend_line)
+                legend.draw(group, &area, y + 15.0)
+            }
+            Content::Map { cells, marks } => {
+                group = value_grid(group, &area);
+                for cell in cells {
+                    let [bottom, top] = cell.y.map(|y| area.y_of(y));
+                    let cell_px = rectangle(&area, cell.x, top, bottom - top);
+                    // Without lines between neighbours.
+                    let cell_px = cell_px.set("shape-rendering", "crispEdges");
+                    group = group.add(cell_px.set("fill", &*cell.fill));
+                }
+                marks.iter().fold(group, |group, mark| mark_in(group, &area, mark))
             }
             Content::Bars(rows) => bars(group, &area, rows),
+        };
+        self.moments.iter().fold(group, |group, moment| moment_in(group, &area, moment))
+    }
+
+    /// Range and scale of the vertical axis.
+    fn value_axis(&self) -> ([f64; 2], &Scale) {
+        match &self.content {
+            Content::Curves { series, limits, include, marks, scale } => {
+                let lines = series.iter().flat_map(|s| s.line.iter().chain(&s.dots)).map(|p| p[1]);
+                let asked = marks.iter().map(|mark| mark.value).chain(include.iter().copied());
+                let values = lines.chain(limits.iter().map(|l| l.0)).chain(asked);
+                (padded_range(values, scale), scale)
+            }
+            Content::Map { cells, .. } => {
+                let ends = cells.iter().flat_map(|cell| cell.y);
+                let bounds = |[low, high]: [f64; 2], y: f64| [low.min(y), high.max(y)];
+                (ends.fold([f64::INFINITY, f64::NEG_INFINITY], bounds), &Scale::Linear)
+            }
+            Content::Bars(_) => ([0.0, 1.0], &Scale::Linear),
         }
     }
 
-    fn legend_width(&self) -> f64 {
-        let Content::Curves { series, .. } = &self.content else { return 0.0 };
-        let named = series.iter().filter(|s| !s.name.is_empty());
-        named.map(|s| LEGEND_LETTER * s.name.chars().count() as f64 + LEGEND_KEY).sum()
+    /// Legend in the line of the title if it fits there, else in lines below.
+    fn legend(&self, inner_width: f64) -> Legend<'_> {
+        let named: Vec<&Series> = match &self.content {
+            Content::Curves { series, .. } => {
+                series.iter().filter(|s| !s.name.is_empty()).collect()
+            }
+            _ => Vec::new(),
+        };
+        let width = |series: &[&Series]| -> f64 { series.iter().map(|s| entry_width(s)).sum() };
+        let title_width = TITLE_LETTER * self.title.chars().count() as f64;
+        if title_width + width(&named) <= inner_width {
+            return Legend { lines: vec![named], lines_below: 0 };
+        }
+        let mut lines: Vec<Vec<&Series>> = vec![Vec::new()];
+        for series in named {
+            let last = lines.len() - 1;
+            if !lines[last].is_empty() && width(&lines[last]) + entry_width(series) > inner_width {
+                lines.push(vec![series]);
+            } else {
+                lines[last].push(series);
+            }
+        }
+        Legend { lines_below: lines.len(), lines }
     }
+}
+
+/// Named curves in lines.
+struct Legend<'a> {
+    lines: Vec<Vec<&'a Series>>,
+    /// Lines below that of the title.
+    lines_below: usize,
+}
+
+impl Legend<'_> {
+    /// Draws names with a sample of their line, from the right edge to the left.
+    fn draw(&self, mut group: Group, area: &Area, title_baseline: f64) -> Group {
+        for (number, line) in self.lines.iter().enumerate() {
+            let lines_above = if self.lines_below > 0 { number + 1 } else { 0 };
+            let baseline = title_baseline + LEGEND_LINE * lines_above as f64;
+            let mut x = area.x + area.width;
+            for s in line.iter().rev() {
+                x -= LEGEND_LETTER * s.name.chars().count() as f64;
+                group =
+                    group.add(label(&s.name, x, baseline).set("font-size", 10).set("fill", INK));
+                let y = px(baseline - 3.5);
+                let line = Line::new().set("x1", px(x - 18.0)).set("x2", px(x - 4.0));
+                let line = line.set("y1", y).set("y2", y);
+                let line =
+                    line.set("stroke", COLORS[s.color % COLORS.len()]).set("stroke-width", 2);
+                group = group.add(match s.dash {
+                    "" => line,
+                    dash => line.set("stroke-dasharray", dash),
+                });
+                x -= LEGEND_KEY;
+            }
+        }
+        group
+    }
+}
+
+/// Width of a name in a legend with its sample, px.
+fn entry_width(series: &Series) -> f64 {
+    LEGEND_LETTER * series.name.chars().count() as f64 + LEGEND_KEY
+}
+
+/// Rectangle between two values of the horizontal axis; its top and height in px.
+fn rectangle(area: &Area, [from, to]: [f64; 2], top: f64, height: f64) -> Rectangle {
+    Rectangle::new()
+        .set("x", area.x_of(from))
+        .set("y", px(top))
+        .set("width", px(area.x_of(to) - area.x_of(from)))
+        .set("height", px(height))
 }
 
 fn label(content: &str, x: f64, y: f64) -> Text {
@@ -188,21 +348,20 @@ fn horizontal(area: &Area, value: f64) -> Line {
     Line::new().set("x1", px(area.x)).set("x2", px(area.x + area.width)).set("y1", y).set("y2", y)
 }
 
-fn time_grid(mut group: Group, area: &Area, numbers: bool) -> Group {
+fn axis_grid(mut group: Group, area: &Area, numbers: bool) -> Group {
     let bottom = area.y + area.height;
-    for t in ticks([0.0, area.duration_s], 7) {
-        let x = area.x_of(t);
+    for (value, text) in area.axis.scale.ticks(area.axis.range, 7) {
+        let x = area.x_of(value);
         let line =
             Line::new().set("x1", x).set("x2", x).set("y1", px(area.y)).set("y2", px(bottom));
         group = group.add(line.set("stroke", "#e4e7eb"));
         if numbers {
-            let text = number(t, area.duration_s);
             group = group.add(label(&text, x, bottom + 15.0).set("text-anchor", "middle"));
         }
     }
     if numbers {
         let x = area.x + 0.5 * area.width;
-        group = group.add(label("time (s)", x, bottom + 29.0).set("text-anchor", "middle"));
+        group = group.add(label(&area.axis.label, x, bottom + 29.0).set("text-anchor", "middle"));
     }
     let frame = Rectangle::new().set("x", px(area.x)).set("y", px(area.y));
     let frame = frame.set("width", px(area.width)).set("height", px(area.height));
@@ -211,10 +370,10 @@ fn time_grid(mut group: Group, area: &Area, numbers: bool) -> Group {
 
 fn value_grid(mut group: Group, area: &Area) -> Group {
     let [low, high] = area.range;
-    for value in ticks(area.range, 4) {
-        let stroke = if value.abs() < 1e-9 * (high - low) { "#9aa5b1" } else { "#e4e7eb" };
+    for (value, text) in area.scale.ticks(area.range, 4) {
+        let is_zero = *area.scale == Scale::Linear && value.abs() < 1e-9 * (high - low);
+        let stroke = if is_zero { "#9aa5b1" } else { "#e4e7eb" };
         group = group.add(horizontal(area, value).set("stroke", stroke));
-        let text = number(value, high - low);
         group =
             group.add(label(&text, area.x - 6.0, area.y_of(value) + 4.0).set("text-anchor", "end"));
     }
@@ -224,9 +383,11 @@ fn value_grid(mut group: Group, area: &Area) -> Group {
 fn curve(mut group: Group, area: &Area, series: &Series) -> Group {
     let color = COLORS[series.color % COLORS.len()];
     let mut path = String::new();
-    for (k, &[t, value]) in series.line.iter().enumerate() {
-        let command = if k == 0 { 'M' } else { 'L' };
-        path.push_str(&format!("{command}{} {}", area.x_of(t), area.y_of(value)));
+    for stretch in series.line.split(|point| point[1].is_nan()) {
+        for (k, &[t, value]) in stretch.iter().enumerate() {
+            let command = if k == 0 { 'M' } else { 'L' };
+            path.push_str(&format!("{command}{} {}", area.x_of(t), area.y_of(value)));
+        }
     }
     let line = Path::new().set("d", path).set("fill", "none").set("stroke", color);
     let line = line.set("stroke-width", 1.6).set("stroke-linejoin", "round");
@@ -242,7 +403,7 @@ fn curve(mut group: Group, area: &Area, series: &Series) -> Group {
 }
 
 fn mark_in(group: Group, area: &Area, mark: &Mark) -> Group {
-    let (from, to, y) = (area.x_of(mark.from_s), area.x_of(mark.to_s), area.y_of(mark.value));
+    let (from, to, y) = (area.x_of(mark.from), area.x_of(mark.to), area.y_of(mark.value));
     let color = COLORS[mark.color % COLORS.len()];
     let path = if to > from {
         Path::new()
@@ -260,23 +421,11 @@ fn mark_in(group: Group, area: &Area, mark: &Mark) -> Group {
     group.add(path.set("stroke", color).set("fill", "none"))
 }
 
-/// Draws names with a sample of their line, from the right edge to the left.
-fn legend(mut group: Group, area: &Area, series: &[Series], baseline: f64) -> Group {
-    let mut x = area.x + area.width;
-    for s in series.iter().rev().filter(|s| !s.name.is_empty()) {
-        x -= LEGEND_LETTER * s.name.chars().count() as f64;
-        group = group.add(label(&s.name, x, baseline).set("font-size", 10).set("fill", INK));
-        let y = px(baseline - 3.5);
-        let line =
-            Line::new().set("x1", px(x - 18.0)).set("x2", px(x - 4.0)).set("y1", y).set("y2", y);
-        let line = line.set("stroke", COLORS[s.color % COLORS.len()]).set("stroke-width", 2);
-        group = group.add(match s.dash {
-            "" => line,
-            dash => line.set("stroke-dasharray", dash),
-        });
-        x -= LEGEND_KEY;
-    }
-    group
+fn moment_in(group: Group, area: &Area, (at, words): &(f64, String)) -> Group {
+    let (x, bottom) = (area.x_of(*at), px(area.y + area.height));
+    let line = Line::new().set("x1", x).set("x2", x).set("y1", px(area.y)).set("y2", bottom);
+    let group = group.add(line.set("stroke", INK).set("stroke-opacity", 0.25));
+    if words.is_empty() { group } else { group.add(label(words, x + 4.0, area.y + 12.0)) }
 }
 
 fn bars(mut group: Group, area: &Area, rows: &[(String, Vec<[f64; 2]>)]) -> Group {
@@ -284,10 +433,8 @@ fn bars(mut group: Group, area: &Area, rows: &[(String, Vec<[f64; 2]>)]) -> Grou
     for (k, (name, spans)) in rows.iter().enumerate() {
         let top = area.y + k as f64 * pitch;
         for &[from, to] in spans {
-            let bar = Rectangle::new().set("x", area.x_of(from)).set("y", px(top + 0.18 * pitch));
-            let bar = bar.set("width", px(area.x_of(to) - area.x_of(from)));
-            group =
-                group.add(bar.set("height", px(0.64 * pitch)).set("rx", 2).set("fill", "#8fb4d9"));
+            let bar = rectangle(area, [from, to], top + 0.18 * pitch, 0.64 * pitch);
+            group = group.add(bar.set("rx", 2).set("fill", "#8fb4d9"));
         }
         let text = label(name, area.x + 5.0, top + 0.5 * pitch + 3.5);
         group = group.add(text.set("font-size", 10).set("fill", INK).set("font-weight", 600));
@@ -296,9 +443,12 @@ fn bars(mut group: Group, area: &Area, rows: &[(String, Vec<[f64; 2]>)]) -> Grou
 }
 
 /// Range of the values with a margin; never empty.
-fn padded_range(values: impl Iterator<Item = f64>) -> [f64; 2] {
+fn padded_range(values: impl Iterator<Item = f64>, scale: &Scale) -> [f64; 2] {
     let (low, high) =
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if *scale == Scale::Logarithmic {
+        return if low > high { [0.1, 10.0] } else { [0.7 * low, 1.4 * high] };
+    }
     if low > high {
         return [-1.0, 1.0];
     }
@@ -314,6 +464,26 @@ fn ticks([low, high]: [f64; 2], wanted: usize) -> Vec<f64> {
         [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| *s >= rough).unwrap_or(rough);
     let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
     (first..=last).map(|k| k as f64 * step).collect()
+}
+
+/// Powers of ten inside a range with their labels, about `wanted` of them, with 2 and 5 times them in a range of few.
+fn logarithmic_ticks([low, high]: [f64; 2], wanted: usize) -> Vec<(f64, String)> {
+    let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+    let decades = (last - first) as usize;
+    let multiples: &[f64] = if 2 * decades <= wanted { &[1.0, 2.0, 5.0] } else { &[1.0] };
+    (first..=last)
+        .step_by(decades.div_ceil(wanted).max(1))
+        // Quotients of whole numbers are the nearest numbers, and print as such.
+        .flat_map(|power| {
+            let ten = 10.0_f64.powi(power.abs());
+            multiples.iter().map(move |m| if power < 0 { m / ten } else { m * ten })
+        })
+        .filter(|value| (low..=high).contains(value))
+        .map(|value| {
+            let is_short = (1e-3..1e5).contains(&value);
+            (value, if is_short { value.to_string() } else { format!("{value:e}") })
+        })
+        .collect()
 }
 
 /// Number of a tick with enough decimals to differ from its neighbours.
@@ -346,7 +516,16 @@ mod tests {
 
     #[test]
     fn a_constant_still_has_a_range() {
-        let [low, high] = padded_range([0.3; 5].into_iter());
+        let [low, high] = padded_range([0.3; 5].into_iter(), &Scale::Linear);
         assert!(low < 0.3 && high > 0.3);
+    }
+
+    #[test]
+    fn logarithmic_ticks_are_powers_of_ten() {
+        let of = |range, wanted| -> Vec<String> {
+            logarithmic_ticks(range, wanted).into_iter().map(|(_, text)| text).collect()
+        };
+        assert_eq!(of([3e-8, 40.0], 5), ["1e-6", "1e-4", "0.01", "1"]);
+        assert_eq!(of([0.04, 3.0], 7), ["0.05", "0.1", "0.2", "0.5", "1", "2"]);
     }
 }

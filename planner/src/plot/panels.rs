@@ -1,7 +1,7 @@
 //! Panels of the figure in columns, from the motion as played and the planned samples: those of the body and of the ground's forces.
 
 use super::JointPanels;
-use super::axes::Series;
+use super::axes::{Axis, Scale, Series};
 pub(super) use super::axes::{Content, Panel};
 use crate::motion::{Ends, Subject};
 use crate::plan::{EndEffectorSample, Plan, Sample};
@@ -59,8 +59,9 @@ pub fn footfalls(plan: &Plan) -> Option<Panel> {
     let rows: Vec<_> = feet.map(|(j, e)| (e.name.clone(), stances(plan, j))).collect();
     (!rows.is_empty()).then(|| Panel {
         title: "footfalls".to_owned(),
-        duration_s: plan.motion.duration_s,
+        axis: Axis::time(plan.motion.duration_s),
         shaded: Vec::new(),
+        moments: Vec::new(),
         content: Content::Bars(rows),
     })
 }
@@ -96,11 +97,13 @@ impl Played<'_> {
         limits: Vec<(f64, usize)>,
         include: Vec<f64>,
     ) -> Panel {
-        let content = Content::Curves { series, limits, include, marks: Vec::new() };
+        let scale = Scale::Linear;
+        let content = Content::Curves { series, limits, include, marks: Vec::new(), scale };
         Panel {
             title: title.into(),
-            duration_s: self.plan.motion.duration_s,
+            axis: Axis::time(self.plan.motion.duration_s),
             shaded: Vec::new(),
+            moments: Vec::new(),
             content,
         }
     }

@@ -45,7 +45,7 @@ impl Figure {
         let reach = |p: &Vector3<f64>| (p - pose.com).norm();
         let feet = pose.end_effectors.iter().zip(&robot.end_effectors);
         let furthest = feet.map(|(mount, e)| reach(&mount.center) + e.radius_m).fold(0.0, f64::max);
-        let links = pose.link_origins.iter().map(reach).fold(furthest, f64::max);
+        let links = pose.frames.link_origins.iter().map(reach).fold(furthest, f64::max);
         Self { model, extent_m: (2.0 * links).max(1e-3) }
     }
 
@@ -94,7 +94,7 @@ impl Figure {
     pub fn outline(&self, sample: &Sample) -> Vec<Vector3<f64>> {
         let pose = self.pose(sample);
         let feet = pose.end_effectors.iter().map(|mount| mount.center);
-        pose.link_origins.iter().copied().chain(feet).collect()
+        pose.frames.link_origins.iter().copied().chain(feet).collect()
     }
 
     fn pose(&self, sample: &Sample) -> Pose {
@@ -110,8 +110,8 @@ impl Figure {
         let robot = self.model.robot();
         let on_root = robot.joints.iter().filter(|joint| joint.parent == 0);
         let mut corners: Vec<Vector3<f64>> =
-            on_root.map(|joint| pose.link_origins[joint.child]).collect();
-        corners.push(pose.link_origins[0] + pose.world_from_body * robot.links[0].com_in_link_m);
+            on_root.map(|joint| pose.frames.link_origins[joint.child]).collect();
+        corners.push(pose.frames.point(0, &robot.links[0].com_in_link_m));
         let hull = convex_hull(corners.iter().map(|c| camera.project(c)).collect());
         let path = closed_path(&hull).set("class", "body").set("stroke-width", px(0.09 * stroke));
         let center = corners.iter().sum::<Vector3<f64>>() / corners.len() as f64;
@@ -124,7 +124,7 @@ impl Figure {
         let joints =
             self.model.chain(j).dofs.iter().filter(|&&dof| dof >= JOINTS).map(|dof| dof - JOINTS);
         let mut points: Vec<Vector3<f64>> =
-            joints.map(|k| pose.link_origins[robot.joints[k].child]).collect();
+            joints.map(|k| pose.frames.link_origins[robot.joints[k].child]).collect();
         points.push(pose.end_effectors[j].center);
         let page: Vec<[f64; 2]> = points.iter().map(|p| camera.project(p)).collect();
         let mut group = Group::new();

@@ -11,13 +11,13 @@ impl Played<'_> {
         let mut marks: Vec<Mark> = asked
             .filter_map(|target| {
                 let value = target.position_m[axis]?;
-                Some(Mark { from_s: target.at_s, to_s: target.at_s, value, color })
+                Some(Mark { from: target.at_s, to: target.at_s, value, color })
             })
             .collect();
         let limits = self.plan.motion.heights.iter().filter(|limit| axis == 2 && limit.of == of);
         for limit in limits {
             for value in [limit.above_m, limit.below_m].into_iter().flatten() {
-                marks.push(Mark { from_s: limit.from_s, to_s: limit.to_s, value, color });
+                marks.push(Mark { from: limit.from_s, to: limit.to_s, value, color });
             }
         }
         marks
@@ -29,7 +29,7 @@ impl Played<'_> {
         asked
             .filter_map(|target| {
                 let value = target.heading_rad?;
-                Some(Mark { from_s: target.at_s, to_s: target.at_s, value, color })
+                Some(Mark { from: target.at_s, to: target.at_s, value, color })
             })
             .collect()
     }

@@ -3,8 +3,8 @@
 use super::grid::{State, Timeline};
 use super::residual::{Grid, Worst};
 use crate::families::Family;
-use rollwalk_multibody::distance::{Capsule, OrientedBox};
-use rollwalk_multibody::euler::{GroundPoint, Pair};
+use rollwalk_multibody::clearance::{GroundPoint, Pair};
+use rollwalk_robot::shape::ClearancePair;
 
 /// What is missing of the margins, over all samples or frames.
 pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
@@ -28,26 +28,13 @@ pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
 
 /// Height of the lowest point of a shape or joint above the ground, m.
 pub fn height_m(state: &State, point: &GroundPoint) -> f64 {
-    point.center(&state.pose).z - point.radius_m
+    point.center(&state.pose.frames).z - point.radius_m
 }
 
 /// Distance of the surfaces of a pair, m.
 pub fn distance(state: &State, pair: &Pair) -> f64 {
-    let place = |k: usize| {
-        let link = pair.links[k];
-        (&pair.shapes[k], &state.pose.link_origins[link], &state.pose.world_from_link[link])
-    };
-    let capsule = |k: usize| {
-        let (shape, origin, rotation) = place(k);
-        Capsule::of(shape, origin, rotation)
-    };
-    let limb = capsule(1).expect("only the body has boxes");
-    if let Some(other) = capsule(0) {
-        return limb.distance(&other).distance_m;
-    }
-    let (shape, origin, rotation) = place(0);
-    let body = OrientedBox::of(shape, origin, rotation).expect("no capsule is a box");
-    limb.distance_to_box(&body).distance_m
+    let pair = ClearancePair { links: pair.links, shapes: pair.shapes.each_ref() };
+    state.pose.frames.clearance(&pair)
 }
 
 #[cfg(test)]

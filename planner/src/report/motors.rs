@@ -77,16 +77,14 @@ fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
         })
         .collect();
     for (l, link) in timeline.plan.robot.links.iter().enumerate() {
-        let center = |state: &State| {
-            state.pose.link_origins[l] + state.pose.world_from_link[l] * link.com_in_link_m
-        };
+        let center = |state: &State| state.pose.frames.point(l, &link.com_in_link_m);
         let push = (bent(&center) - gravity) * link.mass_kg;
         for &j in model.tree().joints_to_link(l) {
-            let w_j = here.pose.joint_axes[j];
-            let origin = here.pose.link_origins[timeline.plan.robot.joints[j].child];
+            let w_j = here.pose.frames.joint_axes[j];
+            let origin = here.pose.frames.link_origins[timeline.plan.robot.joints[j].child];
             torques[j] += push.dot(&w_j.cross(&(center(here) - origin)));
             for (axis, second) in &timeline.principal[l] {
-                let turned = |state: &State| state.pose.world_from_link[l] * axis;
+                let turned = |state: &State| state.pose.frames.world_from_link[l] * axis;
                 torques[j] += second * bent(&turned).dot(&w_j.cross(&turned(here)));
             }
         }

@@ -89,9 +89,9 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
 fn swept_moment(timeline: &Timeline, from: &State, to: &State) -> Vector3<f64> {
     let mut moment = Vector3::zeros();
     for (l, link) in timeline.plan.robot.links.iter().enumerate() {
-        let turned = |state: &State, v: &Vector3<f64>| state.pose.world_from_link[l] * v;
+        let turned = |state: &State, v: &Vector3<f64>| state.pose.frames.world_from_link[l] * v;
         let place = |state: &State| {
-            state.pose.link_origins[l] + turned(state, &link.com_in_link_m) - state.pose.com
+            state.pose.frames.link_origins[l] + turned(state, &link.com_in_link_m) - state.pose.com
         };
         moment += place(from).cross(&place(to)) * link.mass_kg;
         for (axis, second) in &timeline.principal[l] {

@@ -9,6 +9,9 @@
 //!
 //! A periodic curve continues with its next period, v(t + H) = turn · v(t) + shift with |turn| = 1, and so do its two
 //! derivatives, turned likewise. Tests compare it with cubics, sines and their derivatives.
+//!
+//! Between the 60 Hz frames that are sampled from this curve, the firmware plays cubics with slopes from neighbouring frames, in
+//! `f32` (`firmware/src/hermite.rs`).
 
 use nalgebra::Complex;
 

@@ -13,21 +13,17 @@
 //! of the weight, moments in that times the height of the centre of mass. So a wrench is met to about 1/κ where
 //! contacts can give it, and x is unique where they can give it in many ways.
 
+use crate::cone_program::{Accuracy, Cone, ConeProgram};
 use crate::families::ROLLING_SIGN_WIDTH_M_S;
 use crate::sample::PlannedContact;
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettingsBuilder, DefaultSolver, IPSolver, SecondOrderConeT, ZeroConeT,
-};
 use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6, Vector3, Vector6};
 use rollwalk_multibody::{Kinematics, RimContact};
 use rollwalk_robot::EndEffector;
 
 /// κ: weight of the wrench against that of the planned forces.
 const WRENCH_WEIGHT: f64 = 1e4;
-/// Tolerance and regularisation of the solver: with its own, 1e-8, forces of 60 N are off by up to 1 mN.
-const TOLERANCE: f64 = 1e-10;
-const REGULARISATION: f64 = 1e-12;
+/// Accuracy of the solver: with its own tolerances, 1e-8, forces of 60 N are off by up to 1 mN.
+const ACCURACY: Accuracy = Accuracy { tolerance: 1e-10, regularisation: 1e-12 };
 /// Height up to which a contact of a converged plan is on the ground, m: a fifth of the tolerance.
 const ON_GROUND_M: f64 = 0.0002;
 /// Height above that at which a foot that lifts off or lands carries half of what it would on the ground, m.
@@ -185,36 +181,19 @@ fn solve(
     right[..6].copy_from_slice(wrench.as_slice());
     let mut gradient = vec![0.0; count + 6];
     gradient.iter_mut().zip(planned).for_each(|(gradient, planned)| *gradient = -planned);
-    let mut kinds = vec![ZeroConeT(6)];
-    kinds.extend(vec![SecondOrderConeT(3); rows / 3]);
-    let settings = DefaultSettingsBuilder::default()
-        .verbose(false)
-        .tol_gap_abs(TOLERANCE)
-        .tol_gap_rel(TOLERANCE)
-        .tol_feas(TOLERANCE)
-        .static_regularization_constant(REGULARISATION)
-        .build()
-        .expect("the settings are those of the solver");
-    let identity = CscMatrix::identity(count + 6);
-    let solver = DefaultSolver::new(&identity, &gradient, &sparse(&left), &right, &kinds, settings);
-    let mut solver = solver.expect("the sizes fit");
-    solver.solve();
-    let found = DVector::from_column_slice(&solver.solution.x[..count]);
+    let mut kinds = vec![Cone::Zero(6)];
+    kinds.extend(vec![Cone::SecondOrder(3); rows / 3]);
+    let program = ConeProgram {
+        hessian: DMatrix::identity(count + 6, count + 6),
+        gradient,
+        rows: left,
+        bounds: right,
+        cones: kinds,
+        accuracy: Some(ACCURACY),
+    };
+    let found = DVector::from_column_slice(&program.solve().x[..count]);
     // Random problems are all solved. Should one not be, the planned forces are as good a guess as any.
     if found.iter().all(|x| x.is_finite()) { found } else { planned.clone() }
-}
-
-/// The entries of a matrix that are not zero, column by column.
-fn sparse(matrix: &DMatrix<f64>) -> CscMatrix<f64> {
-    let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
-    for column in matrix.column_iter() {
-        for (row, &value) in column.iter().enumerate().filter(|(_, value)| **value != 0.0) {
-            rows.push(row);
-            values.push(value);
-        }
-        starts.push(rows.len());
-    }
-    CscMatrix::new(matrix.nrows(), matrix.ncols(), starts, rows, values)
 }
 
 #[cfg(test)]

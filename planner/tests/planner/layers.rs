@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules in order: each may use itself and those before it. Modules of one line do not use each other.
 const LAYERS: &[&[&str]] = &[
-    &["json"],
+    &["json", "cone_program"],
     &["families"],
     &["motion"],
     &["plan"],

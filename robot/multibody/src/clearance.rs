@@ -1,9 +1,82 @@
-//! Clearance of a robot at a configuration: distances of all pairs of shapes, and heights above the ground.
+//! Clearance of limbs from each other, from the body and from the ground: pairs of shapes with distances and their
+//! derivatives, and points above the ground.
+//!
+//! A distance within the robot depends on the joints between its two links alone. It changes as the second shape moves
+//! against the first, by f · dp for a point p on it: one force f with its moment about the world's origin stands for all
+//! derivatives, w · (m − o × f) per radian of a joint with axis w and origin o.
+//!
+//! The nominal pose is right by definition. Shapes that overlap in it, because they are coarser than the parts, are no
+//! pair, and shapes that are nearer there than the margin may come as near as that. `rollwalk robot check` names both.
 
 use crate::distance::{Capsule, OrientedBox};
 use crate::{Frames, Tree};
+use nalgebra::Vector3;
 use rollwalk_robot::ClearancePair;
+use rollwalk_robot::Robot;
 use rollwalk_robot::shape::Shape;
+
+/// What must keep clear, prepared once.
+#[derive(Clone, Debug, Default)]
+pub struct Clearance {
+    shapes: Vec<LinkShape>,
+    pairs: Vec<Pair>,
+    points: Vec<GroundPoint>,
+}
+
+/// Two shapes that must keep clear of each other.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// Indices of their links.
+    pub links: [usize; 2],
+    /// The shapes in the frames of these links; the second is a capsule.
+    pub shapes: [Shape; 2],
+    /// Distance that they must keep, m.
+    pub least_m: f64,
+    /// Joints that move one of the links and not the other, base first.
+    pub joints: [Vec<usize>; 2],
+    /// Indices in [`Clearance::shapes`].
+    placed: [usize; 2],
+}
+
+/// A sphere of a link that must stay above the ground: the end of a capsule, or, with radius 0, a corner of a box or
+/// the origin of a joint.
+#[derive(Clone, Debug)]
+pub struct GroundPoint {
+    /// Index of its link.
+    pub link: usize,
+    /// Its centre in the link frame, m.
+    pub center_in_link_m: Vector3<f64>,
+    /// Its radius, m.
+    pub radius_m: f64,
+    /// Height above the ground that its lowest point must keep, m.
+    pub least_m: f64,
+}
+
+/// A shape with a sphere around it.
+#[derive(Clone, Copy, Debug)]
+struct LinkShape {
+    link: usize,
+    shape: Shape,
+    middle_in_link_m: Vector3<f64>,
+    reach_m: f64,
+}
+
+/// All shapes of pairs, in world.
+#[derive(Clone, Debug)]
+pub struct PlacedShapes(Vec<Placed>);
+
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    middle: Vector3<f64>,
+    reach_m: f64,
+    shape: PlacedShape,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum PlacedShape {
+    Capsule(Capsule),
+    Box(OrientedBox),
+}
 
 impl Frames {
     /// Distance of the surfaces of a pair of shapes, m; negative where they overlap.
@@ -11,29 +84,194 @@ impl Frames {
     /// # Panics
     /// The second shape is a box, which no valid robot has.
     pub fn clearance(&self, pair: &ClearancePair<'_>) -> f64 {
-        let [first, second] = [0, 1].map(|k| (pair.links[k], pair.shapes[k]));
-        let limb = self.capsule(second.0, second.1).expect("only the body has boxes");
-        match self.capsule(first.0, first.1) {
-            Some(other) => limb.distance(&other).distance_m,
-            None => limb.distance_to_box(&self.oriented_box(first.0, first.1)).distance_m,
+        let [first, second] = [0, 1].map(|k| self.placed(pair.links[k], pair.shapes[k]));
+        let limb = second.limb();
+        match first {
+            PlacedShape::Capsule(other) => limb.distance(&other).distance_m,
+            PlacedShape::Box(body) => limb.distance_to_box(&body).distance_m,
         }
     }
 
     /// Height of the lowest point of a link's shapes above the plane z = 0, m; `None` without shapes.
     pub fn lowest_shape(&self, tree: &Tree, link: usize) -> Option<f64> {
-        let height = |shape| match self.capsule(link, shape) {
-            Some(capsule) => capsule.height().0,
-            None => self.oriented_box(link, shape).height().0,
+        let height = |shape| match self.placed(link, shape) {
+            PlacedShape::Capsule(capsule) => capsule.height().0,
+            PlacedShape::Box(body) => body.height().0,
         };
         tree.robot().links[link].shapes.iter().map(height).reduce(f64::min)
     }
 
-    fn capsule(&self, link: usize, shape: &Shape) -> Option<Capsule> {
-        Capsule::of(shape, &self.link_origins[link], &self.world_from_link[link])
+    fn placed(&self, link: usize, shape: &Shape) -> PlacedShape {
+        let (origin, rotation) = (&self.link_origins[link], &self.world_from_link[link]);
+        match Capsule::of(shape, origin, rotation) {
+            Some(capsule) => PlacedShape::Capsule(capsule),
+            None => PlacedShape::Box(
+                OrientedBox::of(shape, origin, rotation)
+                    .expect("a shape that is no capsule is a box"),
+            ),
+        }
+    }
+}
+
+impl PlacedShape {
+    fn limb(&self) -> &Capsule {
+        let Self::Capsule(limb) = self else { unreachable!("only the body has boxes") };
+        limb
+    }
+}
+
+/// Distance of a pair.
+#[derive(Clone, Copy, Debug)]
+pub struct PairDistance {
+    /// Distance of the surfaces, m; negative where they overlap.
+    pub distance_m: f64,
+    force: Vector3<f64>,
+    moment: Vector3<f64>,
+}
+
+impl Clearance {
+    /// Prepares a robot from its frames in the nominal pose, in which it stands on the ground.
+    pub(crate) fn new(tree: &Tree, nominal: &Frames) -> Self {
+        let robot = tree.robot();
+        let mut made = Self::default();
+        for pair in robot.clearance_pairs() {
+            let nominal_m = nominal.clearance(&pair);
+            if nominal_m < 0.0 {
+                continue;
+            }
+            let joints = |link: usize, other: usize| {
+                let shared = tree.joints_to_link(other);
+                let joints = tree.joints_to_link(link).iter();
+                joints.copied().filter(|joint| !shared.contains(joint)).collect()
+            };
+            let [first, second] = pair.links;
+            let shapes = pair.shapes.map(|shape| *shape);
+            let placed = [0, 1].map(|k| made.index_of(pair.links[k], shapes[k]));
+            made.pairs.push(Pair {
+                links: pair.links,
+                shapes,
+                least_m: robot.clearance_margin_m.min(nominal_m),
+                joints: [joints(first, second), joints(second, first)],
+                placed,
+            });
+        }
+        for link in 0..robot.links.len() {
+            let stands = robot.end_effectors.iter().any(|end| end.link == link);
+            let margin_m = if stands { 0.0 } else { robot.clearance_margin_m };
+            for (center_in_link_m, radius_m, least_m) in ground_points(robot, link, margin_m) {
+                let nominal_m = nominal.point(link, &center_in_link_m).z - radius_m;
+                if nominal_m >= 0.0 {
+                    let least_m = least_m.min(nominal_m);
+                    made.points.push(GroundPoint { link, center_in_link_m, radius_m, least_m });
+                }
+            }
+        }
+        made
     }
 
-    fn oriented_box(&self, link: usize, shape: &Shape) -> OrientedBox {
-        OrientedBox::of(shape, &self.link_origins[link], &self.world_from_link[link])
-            .expect("a shape that is no capsule is a box")
+    fn index_of(&mut self, link: usize, shape: Shape) -> usize {
+        let known = self.shapes.iter().position(|known| known.link == link && known.shape == shape);
+        known.unwrap_or_else(|| {
+            let (middle_in_link_m, reach_m) = match shape {
+                Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+                    let half_m = 0.5 * (to_in_link_m - from_in_link_m).norm();
+                    (0.5 * (from_in_link_m + to_in_link_m), half_m + radius_m)
+                }
+                Shape::Box { center_in_link_m, size_m } => (center_in_link_m, 0.5 * size_m.norm()),
+            };
+            self.shapes.push(LinkShape { link, shape, middle_in_link_m, reach_m });
+            self.shapes.len() - 1
+        })
+    }
+
+    /// Pairs of shapes.
+    pub fn pairs(&self) -> &[Pair] {
+        &self.pairs
+    }
+
+    /// Points above the ground.
+    pub fn points(&self) -> &[GroundPoint] {
+        &self.points
+    }
+
+    /// Places all shapes.
+    pub fn placed(&self, frames: &Frames) -> PlacedShapes {
+        let place = |of: &LinkShape| Placed {
+            middle: frames.point(of.link, &of.middle_in_link_m),
+            reach_m: of.reach_m,
+            shape: frames.placed(of.link, &of.shape),
+        };
+        PlacedShapes(self.shapes.iter().map(place).collect())
+    }
+}
+
+/// Spheres of a link: centre, radius and least height. A link without shapes has its joint's origin.
+fn ground_points(robot: &Robot, link: usize, margin_m: f64) -> Vec<(Vector3<f64>, f64, f64)> {
+    let shapes = &robot.links[link].shapes;
+    if shapes.is_empty() {
+        return if link == 0 { vec![] } else { vec![(Vector3::zeros(), 0.0, 0.0)] };
+    }
+    let of_shape = |shape: &Shape| -> Vec<(Vector3<f64>, f64, f64)> {
+        match shape {
+            Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+                let mut ends = vec![*from_in_link_m, *to_in_link_m];
+                ends.dedup();
+                ends.into_iter().map(|end| (end, *radius_m, margin_m)).collect()
+            }
+            Shape::Box { center_in_link_m, size_m } => (0..8)
+                .map(|corner| {
+                    let sign = |axis: usize| if corner >> axis & 1 == 0 { -0.5 } else { 0.5 };
+                    let arm = Vector3::from_fn(|axis, _| sign(axis) * size_m[axis]);
+                    (center_in_link_m + arm, 0.0, margin_m)
+                })
+                .collect(),
+        }
+    };
+    shapes.iter().flat_map(of_shape).collect()
+}
+
+impl PlacedShapes {
+    /// Distance of a pair if it is less than `within_m`, which is not negative.
+    pub fn distance(&self, pair: &Pair, within_m: f64) -> Option<PairDistance> {
+        let [first, second] = pair.placed.map(|index| &self.0[index]);
+        let limb = second.shape.limb();
+        let (distance_m, by_ends) = match &first.shape {
+            PlacedShape::Capsule(other) => {
+                let apart = within_m + first.reach_m + second.reach_m;
+                if (first.middle - second.middle).norm_squared() >= apart * apart {
+                    return None;
+                }
+                let found = limb.distance(other);
+                (found.distance_m, found.by_first)
+            }
+            PlacedShape::Box(body) => {
+                if body.least_distance(limb) >= within_m {
+                    return None;
+                }
+                let found = limb.distance_to_box(body);
+                (found.distance_m, found.by_ends)
+            }
+        };
+        let [from, to] = [0, 1].map(|k| limb.ends[k].cross(&by_ends[k]));
+        (distance_m < within_m).then(|| PairDistance {
+            distance_m,
+            force: by_ends[0] + by_ends[1],
+            moment: from + to,
+        })
+    }
+}
+
+impl PairDistance {
+    /// Derivative with respect to a turn of the second shape about an axis, m/rad: of a joint that moves the second
+    /// link; with the opposite sign of one that moves the first.
+    pub fn by_turn(&self, axis: &Vector3<f64>, origin: &Vector3<f64>) -> f64 {
+        axis.dot(&(self.moment - origin.cross(&self.force)))
+    }
+}
+
+impl GroundPoint {
+    /// Centre in world, m.
+    pub fn center(&self, frames: &Frames) -> Vector3<f64> {
+        frames.point(self.link, &self.center_in_link_m)
     }
 }

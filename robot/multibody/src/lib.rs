@@ -39,7 +39,7 @@
 #![warn(missing_docs)]
 
 mod centroidal;
-mod clearance;
+pub mod clearance;
 mod composite;
 mod contact;
 pub mod distance;

@@ -1,12 +1,11 @@
 //! `rollwalk design explore`: every point of a sweep, on all cores, resumable, in shards.
 
-use crate::chart::sweep as chart;
 use crate::shards::{self, Done, Work};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_design::goal::Quantity;
 use rollwalk_design::plans::Failed;
 use rollwalk_design::sweep::picture::Picture;
-use rollwalk_design::sweep::{Ready, Row, table};
+use rollwalk_design::sweep::{Ready, Row, figure, table};
 use rollwalk_planner::Progress;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::{Exit, files, interrupt, output};
@@ -147,7 +146,7 @@ fn finish(args: &Args, ready: &Ready, rows: &[&Row]) -> miette::Result<Exit> {
     let folder = &args.output;
     let axes: Vec<String> = ready.sweep.axes.iter().map(|axis| axis.name().to_owned()).collect();
     let csv = table::csv(&axes, rows).into_diagnostic()?;
-    let figure = chart::draw(&Picture::of(ready, rows, args.plot))?;
+    let figure = figure::draw(&Picture::of(ready, rows, args.plot));
     files::write(&folder.join(CSV), &csv)?;
     files::write(&folder.join(FIGURE), figure.as_bytes())?;
     let hold = rows.iter().filter(|row| row.holds).count();

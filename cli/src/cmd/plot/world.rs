@@ -1,7 +1,7 @@
 //! A log of the simulated world as panels over time.
 
 use miette::miette;
-use rollwalk_bench::chart::{self, Curve, Labels};
+use rollwalk_planner::plot::chart::{self, Curve};
 use rollwalk_simulate::log::Table;
 use rollwalk_terminal::files;
 use rollwalk_terminal::kind::Kind;
@@ -21,7 +21,7 @@ pub fn figure(path: &Path) -> miette::Result<String> {
     })?;
     let figure = Figure { time_s: table.column("time_s").unwrap_or_default(), table };
     let title = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    chart::draw_panels(&title, &figure.panels(), &figure.marks())
+    Ok(chart::panels(&title, "time (s)", &figure.panels(), &figure.marks()))
 }
 
 struct Figure {
@@ -30,7 +30,7 @@ struct Figure {
 }
 
 impl Figure {
-    fn panels(&self) -> Vec<(Labels<'static>, Vec<Curve>)> {
+    fn panels(&self) -> Vec<(String, Vec<Curve>)> {
         let [turn, tilt] = self.angles_deg();
         let of_end_effectors = |ending: &str| {
             let names = self.table.with_ending(ending);
@@ -39,15 +39,15 @@ impl Figure {
         let speed = |axis: &str| self.column(&format!("com_v{axis}_m_s"));
         let speed = speed("x").iter().zip(&speed("y")).map(|(x, y)| x.hypot(*y)).collect();
         let way = |name: &str, axis: &str| self.curve(name, self.column(&format!("com_{axis}_m")));
-        let panel = |title, y, curves| (Labels { title, x: "time (s)", y }, curves);
+        let panel = |title: &str, curves| (title.to_owned(), curves);
         vec![
-            panel("way of the centre of mass", "m", vec![way("x", "x"), way("y", "y")]),
-            panel("height of the body", "m", vec![self.curve("z", self.column("base_z_m"))]),
-            panel("body", "°", vec![self.curve("heading", turn), self.curve("tilt", tilt)]),
-            panel("speed over the ground", "m/s", vec![self.curve("centre of mass", speed)]),
-            panel("force along the normal", "N", of_end_effectors("_normal_n")),
-            panel("slip", "m/s", of_end_effectors("_slip_m_s")),
-            panel("torque by its limit", "", self.shares()),
+            panel("way of the centre of mass (m)", vec![way("x", "x"), way("y", "y")]),
+            panel("height of the body (m)", vec![self.curve("z", self.column("base_z_m"))]),
+            panel("body (°)", vec![self.curve("heading", turn), self.curve("tilt", tilt)]),
+            panel("speed over the ground (m/s)", vec![self.curve("centre of mass", speed)]),
+            panel("force along the normal (N)", of_end_effectors("_normal_n")),
+            panel("slip (m/s)", of_end_effectors("_slip_m_s")),
+            panel("torque by its limit", self.shares()),
         ]
     }
 

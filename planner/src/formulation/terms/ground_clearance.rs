@@ -28,7 +28,7 @@ impl Term for GroundClearance {
             if out.skips_row() {
                 continue;
             }
-            let center = point.center(pose);
+            let center = point.center(&pose.frames);
             let missing = point.least_m + point.radius_m - center.z;
             let joints = model.tree().joints_to_link(point.link);
             let near = missing > -FAR_M;
@@ -43,11 +43,11 @@ impl Term for GroundClearance {
                 rises(BASE_POSITION + 2, 1.0);
                 // Yaw changes no height.
                 for (c, axis) in pose.base_axes.iter().enumerate().skip(1) {
-                    rises(BASE_YAW + c, turn(axis, &pose.link_origins[0]));
+                    rises(BASE_YAW + c, turn(axis, &pose.frames.link_origins[0]));
                 }
                 for &j in joints {
-                    let origin = &pose.link_origins[robot.joints[j].child];
-                    rises(JOINTS + j, turn(&pose.joint_axes[j], origin));
+                    let origin = &pose.frames.link_origins[robot.joints[j].child];
+                    rises(JOINTS + j, turn(&pose.frames.joint_axes[j], origin));
                 }
             }
             if point.least_m > 0.0 && point.least_m == robot.clearance_margin_m {

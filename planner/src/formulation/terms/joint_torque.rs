@@ -57,7 +57,8 @@ impl<'w> Torque<'w> {
         let carried = model.carried(joint);
         let child = model.robot().joints[joint].child;
         let [before, here, after] = window.states;
-        let (axis, origin) = (here.pose.joint_axes[joint], here.pose.link_origins[child]);
+        let (axis, origin) =
+            (here.pose.frames.joint_axes[joint], here.pose.frames.link_origins[child]);
         let second_difference = problem.means(window.at[1]).second_difference;
         let per_h2 = second_difference / problem.interval_s.powi(2);
 
@@ -67,7 +68,7 @@ impl<'w> Torque<'w> {
         });
         let swept = pairs.map(|pair| cross_sum(&pair.about(model, joint, &origin, &origin)));
         let arms = [before, here, after]
-            .map(|state| state.pose.carried_moment[child] - origin * carried.mass_kg);
+            .map(|state| state.pose.frames.carried_moments[child] - origin * carried.mass_kg);
         let mut moment = (swept[1] - swept[0]) * per_h2 - arms[1].cross(&gravity());
         let mut ground_force = Vector3::zeros();
         for &j in carried.end_effectors.iter().filter(|&&j| window.stance(1, j)) {
@@ -136,7 +137,8 @@ impl<'w> Torque<'w> {
                         derivative += d_weight_arm.dot(&w.cross(&here));
                     } else if k == 1 {
                         let child = model.robot().joints[part].child;
-                        let arm = pose.carried_moment[child] - about * model.carried(part).mass_kg;
+                        let arm = pose.frames.carried_moments[child]
+                            - about * model.carried(part).mass_kg;
                         derivative += d_weight_arm.dot(&w.cross(&arm));
                     }
                     out.d(k, dof, derivative);
@@ -145,12 +147,12 @@ impl<'w> Torque<'w> {
             for (c, w) in pose.base_axes.iter().enumerate() {
                 turn(BASE_YAW + c, *joint, w, &base, true);
             }
-            let origin = |joint: usize| pose.link_origins[model.robot().joints[joint].child];
+            let origin = |joint: usize| pose.frames.link_origins[model.robot().joints[joint].child];
             for &above in &model.carried(*joint).above {
-                turn(JOINTS + above, *joint, &pose.joint_axes[above], &origin(above), true);
+                turn(JOINTS + above, *joint, &pose.frames.joint_axes[above], &origin(above), true);
             }
             for &part in std::iter::once(joint).chain(&model.carried(*joint).below) {
-                turn(JOINTS + part, part, &pose.joint_axes[part], &origin(part), false);
+                turn(JOINTS + part, part, &pose.frames.joint_axes[part], &origin(part), false);
             }
         }
     }

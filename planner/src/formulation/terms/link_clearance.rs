@@ -27,7 +27,7 @@ impl Term for LinkClearance {
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let model = &window.problem.model;
         let (robot, clearance, pose) = (model.robot(), model.clearance(), &window.states[1].pose);
-        let placed = clearance.placed(pose);
+        let placed = clearance.placed(&pose.frames);
         out.set(1.0, Role::Inequality { band: BAND_M });
         for pair in clearance.pairs() {
             if out.skips_row() {
@@ -38,8 +38,8 @@ impl Term for LinkClearance {
                 for (joints, sign) in pair.joints.iter().zip([1.0, -1.0]) {
                     for &j in joints {
                         let by_turn = near.map_or(0.0, |near| {
-                            let origin = &pose.link_origins[robot.joints[j].child];
-                            near.by_turn(&pose.joint_axes[j], origin)
+                            let origin = &pose.frames.link_origins[robot.joints[j].child];
+                            near.by_turn(&pose.frames.joint_axes[j], origin)
                         });
                         out.d(1, JOINTS + j, sign * by_turn);
                     }

@@ -15,25 +15,22 @@ impl Pose {
         if !self.d_com.is_empty() {
             return;
         }
-        let Self { base_axes, com, d_com, end_effectors, link_origins, .. } = self;
+        let Self { frames, base_axes, com, d_com, end_effectors } = self;
         let (robot, tree) = (model.robot(), model.tree());
-        let base_origin = link_origins[0];
+        let base_origin = frames.link_origins[0];
         let translations = [Vector3::x(), Vector3::y(), Vector3::z()];
         d_com.reserve_exact(model.dofs());
         d_com.extend(translations);
         d_com.extend(base_axes.iter().map(|w| w.cross(&(*com - base_origin))));
-        for (j, joint) in robot.joints.iter().enumerate() {
-            let arm = self.carried_moment[joint.child]
-                - link_origins[joint.child] * tree.carried_mass_kg(j);
-            d_com.push(self.joint_axes[j].cross(&arm) / tree.total_mass_kg());
-        }
+        let joints = robot.joints.iter().enumerate();
+        d_com.extend(joints.map(|(j, joint)| frames.com_column(tree, j, joint.child)));
         for (at, ee) in end_effectors.iter_mut().zip(&robot.end_effectors) {
             at.d_center.extend(translations);
             at.d_rotation.extend([Vector3::zeros(); 3]);
             let turns = base_axes.iter().map(|w| (w, base_origin));
             let joints = tree.joints_to_link(ee.link).iter();
-            let joints =
-                joints.map(|&j| (&self.joint_axes[j], link_origins[robot.joints[j].child]));
+            let origin = |j: usize| frames.link_origins[robot.joints[j].child];
+            let joints = joints.map(|&j| (&frames.joint_axes[j], origin(j)));
             for (w, origin) in turns.chain(joints) {
                 at.d_center.push(w.cross(&(at.center - origin)));
                 at.d_rotation.push(*w);
@@ -68,15 +65,11 @@ impl Model {
             }
         };
         Pose {
-            world_from_body: frames.world_from_link[0],
             base_axes: rotation::yaw_pitch_roll_axes(&ypr),
             com: frames.com(self.tree()),
             d_com: Vec::new(),
             end_effectors: self.robot().end_effectors.iter().enumerate().map(mount).collect(),
-            link_origins: frames.link_origins,
-            joint_axes: frames.joint_axes,
-            carried_moment: frames.carried_moments,
-            world_from_link: frames.world_from_link,
+            frames,
         }
     }
 }

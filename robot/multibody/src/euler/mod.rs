@@ -2,16 +2,14 @@
 //! roll (rad, R = R_z·R_y·R_x), joint angles (rad).
 //!
 //! Follows Pinocchio's split: an immutable [`Model`] made once per robot, and a [`Pose`] with exact first
-//! derivatives computed from `q`. Poses of links come from [`crate::Frames`]; this module adds the turn of the base by
+//! derivatives computed from `q`. A pose has the [`crate::Frames`] of its links; this module adds the turn of the base by
 //! three angles in place of an angular velocity.
 
-mod clearance;
 mod forward;
 mod model;
 mod pose;
 mod swept;
 
-pub use clearance::{Clearance, GroundPoint, Pair, PairDistance, PlacedShapes};
 pub use model::{Carried, Chain, Model};
 pub use pose::{EndEffectorPose, Pose};
 pub use swept::{CarriedPair, SweptMoment, cross_sum, turned_first, turned_second};

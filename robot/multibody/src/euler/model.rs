@@ -1,7 +1,7 @@
 //! A robot prepared for the optimiser: nominal pose, second moments of links, chains of degrees of freedom.
 
-use super::clearance::Clearance;
 use super::{BASE_POSITION, BASE_YAW, JOINTS};
+use crate::clearance::Clearance;
 use crate::{Configuration, Frames, Tree, rotation};
 use nalgebra::{DVector, Matrix3, Vector3};
 use rollwalk_robot::{EndEffector, Link, Robot};

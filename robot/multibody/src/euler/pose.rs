@@ -1,5 +1,6 @@
 //! Pose of a robot: links, centre of mass and end effectors in world, with their derivatives.
 
+use crate::Frames;
 use nalgebra::{Matrix3, Vector3};
 
 /// An end effector's mount in world, with derivatives along its [`super::Chain`].
@@ -22,10 +23,8 @@ pub struct EndEffectorPose {
 /// Forward kinematics at one configuration.
 #[derive(Clone, Debug)]
 pub struct Pose {
-    /// World-from-body rotation.
-    pub world_from_body: Matrix3<f64>,
-    /// World-from-link rotation of every link.
-    pub world_from_link: Vec<Matrix3<f64>>,
+    /// Frames of all links.
+    pub frames: Frames,
     /// Axes in world of the base's yaw, pitch and roll.
     pub base_axes: [Vector3<f64>; 3],
     /// Centre of mass φ_CoM(q), m.
@@ -34,10 +33,4 @@ pub struct Pose {
     pub d_com: Vec<Vector3<f64>>,
     /// End effectors in robot order.
     pub end_effectors: Vec<EndEffectorPose>,
-    /// Origin of every link frame in world, m.
-    pub link_origins: Vec<Vector3<f64>>,
-    /// Axis of every joint in world, in joint order.
-    pub joint_axes: Vec<Vector3<f64>>,
-    /// First moment Σ m x of every link with all that it carries, kg·m in world.
-    pub carried_moment: Vec<Vector3<f64>>,
 }

@@ -59,16 +59,14 @@ impl Model {
     /// The moment without derivatives: their columns are empty until [`SweptMoment::differentiate`].
     pub fn swept_moment_value(&self, from: &Pose, to: &Pose) -> SweptMoment {
         let robot = self.robot();
-        let center = |pose: &Pose, l: usize| {
-            pose.link_origins[l] + pose.world_from_link[l] * robot.links[l].com_in_link_m
-        };
+        let center = |pose: &Pose, l: usize| pose.frames.link_com(self.tree(), l);
         // Positions from the centre of mass, so that numbers stay small far from the origin.
         let mut carried: Vec<Matrix3<f64>> = (0..robot.links.len())
             .map(|l| {
                 let (p, next) = (center(from, l) - from.com, center(to, l) - to.com);
-                let turning = from.world_from_link[l] * self.second_moment(l);
+                let turning = from.frames.world_from_link[l] * self.second_moment(l);
                 p * next.transpose() * robot.links[l].mass_kg
-                    + turning * to.world_from_link[l].transpose()
+                    + turning * to.frames.world_from_link[l].transpose()
             })
             .collect();
         for joint in robot.joints.iter().rev() {
@@ -97,12 +95,12 @@ impl SweptMoment {
         for (j, joint) in model.robot().joints.iter().enumerate() {
             let child = joint.child;
             let mass = model.tree().carried_mass_kg(j);
-            let moment = |pose: &Pose| pose.carried_moment[child] - pose.com * mass;
-            let arm = |pose: &Pose| pose.link_origins[child] - pose.com;
+            let moment = |pose: &Pose| pose.frames.carried_moments[child] - pose.com * mass;
+            let arm = |pose: &Pose| pose.frames.link_origins[child] - pose.com;
             let first = sums[child] - arm(from) * moment(to).transpose();
             let second = sums[child] - moment(from) * arm(to).transpose();
-            d_from.push(turned_first(&first, &from.joint_axes[j]));
-            d_to.push(turned_second(&second, &to.joint_axes[j]));
+            d_from.push(turned_first(&first, &from.frames.joint_axes[j]));
+            d_to.push(turned_second(&second, &to.frames.joint_axes[j]));
         }
         debug_assert_eq!(d_from.len(), JOINTS - 3 + model.robot().joints.len());
     }
@@ -125,7 +123,7 @@ impl<'a> CarriedPair<'a> {
     ) -> Matrix3<f64> {
         let child = model.robot().joints[joint].child;
         let mass = model.tree().carried_mass_kg(joint);
-        let moment = |pose: &Pose| pose.carried_moment[child] - pose.com * mass;
+        let moment = |pose: &Pose| pose.frames.carried_moments[child] - pose.com * mass;
         let (shift, next) = (self.from.com - origin, self.to.com - origin_next);
         self.swept.carried[child]
             + (moment(self.from) + shift * mass) * next.transpose()
