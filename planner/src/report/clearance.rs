@@ -4,7 +4,7 @@ use super::grid::{State, Timeline};
 use super::residual::{Grid, Worst};
 use crate::families::Family;
 use rollwalk_multibody::clearance::{GroundPoint, Pair};
-use rollwalk_robot::shape::ClearancePair;
+use rollwalk_robot::ClearancePair;
 
 /// What is missing of the margins, over all samples or frames.
 pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
