@@ -5,8 +5,8 @@ use crate::manipulation::{Handles, STEP_S, Task, Way, Work, at_place, objective}
 use crate::parts::Touching;
 use crate::{Chart, Check, Outcome, Watch};
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::Normal;
-use rollwalk_physics::ground::Plane;
 use rollwalk_physics::sensitivity::gauss_newton::Options;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 use rollwalk_physics::{Assembly, Settings, System};

@@ -83,13 +83,14 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rollwalk-bus",
             "rollwalk-firmware",
             "rollwalk-host",
+            "rollwalk-multibody",
             "rollwalk-physics",
             "rollwalk-protocol",
             "rollwalk-robot",
             "rollwalk-sim-host",
         ],
     ),
-    ("rollwalk-experiments", &["rollwalk-physics"]),
+    ("rollwalk-experiments", &["rollwalk-multibody", "rollwalk-physics"]),
     (
         "rollwalk-bench",
         &[
@@ -97,6 +98,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rollwalk-campaign",
             "rollwalk-design",
             "rollwalk-experiments",
+            "rollwalk-multibody",
             "rollwalk-physics",
             "rollwalk-planner",
             "rollwalk-protocol",

@@ -68,7 +68,7 @@ pub trait Ground: std::fmt::Debug + Send + Sync {
 }
 
 /// Every part of a ground for itself; of one without parts, the ground.
-pub(crate) fn parts_of(ground: &Arc<dyn Ground>) -> Vec<Arc<dyn Ground>> {
+pub fn parts_of(ground: &Arc<dyn Ground>) -> Vec<Arc<dyn Ground>> {
     let parts = ground.parts();
     if parts.is_empty() { vec![Arc::clone(ground)] } else { parts }
 }
