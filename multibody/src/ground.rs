@@ -1,6 +1,7 @@
 //! Ground as a signed distance: gap, normal and curvature at a point (thesis 4.5).
 
 mod convex;
+mod elevation;
 pub mod file;
 mod grid;
 mod shapes;
@@ -11,6 +12,7 @@ mod turned;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
+pub use elevation::{Elevation, ElevationMap};
 pub use grid::Grid;
 pub use shapes::{Capsule, Cuboid, Plane, Rounded, Sphere, Union};
 pub use spline::FieldError;
