@@ -21,7 +21,7 @@ use rollwalk_bus::priority;
 use rollwalk_bus::sim;
 use rollwalk_firmware::Settings;
 use rollwalk_host::describe::{fault_names, state_name};
-use rollwalk_physics::ground::Ground;
+use rollwalk_multibody::ground::Ground;
 use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::State;
 use rollwalk_protocol::wire::authentication::LinkKey;

@@ -2,9 +2,9 @@
 
 use clap::ValueEnum;
 use miette::miette;
+use rollwalk_multibody::ground::file::SLOPE_MAX_DEG;
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::World;
-use rollwalk_physics::ground::file::SLOPE_MAX_DEG;
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::push::Shove;
 use rollwalk_physics::world::Parameters;
 use rollwalk_robot::Robot;

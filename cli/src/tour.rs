@@ -5,7 +5,7 @@ use crate::world_log::{SharedLog, WorldLog};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
 use rollwalk_host::session::Session;
-use rollwalk_physics::ground::Ground;
+use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::push::Shove;
 use rollwalk_protocol::library::{ClipId, ClipInfo, Library, NodeId, RATE_HZ};
 use rollwalk_protocol::wire::{Parameter, State};

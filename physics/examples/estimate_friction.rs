@@ -1,9 +1,9 @@
 //! Estimates friction and speed of a box from a few measured places of it, with their standard deviations.
 
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Options, minimise};
 use rollwalk_physics::sensitivity::parameter::{Freedom, Initial, OfContact, Touching};
 use rollwalk_physics::sensitivity::{Constant, Recorder, Residual, Rollout};

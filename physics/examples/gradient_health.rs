@@ -4,9 +4,9 @@
 //! and its gradient, though exact, says little about finite changes.
 
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::sensitivity::parameter::{Freedom, Initial, OfContact, Touching};
 use rollwalk_physics::sensitivity::{Health, Parameter, Recorder};
 use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, StepError, System};

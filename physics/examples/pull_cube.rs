@@ -2,11 +2,11 @@
 //! optimisation with one parameter for each knot of a curve and each axis.
 
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::anchor::Anchor;
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::curve::{Curve, Degree};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::points::Points;
 use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Options, Penalty, minimise};
 use rollwalk_physics::sensitivity::parameter::Handle;

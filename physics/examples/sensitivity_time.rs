@@ -5,9 +5,9 @@
 
 use cpu_time::ProcessTime;
 use nalgebra::{DVector, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::World;
 use rollwalk_physics::curve::{Curve, Degree};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Motor;
 use rollwalk_physics::sensitivity::parameter::Control;
 use rollwalk_physics::sensitivity::{Recorder, Residual, Rollout};

@@ -1,8 +1,8 @@
 //! Drops a soft block of tetrahedra on the ground, and asks how its height depends on its stiffness.
 
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::sensitivity::parameter::{OfMaterial, Softness};
 use rollwalk_physics::sensitivity::{Recorder, Residual};
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};

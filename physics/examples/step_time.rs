@@ -5,9 +5,9 @@
 
 use cpu_time::ProcessTime;
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::joint::Ball;
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::points::Points;

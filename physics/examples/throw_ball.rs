@@ -5,9 +5,9 @@
 //! parameters.
 
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::Plane;
 use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Options, minimise};
 use rollwalk_physics::sensitivity::parameter::{Freedom, Initial};
 use rollwalk_physics::sensitivity::{Parameter, Recorder, Residual, Rollout};

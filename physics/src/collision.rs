@@ -4,9 +4,9 @@
 use crate::contact::Normal;
 use crate::force::{By, Derivative, Force, Held, Kink, View, Wrench};
 use crate::friction::Friction;
-use crate::ground::{Ground, Surface};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Matrix6x3, Vector3};
+use rollwalk_multibody::ground::{Ground, Surface};
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
 
@@ -205,8 +205,8 @@ mod tests {
     use super::*;
     use crate::check::agrees_at;
     use crate::friction::Model;
-    use crate::ground::{Grid, Sphere};
     use crate::{Assembly, Inertia, Settings, System};
+    use rollwalk_multibody::ground::{Grid, Sphere};
 
     const BALL: Sphere = Sphere { center: Vector3::new(0.0, 0.02, 0.0), radius_m: 0.2 };
 

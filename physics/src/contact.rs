@@ -9,12 +9,12 @@ mod place;
 
 use crate::force::{By, Derivative, Force, Held, Kink, View, Wrench};
 use crate::friction::Friction;
-use crate::ground::{Ground, Surface};
 use crate::motion::Motion;
 use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6x3, RowVector3, Vector3};
 pub(crate) use normal::Press;
 use place::{Place, across};
+use rollwalk_multibody::ground::{Ground, Surface};
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
 
@@ -372,7 +372,7 @@ mod tests {
     use super::*;
     use crate::check::agrees_at;
     use crate::friction::Model;
-    use crate::ground::{Capsule, Grid, HeightField, Plane, Profile, Sphere};
+    use rollwalk_multibody::ground::{Capsule, Grid, HeightField, Plane, Profile, Sphere};
 
     fn contact(tip: Tip, ground: Arc<dyn Ground>, model: Model) -> Contact {
         Contact {

@@ -12,7 +12,6 @@
 //! | [`points`], [`joint`], [`spring`], [`anchor`], [`motor`] | what holds points together; joints as stiff springs; springs and strings; bolts in the world; motors |
 //! | [`soft`] | soft bodies of tetrahedra |
 //! | [`hold`], [`push`] | a hoist, a stand or a hand; forces from outside |
-//! | [`ground`] | signed distance of terrain and fixed solids |
 //! | [`collision`] | contact of a point of one body with another body |
 //! | [`contact`], [`friction`], [`touch`], [`event`] | contact with the ground, its friction law, its reported state, and touch-down, lift-off and slip |
 //! | [`system`] | the step, halved where it does not converge |
@@ -22,7 +21,7 @@
 //! | [`world`] | a robot from its description |
 //!
 //! ```
-//! use rollwalk_physics::ground::{Ground, Plane};
+//! use rollwalk_multibody::ground::{Ground, Plane};
 //! use rollwalk_physics::World;
 //! use rollwalk_physics::world::Parameters;
 //! use std::sync::Arc;
@@ -52,7 +51,6 @@ pub mod curve;
 pub mod event;
 pub mod force;
 pub mod friction;
-pub mod ground;
 pub mod hold;
 pub mod joint;
 mod kinks;

@@ -12,11 +12,11 @@ mod tetrahedron;
 use crate::assembly::Assembly;
 use crate::contact::{Contact, Normal, Resistance, Tip};
 use crate::friction::Friction;
-use crate::ground::Ground;
 use crate::joint::Ball;
 use crate::motion::Motion;
 use crate::points::Points;
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::Ground;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -12,7 +12,6 @@ mod parameters;
 mod parts;
 mod state;
 
-use crate::ground::Ground;
 use crate::hold::{Hold, Place};
 use crate::motor::{Law, Motor};
 use crate::push::Push;
@@ -21,6 +20,7 @@ use crate::touch::Touch;
 use build::Build;
 use hinge::perpendicular;
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::Ground;
 use rollwalk_multibody::{State, Tree};
 use rollwalk_robot::{Channel, EndEffector, Robot};
 use std::ops::Range;

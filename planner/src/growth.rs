@@ -100,7 +100,7 @@ fn instant(
     let com = frames.com(tree);
     let planned = spline.planned_contacts(time_s);
     let rims: Option<Vec<_>> = (0..robot.end_effectors.len())
-        .map(|j| RimContact::new(tree, frames, j, &Vector3::z()))
+        .map(|j| RimContact::on(tree, frames, j, spline.ground()))
         .collect();
     let rims = rims?;
     let stands = |j: &usize| planned[*j].share >= 1.0;
@@ -131,9 +131,10 @@ fn instant(
         }
     }
     let weight_n = tree.total_mass_kg() * GRAVITY_M_S2;
+    let height_m = spline.ground().height_above_m(&com);
     // Not `solve`, which panics for a robot without joints.
     let mut compliance = &jacobian * stiffness.try_inverse()? * jacobian.transpose();
-    (0..compliance.nrows()).for_each(|k| compliance[(k, k)] += GROUND_YIELDS * com.z / weight_n);
+    (0..compliance.nrows()).for_each(|k| compliance[(k, k)] += GROUND_YIELDS * height_m / weight_n);
     Some(Instant {
         mass_kg: tree.total_mass_kg(),
         com,
@@ -169,14 +170,14 @@ fn roll(
 ) -> Option<Roll> {
     let j = rim.end_effector;
     let foot = &plan.robot.end_effectors[j];
-    let along = rim.axis.cross(&Vector3::z()).try_normalize(1e-9)?;
+    let along = rim.axis.cross(rim.normal()).try_normalize(1e-9)?;
     let mobility_m_ns = match (foot.contact.actuator(), foot.contact.drag()) {
         (Some(motor), _) if !plan.motion.held_wheels[j] => {
             foot.radius_m.powi(2) / motor.kd_nm_s_rad
         }
         (_, Some(drag)) => {
             // The slope of Eq. 2.6 at speed, where small errors do not change its sign.
-            let drag_n_s_m = drag.rolling_drag_s_m * force_n.z.max(0.0);
+            let drag_n_s_m = drag.rolling_drag_s_m * force_n.dot(rim.normal()).max(0.0);
             1.0 / drag_n_s_m.max(LEAST_DRAG_N_S_M)
         }
         _ => return None,

@@ -11,6 +11,7 @@ pub use stepping::count_of_steps;
 
 use crate::motion::file::{Footfalls, name, steps};
 use crate::motion::{Ends, Goal, Motion, Reserve};
+use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_protocol::library::{MAX_MOTIONS, MAX_TRANSITIONS};
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternatives};
@@ -335,6 +336,7 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
         targets,
         heights,
         reserve: Reserve::default(),
+        ground: ElevationMap::default(),
         needs_feedback: None,
     })
 }

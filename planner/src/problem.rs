@@ -19,6 +19,7 @@ use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Reserve, Target, sw
 use crate::plan::Placement;
 use nalgebra::DVector;
 use rollwalk_multibody::euler::Model;
+use rollwalk_multibody::ground::ElevationMap;
 use state::State;
 use variables::{Layout, Lift, TimelineSample, force_scale_n};
 use weights::WEIGHT_INTERVAL_S;
@@ -38,7 +39,9 @@ pub struct Problem {
     pub timeline: Vec<TimelineSample>,
     /// Contact flags along the timeline: `[timeline sample][end effector]`.
     pub stance: Vec<Vec<bool>>,
-    /// Contact heights along the timeline, m (Eq. 2.9).
+    /// Ground under the robot.
+    pub ground: ElevationMap,
+    /// Heights of contact points above the ground along the timeline, m (Eq. 2.9).
     pub height_m: Vec<Vec<f64>>,
     /// Whether the motion is periodic: its intervals then include the one from the last sample to the next period.
     pub periodic: bool,
@@ -58,7 +61,7 @@ pub struct Problem {
     pub targets: Vec<PlacedTarget>,
     /// Height limits: `[timeline sample][limit]`.
     pub heights: Vec<Vec<HeightLimit>>,
-    /// Standing configurations to which the posture term pulls the samples.
+    /// Standing configurations on the plane z = 0 to which the posture term pulls the samples.
     pub posture_q: Vec<DVector<f64>>,
     /// Wanted velocity of the body on the interval after each sample: along and to the left of its heading, m/s, and of the
     /// heading, rad/s. Empty if the motion is not steered.
@@ -155,6 +158,7 @@ impl Problem {
         Self {
             interval_s: motion.duration_s / intervals as f64,
             samples,
+            ground: motion.ground.clone(),
             height_m: swing::heights(&slots(&timeline), &motion.stance, motion),
             timeline,
             stance,
@@ -212,6 +216,7 @@ impl Problem {
         let problem = Self {
             interval_s: motion.duration_s / (samples - 1) as f64,
             samples,
+            ground: motion.ground.clone(),
             height_m: swing::heights(&slots(&timeline), &slot_stance, motion),
             timeline,
             stance,
@@ -260,7 +265,7 @@ impl Problem {
     /// Sets the sums of forces and moments of every slot to those of its forces.
     pub fn add_up(&self, unknowns: &mut Unknowns) {
         for slot in &mut unknowns.slots {
-            let state = State::new(&self.model, &self.layout, slot.clone());
+            let state = State::new(&self.model, &self.layout, &self.ground, slot.clone());
             let [force, moment] = state.wrench(&self.layout);
             slot.fixed_rows_mut::<3>(self.layout.wrench).copy_from(&force);
             slot.fixed_rows_mut::<3>(self.layout.wrench + 3).copy_from(&moment);
@@ -274,7 +279,7 @@ impl Problem {
             .iter()
             .map(|s| {
                 let vars = s.lift.apply(&self.layout, &unknowns.slots[s.slot], &unknowns.placement);
-                State::new(&self.model, &self.layout, vars)
+                State::new(&self.model, &self.layout, &self.ground, vars)
             })
             .collect();
         for t in 1..states.len() {

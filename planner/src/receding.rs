@@ -42,8 +42,9 @@ use crate::solve::normal::NormalEquations;
 use crate::solve::{ACCEPTED_LEVEL, Begin, Outcome, Point, Progress, Settings, Solver};
 use crate::start::guess;
 use crate::torque;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Isometry3;
 use rollwalk_multibody::euler::Model;
+use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::{Kinematics, RimContact, State, Tree};
 use rollwalk_robot::Robot;
 use schedule::{Place, Schedule};
@@ -207,7 +208,7 @@ impl Horizon {
         self.check(measured, steering)?;
         let at = at as i64;
         let stands = &self.schedule.from(at, self.samples, &self.places(measured)).stance[0];
-        let state = measured::on_contacts(&self.tree, measured.state, stands);
+        let state = measured::on_contacts(&self.tree, self.ground(), measured.state, stands);
         // On its contacts, the robot holds what swings a little higher or lower.
         let places = self.places(Measured { state: &state, touches: stands });
         let footfalls = self.schedule.from(at, self.samples, &places);
@@ -276,7 +277,7 @@ impl Horizon {
         let (best, outcome, normal, rows) = iterate(solver, &options.settings, progress);
         let Best { mut unknowns, worst_level, worst_constraint } = best;
         let after = &mut unknowns.slots[*samples + 1];
-        guess::follow_kinematics(&problem.model, &problem.layout, after);
+        guess::follow_kinematics(&problem.model, &problem.layout, &problem.ground, after);
         unknowns.placement = base_placement(&unknowns.slots[*samples - 1]);
         if system.fits() {
             if kept.len() >= MOST_KEPT {
@@ -298,15 +299,25 @@ impl Horizon {
         (unknowns, summary)
     }
 
-    /// Heights of the contact points, and their rates.
+    /// Ground of the gait. Horizons begin elsewhere than their gait, so that it is level.
+    fn ground(&self) -> &ElevationMap {
+        &self.schedule.gait.motion.ground
+    }
+
+    /// Heights of the contact points above the ground, and their rates.
     fn places(&self, Measured { state, touches }: Measured<'_>) -> Vec<Place> {
         let mut kinematics = Kinematics::new(&self.tree, &state.configuration());
         kinematics.update(&self.tree, &state.configuration(), &state.velocity);
+        let ground = self.ground();
         let place = |(j, &touches): (usize, &bool)| {
-            let contact = RimContact::new(&self.tree, &kinematics.frames, j, &Vector3::z());
+            let contact = RimContact::on(&self.tree, &kinematics.frames, j, ground);
             // A wheel that lies flat has no lowest point, and touches nothing.
-            let at =
-                contact.map(|of| [of.position().z, of.motion(&kinematics).geometric_velocity.z]);
+            let at = contact.map(|of| {
+                let (position, velocity) =
+                    (of.position(), of.motion(&kinematics).geometric_velocity);
+                let rises_m_s = ground.at(&position).upward().dot(&velocity);
+                [ground.height_above_m(&position), rises_m_s]
+            });
             let [height_m, rises_m_s] = at.unwrap_or_default();
             Place { touches: touches && at.is_some(), height_m, rises_m_s }
         };

@@ -28,6 +28,7 @@ use crate::problem::state::{ContactFrame, tilt_and_yaw};
 use curves::Curves;
 use nalgebra::{Complex, DVector, UnitQuaternion, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, EndEffectorPose, JOINTS, Model};
+use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::rotation;
 use rollwalk_robot::{EndEffector, Robot};
 use spline::Spline;
@@ -36,6 +37,7 @@ use spline::Spline;
 #[derive(Clone, Debug)]
 pub struct PlanSpline {
     model: Model,
+    ground: ElevationMap,
     ends: Ends,
     spacing_s: f64,
     duration_s: f64,
@@ -111,6 +113,7 @@ impl PlanSpline {
         }
         Self {
             model: Model::new(&plan.robot),
+            ground: plan.motion.ground.clone(),
             ends: plan.motion.ends,
             spacing_s: plan.sample_interval_s,
             duration_s: plan.motion.duration_s,
@@ -140,6 +143,11 @@ impl PlanSpline {
     /// Model of the robot that the plan is for.
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// Ground of the plan.
+    pub(crate) fn ground(&self) -> &ElevationMap {
+        &self.ground
     }
 
     /// Setpoints at a time. A periodic motion repeats, any other holds its ends.
@@ -213,13 +221,12 @@ impl PlanSpline {
             .map(|(j, end_effector)| {
                 let mount = &pose.end_effectors[j];
                 let radius_m = end_effector.radius_m;
-                let (tilt_rad, yaw_rad, frame) = if end_effector.contact.rolls() {
+                let angles = end_effector.contact.rolls().then(|| {
                     let near = self.yaw_rad[i][j] + placement.yaw_rad;
-                    let (tilt_rad, yaw_rad) = tilt_and_yaw(&mount.axis, near);
-                    (tilt_rad, yaw_rad, ContactFrame::wheel(radius_m, tilt_rad, yaw_rad))
-                } else {
-                    (0.0, 0.0, ContactFrame::foot(radius_m))
-                };
+                    tilt_and_yaw(&mount.axis, near).into()
+                });
+                let frame = ContactFrame::below(radius_m, angles, &self.ground, &mount.center);
+                let [tilt_rad, yaw_rad] = angles.unwrap_or_default();
                 let force = self.force_n[i][j].lerp(&self.force_n[i + 1][j], u);
                 EndEffectorSample {
                     contact: self.stands(i, u, j),

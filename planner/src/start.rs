@@ -144,7 +144,7 @@ fn swing_joints(problem: &Problem, unknowns: &mut Unknowns, amplitude_rad: f64, 
         for (j, phase) in phases.iter().enumerate() {
             slot[JOINTS + j] += amplitude_rad * (angle + phase).sin();
         }
-        guess::follow_kinematics(&problem.model, &problem.layout, slot);
+        guess::follow_kinematics(&problem.model, &problem.layout, &problem.ground, slot);
     }
     roll_along(problem, unknowns);
 }

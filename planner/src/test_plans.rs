@@ -12,6 +12,7 @@ use crate::plan::{
 use crate::torque;
 use nalgebra::{DMatrix, DVector, Dyn, Isometry3, Matrix3, OMatrix, RowVector6, U6, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, JOINTS, Model, Pose};
+use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_robot::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use rollwalk_robot::{Actuator, Contact, EndEffector, GRAVITY_M_S2, Joint, Link, Robot};
 use std::f64::consts::TAU;
@@ -264,6 +265,7 @@ impl Drive {
                 targets: Vec::new(),
                 heights: Vec::new(),
                 reserve: Default::default(),
+                ground: ElevationMap::default(),
                 needs_feedback: None,
             },
             sample_interval_s: h,

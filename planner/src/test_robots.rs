@@ -6,6 +6,7 @@ use crate::problem::Unknowns;
 use crate::problem::variables::Layout;
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::Model;
+use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_robot::{Actuator, Contact, EndEffector, Robot, RollingDrag, TorqueSpeedLine};
 
 /// The shipped robots (driven wheels, free wheels, feet) and what they could be turned into: AgileBot on
@@ -149,6 +150,7 @@ pub fn motion(robot: &Robot, ends: Ends) -> Motion {
         targets: Vec::new(),
         heights: Vec::new(),
         reserve: Default::default(),
+        ground: ElevationMap::default(),
         needs_feedback: None,
     }
 }

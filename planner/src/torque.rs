@@ -90,21 +90,23 @@ impl InverseDynamics {
         let com = kinematics.frames.com(tree);
         let base_to_com = com - kinematics.frames.link_origins[0];
         let planned = self.spline.planned_contacts(plan_time_s);
+        let ground = self.spline.ground();
         let contacts: Vec<(RimContact, Support)> = planned
             .iter()
             .enumerate()
             .filter(|(_, planned)| planned.share > NO_SHARE)
             .filter_map(|(j, planned)| {
-                let contact = RimContact::new(tree, &kinematics.frames, j, &Vector3::z())?;
+                let contact = RimContact::on(tree, &kinematics.frames, j, ground)?;
                 let foot = &tree.robot().end_effectors[j];
-                let support = Support::new(foot, &contact, kinematics, planned, &com);
+                let above_m = ground.height_above_m(&contact.position());
+                let support = Support::new(foot, &contact, above_m, kinematics, planned, &com);
                 Some((contact, support))
             })
             .collect();
         let wanted = Wanted {
             wrench: about_com(&generalised, &base_to_com),
             weight_n: tree.total_mass_kg() * GRAVITY_M_S2,
-            height_m: com.z.max(LEVER_MIN_M),
+            height_m: ground.height_above_m(&com).max(LEVER_MIN_M),
         };
         let supports: Vec<&Support> = contacts.iter().map(|(_, support)| support).collect();
         let forces = ground_forces::nearest(&supports, &wanted);

@@ -13,7 +13,7 @@ use crate::servo::Servo;
 use hoist::{Hoist, LetsGo, StillWatch};
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_drives as drives;
-use rollwalk_physics::ground::Ground;
+use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::motor::{Law, torque_speed_line};
 use rollwalk_physics::push::{Shove, mean_force};
 use rollwalk_physics::world::{

@@ -5,7 +5,7 @@ use crate::only::Only;
 use crate::split::{Rows, Split};
 use crate::{Block, Findings, Program, Table, table, unless_interrupted};
 use miette::{IntoDiagnostic, miette};
-use rollwalk_physics::ground::Plane;
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::push::Shove;
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::Plan;

@@ -4,7 +4,7 @@ use crate::error::{refused, refused_by_system, wrong};
 use pyo3::prelude::*;
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
-use rollwalk_physics::ground::{self, Ground};
+use rollwalk_multibody::ground::{self, Ground};
 use rollwalk_planner::building::{Contents, Misfit, Shelf};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;

@@ -11,7 +11,7 @@ use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
 use rollwalk_design::sweep::{Files, Ready, Sweep};
-use rollwalk_physics::ground::{self, Ground};
+use rollwalk_multibody::ground::{self, Ground};
 use rollwalk_planner::building::{Contents, Misfit, Shelf, Wanted};
 use rollwalk_planner::library_file::LibraryFile;
 use rollwalk_planner::motion::Motion;

@@ -3,7 +3,7 @@
 
 use crate::problem;
 use miette::{Diagnostic, Report, miette};
-use rollwalk_physics::ground::file as terrain;
+use rollwalk_multibody::ground::file as terrain;
 use rollwalk_planner::plan;
 use rollwalk_robot::urdf;
 use std::fmt;

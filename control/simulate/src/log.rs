@@ -225,8 +225,8 @@ impl Table {
 mod tests {
     use super::*;
     use nalgebra::Vector3;
+    use rollwalk_multibody::ground::{Ground, Plane};
     use rollwalk_multibody::rotation::yaw_rotation;
-    use rollwalk_physics::ground::{Ground, Plane};
     use rollwalk_physics::world::Parameters;
     use std::sync::Arc;
 

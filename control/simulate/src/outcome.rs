@@ -4,7 +4,7 @@ use crate::control::Controller;
 use crate::judgement::PlannedWay;
 use crate::script::Script;
 use nalgebra::Rotation3;
-use rollwalk_physics::ground::Ground;
+use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::world::{FallWatch, Odometer, Totals, Way};
 use rollwalk_physics::{StepReport, World};
 use serde::Serialize;

@@ -8,8 +8,8 @@
 use crate::run::{REST_S, beats, begin, step_s};
 use crate::script::Script;
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::curve::{Curve, Degree};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::sensitivity::gauss_newton::{self, Evaluation, Penalty, minimise};
 use rollwalk_physics::sensitivity::parameter::Control;
 use rollwalk_physics::sensitivity::{Recorder, Residual};

@@ -5,7 +5,7 @@ use crate::mismatch::Mismatch;
 use crate::outcome::{Outcome, Tracker};
 use crate::script::Script;
 use nalgebra::{Rotation3, Vector3};
-use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::push::{Shove, mean_force};
 use rollwalk_physics::world::{Parameters, ground_from_world, heading_rad, normal_at_start};
 use rollwalk_physics::{StepError, World};

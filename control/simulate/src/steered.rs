@@ -8,7 +8,7 @@ use crate::closed_loop::Placed;
 use crate::script::servo;
 use crate::tick::law;
 use rollwalk_multibody::State;
-use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::push::{Shove, mean_force};
 use rollwalk_physics::world::{FallWatch, Parameters, heading_rad};

@@ -3,8 +3,8 @@
 use super::place::{Tip, across};
 use super::{Contact, RESISTANCE_SPEED_M_S};
 use crate::force::{View, Wrench};
-use crate::ground::Surface;
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::Surface;
 
 /// A number of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,8 +1,8 @@
 //! Where a contact is: the lowest point of a sphere, rim or blade, and how it moves over the body as that turns.
 
-use crate::ground::{Ground, Surface};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, RowVector3, Vector3};
+use rollwalk_multibody::ground::Surface;
 use rollwalk_multibody::rotation::skew;
 
 /// A wheel whose plane is nearer to the ground's than this has no lowest point: sine of the angle between them.

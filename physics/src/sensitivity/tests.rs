@@ -6,11 +6,11 @@ use crate::assembly::Assembly;
 use crate::body::Body;
 use crate::contact::{Contact, Normal, Resistance, Tip};
 use crate::friction::{Friction, Model};
-use crate::ground::Plane;
 use crate::motion::{Motion, Scheme};
 use crate::sensitivity::objective::cost;
 use crate::system::{Settings, System};
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::Plane;
 use std::sync::Arc;
 
 const STEP_S: f64 = 1.0 / 240.0;

@@ -4,8 +4,8 @@
 //! can be compared.
 
 use crate::World;
-use crate::ground::Ground;
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use rollwalk_multibody::ground::Ground;
 use serde::Serialize;
 use std::f64::consts::PI;
 use std::sync::Arc;

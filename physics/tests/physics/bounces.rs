@@ -1,9 +1,9 @@
 //! Contacts that come and go: energy over many bounces, restitution, symmetry, events.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::Plane;
 use rollwalk_physics::{Assembly, ContactChange, Inertia, Motion, Scheme, Settings, System};
 use std::sync::Arc;
 

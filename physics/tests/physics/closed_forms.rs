@@ -1,9 +1,9 @@
 //! One body against closed forms and conserved quantities.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::Plane;
 use rollwalk_physics::{Assembly, Body, Force, Inertia, Motion, Scheme, Settings, System};
 use std::sync::Arc;
 

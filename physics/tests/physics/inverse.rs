@@ -1,10 +1,10 @@
 //! Inverse problems: parameters found from what a rollout is to do, or has done.
 
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::curve::{Curve, Degree};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Motor;
 use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Fit, Options, Penalty, minimise};
 use rollwalk_physics::sensitivity::parameter::{

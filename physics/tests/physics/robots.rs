@@ -1,8 +1,8 @@
 //! Robots of the robot files on the ground.
 
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::friction::Model;
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::world::{Parameters, RobotState};
 use rollwalk_physics::{Scheme, World};

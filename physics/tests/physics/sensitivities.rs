@@ -1,10 +1,10 @@
 //! Derivatives of whole rollouts against central differences, and the adjoint method against the direct one.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::curve::{Curve, Degree};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Motor;
 use rollwalk_physics::sensitivity::parameter::{
     BodyMass, Control, Drive, Freedom, Gravity, Initial, OfContact, OfMass, OfMaterial, OfMotor,

@@ -1,9 +1,9 @@
 //! Soft bodies and springs against closed forms and conserved quantities.
 
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::anchor::Anchor;
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
 use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, System};
 use std::sync::Arc;

@@ -1,10 +1,10 @@
 //! Particles and springs: strings, cloth and hinges, hanging and lying on solids.
 
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::{Grid, Ground, Sphere};
 use rollwalk_physics::anchor::Anchor;
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Grid, Ground, Sphere};
 use rollwalk_physics::joint::Ball;
 use rollwalk_physics::points::Points;
 use rollwalk_physics::soft::{Material, Mesh, SoftBody};

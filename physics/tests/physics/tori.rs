@@ -1,8 +1,8 @@
 //! A soft object of three tori, one in each plane, in flight and thrown at a slope and a wall (thesis Fig. 4.4).
 
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::joint::Ball;
 use rollwalk_physics::points::Points;
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};

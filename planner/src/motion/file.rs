@@ -2,6 +2,7 @@
 
 use super::{Ends, Goal, Motion, Reserve};
 use super::{choreography_check, choreography_file, footfall, wheels};
+use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
 use rollwalk_protocol::text::{Shown, is_plain_name};
 use rollwalk_robot::Robot;
@@ -88,6 +89,7 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
         targets: targets.into_iter().collect::<Option<_>>()?,
         heights: heights.into_iter().collect::<Option<_>>()?,
         reserve: reserve?,
+        ground: ElevationMap::default(),
         needs_feedback: needs_feedback?,
     };
     if motion.ends == Ends::AtRest {

@@ -14,6 +14,7 @@ mod wheels;
 pub use choreography::{HeightLimit, Moment, Subject, Target};
 pub use footfall::gaits;
 
+use rollwalk_multibody::ground::ElevationMap;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -46,6 +47,10 @@ pub struct Motion {
     /// Shares of the motors' torque and speed that the motion may use.
     #[serde(default)]
     pub reserve: Reserve,
+    /// Ground on which the robot moves, in the frame in which the motion begins at the origin, heading along x. Motion files
+    /// have level ground, and files of plans name none.
+    #[serde(skip)]
+    pub ground: ElevationMap,
     /// Why the motion does not hold without feedback, if it does not: what its author says, for those who play it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub needs_feedback: Option<String>,

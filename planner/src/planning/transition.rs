@@ -20,6 +20,7 @@ use crate::solve::{Begin, Progress};
 use crate::start::{self, guess};
 use nalgebra::DVector;
 use rollwalk_multibody::euler::Model;
+use rollwalk_multibody::ground::ElevationMap;
 use std::ops::ControlFlow;
 use thiserror::Error;
 
@@ -143,8 +144,9 @@ impl Joined<'_> {
         let model = Model::new(robot);
         let spacing_s = motion.duration_s / (motion.stance.len() - 1) as f64;
         let exit = Moment { plan: from, time_s: from.motion.exit_time_s() };
-        let start = prescribed_end(&model, exit, -spacing_s);
-        let end = prescribed_end(&model, Moment { plan: to, time_s: 0.0 }, spacing_s);
+        let start = prescribed_end(&model, &motion.ground, exit, -spacing_s);
+        let entry = Moment { plan: to, time_s: 0.0 };
+        let end = prescribed_end(&model, &motion.ground, entry, spacing_s);
         let (problem, fixed) =
             Problem::transition(model, motion, &start, &end, options.weights.clone());
         let unknowns = start::joined(&problem, fixed);
@@ -161,7 +163,12 @@ const VELOCITY_STEP_S: f64 = 1e-5;
 /// the time itself the base is at the origin with heading 0.
 ///
 /// `step_s` is the interval, negative where the plan is left. The velocity is that of the plan, from inside it.
-fn prescribed_end(model: &Model, moment: Moment, step_s: f64) -> PrescribedEnd {
+fn prescribed_end(
+    model: &Model,
+    ground: &ElevationMap,
+    moment: Moment,
+    step_s: f64,
+) -> PrescribedEnd {
     let layout = Layout::new(model);
     let spline = PlanSpline::new(moment.plan);
     let here = spline.sample(moment.time_s);
@@ -179,7 +186,7 @@ fn prescribed_end(model: &Model, moment: Moment, step_s: f64) -> PrescribedEnd {
     }
     let local = |vars: &DVector<f64>| {
         let mut vars = Lift::PlacedBack.apply(&layout, vars, &origin);
-        guess::follow_kinematics(model, &layout, &mut vars);
+        guess::follow_kinematics(model, &layout, ground, &mut vars);
         vars
     };
     let posture_rad = moment.plan.motion.posture_rad.clone();

@@ -3,7 +3,7 @@
 use super::axes::Series;
 use super::hull::{convex_hull, depth};
 use super::panels::{Panel, Played, distinct};
-use crate::plan::Sample;
+use crate::plan::{EndEffectorSample, Sample};
 
 /// Height from which on an end effector counts as lifted, m.
 const LIFTED_M: f64 = 1e-3;
@@ -14,8 +14,9 @@ impl Played<'_> {
         let feet = &self.plan.robot.end_effectors;
         let names = distinct(feet.iter().map(|foot| foot.name.as_str()));
         let series = names.iter().enumerate();
-        let series: Vec<Series> =
-            series.map(|(j, name)| self.foot(name, j, j, |foot| foot.position_m[2])).collect();
+        let ground = &self.plan.motion.ground;
+        let above_m = |foot: &EndEffectorSample| ground.height_above_m(&foot.position_m.into());
+        let series: Vec<Series> = series.map(|(j, name)| self.foot(name, j, j, above_m)).collect();
         let heights = series.iter().flat_map(|curve| &curve.line);
         let lifts = heights.map(|[_, height]| *height).any(|height| height > LIFTED_M);
         lifts.then(|| self.limited("swing height (m)", series, Vec::new(), vec![0.0]))

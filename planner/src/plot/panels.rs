@@ -133,8 +133,10 @@ impl Played<'_> {
     }
 
     fn heights(&self) -> Option<Panel> {
-        let com = self.series("centre of mass", 0, |s| s.com_m[2]);
-        let base = self.series("base", 1, |s| s.base_position_m[2]);
+        let ground = &self.plan.motion.ground;
+        let above_m = |point: [f64; 3]| ground.height_above_m(&point.into());
+        let com = self.series("centre of mass", 0, |s| above_m(s.com_m));
+        let base = self.series("base", 1, |s| above_m(s.base_position_m));
         let asked = [self.places(Subject::Com, 2, 0), self.places(Subject::Body, 2, 1)].concat();
         Some(self.marked("height (m)", vec![com, base], asked))
     }

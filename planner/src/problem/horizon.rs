@@ -8,7 +8,7 @@ use rollwalk_multibody::euler::Model;
 /// What is known of a horizon before it is planned.
 #[derive(Clone, Debug)]
 pub struct HorizonGoal {
-    /// Contact heights `[sample][end effector]`, m: 0 in stance.
+    /// Heights of contact points above the ground `[sample][end effector]`, m: 0 in stance.
     pub height_m: Vec<Vec<f64>>,
     /// Wanted velocity of the body on the interval after each sample: along and to the left of its heading, m/s, and of the
     /// heading, rad/s.
@@ -44,6 +44,7 @@ impl Problem {
         Self {
             interval_s: motion.duration_s / (samples - 1) as f64,
             samples,
+            ground: motion.ground.clone(),
             height_m: around(&goal.height_m),
             stance: (0..samples + 2).map(|t| motion.stance[beside(t)].clone()).collect(),
             timeline,

@@ -1,8 +1,12 @@
 //! Evaluated sample of the timeline: variables, forward kinematics and wheel frames.
 
 use crate::problem::variables::Layout;
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DVector, Matrix3, Vector3};
 use rollwalk_multibody::euler::{Model, Pose, SweptMoment};
+use rollwalk_multibody::ground::{Elevation, ElevationMap};
+
+/// Rounds in which the contact point of a centre is found: what is left falls with radius over that of the ground's bend.
+const ROUNDS: usize = 8;
 
 /// A sample with all values that terms use.
 #[derive(Clone, Debug)]
@@ -17,13 +21,17 @@ pub struct State {
     pub swept_to_next: Option<SweptMoment>,
 }
 
-/// The frame W(α) of a wheel (Eq. 2.2) with its derivatives; for a foot the frame about the vertical.
+/// The frame W(α) of a wheel (Eq. 2.2) with its derivatives; for a foot that of a sphere.
 ///
 /// From the wheel's rest frame t̂ = x, â = y, ρ̂ = −r·z every axis but the vertical can be reached, so tilt and yaw
-/// are absolute and defined in the same way for every wheel.
+/// are absolute and defined in the same way for every wheel. On ground with the normal n, of any length,
+///
+/// ```text
+/// g = n − (a·n) a        ρ = −r g/|g|        t = a × g/|g|
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ContactFrame {
-    /// Rolling direction t, horizontal.
+    /// Rolling direction t, along the ground.
     pub rolling: Vector3<f64>,
     /// Wheel axis a.
     pub axis: Vector3<f64>,
@@ -31,8 +39,25 @@ pub struct ContactFrame {
     pub to_contact: Vector3<f64>,
     /// ∂a/∂tilt; ∂a/∂yaw is v × a.
     pub d_axis_tilt: Vector3<f64>,
-    /// ∂ρ/∂tilt; ∂ρ/∂yaw is v × ρ.
-    pub d_to_contact_tilt: Vector3<f64>,
+    /// ∂ρ/∂tilt and ∂ρ/∂yaw.
+    pub d_to_contact: [Vector3<f64>; 2],
+    /// ∂t/∂tilt and ∂t/∂yaw.
+    pub d_rolling: [Vector3<f64>; 2],
+    /// The ground at the contact point.
+    pub ground: Elevation,
+    /// Normal n of the ground at the contact point.
+    pub normal: Vector3<f64>,
+    /// Derivatives by the normal; `None` on level ground, where it is the same everywhere.
+    pub by_normal: Option<ByNormal>,
+}
+
+/// Derivatives of a contact frame by the normal of the ground.
+#[derive(Clone, Copy, Debug)]
+pub struct ByNormal {
+    /// ∂ρ/∂n.
+    pub d_to_contact: Matrix3<f64>,
+    /// ∂t/∂n.
+    pub d_rolling: Matrix3<f64>,
 }
 
 /// Derivative of a vector with respect to a turn about the vertical.
@@ -47,28 +72,109 @@ pub fn rolling_direction(yaw_rad: f64) -> Vector3<f64> {
 }
 
 impl ContactFrame {
-    /// Frame of a wheel.
+    /// Frame at a contact point of a wheel, with tilt and yaw of its axis, or of a foot, without.
+    pub fn new(
+        radius_m: f64,
+        tilt_and_yaw_rad: Option<[f64; 2]>,
+        ground: &ElevationMap,
+        contact: &Vector3<f64>,
+    ) -> Self {
+        let frame = match tilt_and_yaw_rad {
+            Some([tilt_rad, yaw_rad]) => Self::wheel(radius_m, tilt_rad, yaw_rad),
+            None => Self::foot(radius_m),
+        };
+        let here = ground.at(contact);
+        let frame = Self { ground: here, ..frame };
+        match ground.is_level() {
+            true => frame,
+            false => frame.on_slope(radius_m, &here.normal()),
+        }
+    }
+
+    /// Frame where the end effector with this centre touches the ground, or would if it were there.
+    pub fn below(
+        radius_m: f64,
+        tilt_and_yaw_rad: Option<[f64; 2]>,
+        ground: &ElevationMap,
+        center: &Vector3<f64>,
+    ) -> Self {
+        let mut frame = Self::new(radius_m, tilt_and_yaw_rad, ground, center);
+        // The contact point depends on the normal that it has: a fixed point, as long as ground bends less than the rim.
+        let rounds = if ground.is_level() { 0 } else { ROUNDS };
+        for _ in 0..rounds {
+            let contact = center + frame.to_contact;
+            frame = Self::new(radius_m, tilt_and_yaw_rad, ground, &contact);
+        }
+        frame
+    }
+
+    /// Frame of a wheel on level ground.
     pub fn wheel(radius_m: f64, tilt_rad: f64, yaw_rad: f64) -> Self {
         let (st, ct) = tilt_rad.sin_cos();
         let (sy, cy) = yaw_rad.sin_cos();
         let turn = |y: f64, z: f64| Vector3::new(-sy * y, cy * y, z);
+        let rolling = Vector3::new(cy, sy, 0.0);
+        let to_contact = turn(radius_m * st, -radius_m * ct);
         Self {
-            rolling: rolling_direction(yaw_rad),
+            rolling,
             axis: turn(ct, st),
-            to_contact: turn(radius_m * st, -radius_m * ct),
+            to_contact,
             d_axis_tilt: turn(-st, ct),
-            d_to_contact_tilt: turn(radius_m * ct, radius_m * st),
+            d_to_contact: [turn(radius_m * ct, radius_m * st), d_yaw(&to_contact)],
+            d_rolling: [Vector3::zeros(), d_yaw(&rolling)],
+            ground: Elevation::default(),
+            normal: Vector3::z(),
+            by_normal: None,
         }
     }
 
-    /// Frame of a foot: a sphere that touches the ground below its centre.
+    /// Frame of a foot on level ground: a sphere that touches the ground below its centre.
     pub fn foot(radius_m: f64) -> Self {
         Self {
             rolling: Vector3::zeros(),
             axis: Vector3::zeros(),
             to_contact: Vector3::new(0.0, 0.0, -radius_m),
             d_axis_tilt: Vector3::zeros(),
-            d_to_contact_tilt: Vector3::zeros(),
+            d_to_contact: [Vector3::zeros(); 2],
+            d_rolling: [Vector3::zeros(); 2],
+            ground: Elevation::default(),
+            normal: Vector3::z(),
+            by_normal: None,
+        }
+    }
+
+    /// Frame of a wheel half-way between two samples, with tilt and yaw there.
+    pub fn between(radius_m: f64, [tilt_rad, yaw_rad]: [f64; 2], ends: [&Self; 2]) -> Self {
+        let frame = Self::wheel(radius_m, tilt_rad, yaw_rad);
+        match ends[0].by_normal {
+            None => frame,
+            Some(_) => frame.on_slope(radius_m, &((ends[0].normal + ends[1].normal) * 0.5)),
+        }
+    }
+
+    /// The same axis on ground with another normal.
+    fn on_slope(self, radius_m: f64, normal: &Vector3<f64>) -> Self {
+        let axis = self.axis;
+        let along = axis.dot(normal);
+        let upward = normal - axis * along;
+        let length = upward.norm();
+        let unit = upward / length;
+        // u = g/|g| by g, and by the normal.
+        let by_upward = (Matrix3::identity() - unit * unit.transpose()) / length;
+        let by_normal = by_upward * (Matrix3::identity() - axis * axis.transpose());
+        let d_axis = [self.d_axis_tilt, d_yaw(&axis)];
+        let d_unit = d_axis.map(|d_axis| by_upward * -(d_axis * along + axis * d_axis.dot(normal)));
+        Self {
+            rolling: axis.cross(&unit),
+            to_contact: unit * -radius_m,
+            d_to_contact: d_unit.map(|d_unit| d_unit * -radius_m),
+            d_rolling: [0, 1].map(|k| d_axis[k].cross(&unit) + axis.cross(&d_unit[k])),
+            normal: *normal,
+            by_normal: Some(ByNormal {
+                d_to_contact: by_normal * -radius_m,
+                d_rolling: axis.cross_matrix() * by_normal,
+            }),
+            ..self
         }
     }
 }
@@ -83,15 +189,16 @@ pub fn tilt_and_yaw(axis: &Vector3<f64>, near_yaw_rad: f64) -> (f64, f64) {
 
 impl State {
     /// Evaluates a sample, without derivatives of its kinematics.
-    pub fn new(model: &Model, layout: &Layout, vars: DVector<f64>) -> Self {
+    pub fn new(model: &Model, layout: &Layout, ground: &ElevationMap, vars: DVector<f64>) -> Self {
         let pose = model.pose_values(&vars.rows(0, layout.dofs).into_owned());
         let frames = layout
             .end_effectors
             .iter()
             .zip(&model.robot().end_effectors)
-            .map(|(at, ee)| match at.wheel {
-                Some(wheel) => ContactFrame::wheel(ee.radius_m, vars[wheel.tilt], vars[wheel.yaw]),
-                None => ContactFrame::foot(ee.radius_m),
+            .map(|(at, ee)| {
+                let angles = at.wheel.map(|wheel| [vars[wheel.tilt], vars[wheel.yaw]]);
+                let contact = vars.fixed_rows::<3>(at.position).into();
+                ContactFrame::new(ee.radius_m, angles, ground, &contact)
             })
             .collect();
         Self { vars, pose, frames, swept_to_next: None }

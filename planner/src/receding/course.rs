@@ -107,7 +107,8 @@ impl Course {
             .map_err(|_| HorizonError::NotFinite { what: "interval_s" })?;
         let gait = stand.motion.name.clone();
         let horizon = Horizon::new(robot, stand, options)?;
-        let height_m = horizon.model.standing_q(joint_rad)[BASE_POSITION + 2];
+        let standing_m = horizon.model.standing_q(joint_rad)[BASE_POSITION + 2];
+        let height_m = standing_m + horizon.ground().at(&Vector3::zeros()).height_m;
         let begins = State {
             base_position_m: Vector3::z() * height_m,
             joint_rad: joint_rad.to_vec(),

@@ -7,6 +7,7 @@ use crate::problem::variables::{Layout, Lift};
 use crate::start::guess;
 use nalgebra::DVector;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
+use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_robot::Robot;
 use thiserror::Error;
 
@@ -111,13 +112,14 @@ impl Gait {
             targets: Vec::new(),
             heights: Vec::new(),
             reserve: Default::default(),
+            ground: ElevationMap::default(),
             needs_feedback: None,
         };
         let model = Model::new(robot);
         let layout = Layout::new(&model);
         let mut stand = DVector::zeros(layout.len);
         stand.rows_mut(0, layout.dofs).copy_from(&model.standing_q(&motion.posture_rad));
-        guess::follow_kinematics(&model, &layout, &mut stand);
+        guess::follow_kinematics(&model, &layout, &motion.ground, &mut stand);
         Ok(Self { motion, cycle: vec![stand], sway: vec![[0.0; 3]] })
     }
 

@@ -1,6 +1,6 @@
 //! A measured state as a planner can start from it: feet that touch are on the ground and do not slip.
 //!
-//! A measured foot is never at exactly z = 0 and never without slip, and a horizon that began so could not meet its
+//! A measured foot is never exactly on the ground and never without slip, and a horizon that began so could not meet its
 //! constraints at its first sample. The state that is nearest and does is where it begins.
 
 use super::start::Beginning;
@@ -15,6 +15,7 @@ use nalgebra::{
     Vector3,
 };
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
+use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::{ANGULAR, Frames, LINEAR, RimContact, State, Tree, rotation};
 
 /// Rounds of Newton's method to the ground: millimetres become nanometres in two.
@@ -24,14 +25,19 @@ const DAMPING: f64 = 1e-9;
 /// By how much more the velocity of the body counts than that of joints and rims: contacts that slip say more of joints.
 const BODY: f64 = 3.0;
 
-/// The nearest state in which the end effectors that stand touch level ground and do not slip, and joints are within their limits.
-pub(super) fn on_contacts(tree: &Tree, measured: &State, stands: &[bool]) -> State {
+/// The nearest state in which the end effectors that stand touch the ground and do not slip, and joints are within their limits.
+pub(super) fn on_contacts(
+    tree: &Tree,
+    ground: &ElevationMap,
+    measured: &State,
+    stands: &[bool],
+) -> State {
     let mut state = measured.clone();
     for (angle, joint) in state.joint_rad.iter_mut().zip(&tree.robot().joints) {
         *angle = angle.clamp(joint.position_min_rad, joint.position_max_rad);
     }
     for _ in 0..ROUNDS {
-        let (rows, off) = contact_rows(tree, &state, stands, Wanted::Height);
+        let (rows, off) = contact_rows(tree, ground, &state, stands, Wanted::Distance);
         let step = nearest(&rows, &off, &DVector::from_element(tree.dofs(), 1.0));
         let turn = Vector3::from_column_slice(&step.as_slice()[ANGULAR..ANGULAR + 3]);
         state.base_position_m += Vector3::from_column_slice(&step.as_slice()[LINEAR..LINEAR + 3]);
@@ -40,7 +46,7 @@ pub(super) fn on_contacts(tree: &Tree, measured: &State, stands: &[bool]) -> Sta
             *angle += step;
         }
     }
-    let (rows, _) = contact_rows(tree, &state, stands, Wanted::Velocity);
+    let (rows, _) = contact_rows(tree, ground, &state, stands, Wanted::Velocity);
     let velocity = DVector::from_column_slice(&state.velocity);
     let mut weights = DVector::from_element(tree.dofs(), 1.0);
     weights.rows_mut(0, JOINTS).fill(BODY);
@@ -57,13 +63,14 @@ pub(super) fn on_contacts(tree: &Tree, measured: &State, stands: &[bool]) -> Sta
 /// What of a contact is to vanish.
 #[derive(Clone, Copy, PartialEq)]
 enum Wanted {
-    Height,
+    Distance,
     Velocity,
 }
 
-/// Rows of the contacts that stand, over ν, and their residuals: heights, m, or none for velocities, which are the rows times ν.
+/// Rows of the contacts that stand, over ν, and their residuals: distances from the ground, m, or none for velocities, which are the rows times ν.
 fn contact_rows(
     tree: &Tree,
+    ground: &ElevationMap,
     state: &State,
     stands: &[bool],
     wanted: Wanted,
@@ -72,18 +79,20 @@ fn contact_rows(
     let mut jacobian = Matrix3xX::zeros(tree.dofs());
     let (mut rows, mut off) = (Vec::new(), Vec::new());
     for (j, _) in stands.iter().enumerate().filter(|(_, stands)| **stands) {
-        let Some(contact) = RimContact::new(tree, &frames, j, &Vector3::z()) else { continue };
+        let Some(contact) = RimContact::on(tree, &frames, j, ground) else { continue };
+        let (position, normal) = (contact.position(), *contact.normal());
+        let (distance_m, _) = ground.distance(&position);
         contact.material_jacobian(tree, &frames, &mut jacobian);
         let glides = tree.robot().end_effectors[j].contact.blade_length_m().is_some();
-        let side = Vector3::z().cross(&contact.axis.cross(&Vector3::z())).normalize();
+        let side = normal.cross(&contact.axis.cross(&normal)).normalize();
         let directions: &[Vector3<f64>] = match wanted {
-            Wanted::Height => &[Vector3::z()],
-            Wanted::Velocity if glides => &[side, Vector3::z()],
+            Wanted::Distance => &[normal],
+            Wanted::Velocity if glides => &[side, normal],
             Wanted::Velocity => &[Vector3::x(), Vector3::y(), Vector3::z()],
         };
         for direction in directions {
             rows.push(jacobian.tr_mul(direction).transpose());
-            off.push(contact.position().z);
+            off.push(distance_m);
         }
     }
     let matrix = match rows.is_empty() {
@@ -146,9 +155,10 @@ pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> Beginni
         before[JOINTS + j] -= h * speed;
     }
     for vars in [&mut at, &mut before] {
-        guess::follow_kinematics(&problem.model, layout, vars);
+        guess::follow_kinematics(&problem.model, layout, &problem.ground, vars);
     }
-    let evaluated = |vars: &DVector<f64>| Sampled::new(&problem.model, layout, vars.clone());
+    let evaluated =
+        |vars: &DVector<f64>| Sampled::new(&problem.model, layout, &problem.ground, vars.clone());
     let [from, to] = [evaluated(&before), evaluated(&at)];
     for (j, wheel) in layout.end_effectors.iter().enumerate() {
         let (Some(wheel), Some(dof)) = (wheel.wheel, tree.wheel_dof(j)) else { continue };
@@ -178,7 +188,7 @@ mod tests {
             state.velocity.iter_mut().for_each(|speed| *speed = 0.05 * random());
             let mut stands = vec![true; robot.end_effectors.len()];
             stands[1] = false;
-            let found = on_contacts(&tree, &state, &stands);
+            let found = on_contacts(&tree, &ElevationMap::default(), &state, &stands);
             let mut kinematics = Kinematics::new(&tree, &found.configuration());
             kinematics.update(&tree, &found.configuration(), &found.velocity);
             for (j, _) in stands.iter().enumerate().filter(|(_, stands)| **stands) {

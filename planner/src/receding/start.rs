@@ -75,7 +75,7 @@ fn with_error(problem: &Problem, mut slots: Vec<DVector<f64>>, beginning: &Begin
         for (k, off) in off.iter().enumerate() {
             vars[k] += faded(*off, i as f64, end);
         }
-        guess::follow_kinematics(&problem.model, layout, vars);
+        guess::follow_kinematics(&problem.model, layout, &problem.ground, vars);
         let stance = &problem.stance[(i + 1).min(problem.samples)];
         let force = |vars: &DVector<f64>, j: usize| {
             vars.fixed_rows::<3>(layout.end_effectors[j].force).norm() > 0.0

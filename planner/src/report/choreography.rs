@@ -13,6 +13,11 @@ pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     found
 }
 
+/// Height of a subject above the ground, m.
+fn height_m(state: &State, of: Subject) -> f64 {
+    state.ground.height_above_m(&position(state, of))
+}
+
 /// Position of a subject in world, m.
 fn position(state: &State, of: Subject) -> Vector3<f64> {
     match of {
@@ -56,7 +61,8 @@ fn targets(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         let u = target.at_s / h - w.index as f64;
         let around = [w.before, w.here, w.after];
         let seen = around.map(|s| to_start * (position(s, target.of) - origin));
-        let (place, per_interval) = parabola(seen, u);
+        let (mut place, per_interval) = parabola(seen, u);
+        (place.z, _) = parabola(around.map(|s| height_m(s, target.of)), u);
         let velocity = per_interval / h;
         let name = target.of.name(&plan.robot);
         for (c, direction) in ["forward", "left", "up"].into_iter().enumerate() {
@@ -91,7 +97,7 @@ fn heights(timeline: &Timeline, grid: Grid) -> Worst {
                 _ => (limit.from_s..=limit.to_s).contains(&w.here.sample.time_s),
             };
             if within {
-                let z = position(w.here, limit.of).z;
+                let z = height_m(w.here, limit.of);
                 let over = limit.below_m.map_or(0.0, |below_m| z - below_m);
                 let under = limit.above_m.map_or(0.0, |above_m| above_m - z);
                 let beyond = over.max(under).max(0.0);

@@ -19,16 +19,18 @@ pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
             links.see(missing.max(0.0), &w, names.as_deref());
         }
         for point in clearance.points() {
-            let missing = (point.least_m - height_m(w.here, point)).max(0.0);
+            let missing = (point.least_m - ground_distance_m(w.here, point)).max(0.0);
             ground.see(missing, &w, Some(&robot.links[point.link].name));
         }
     }
     vec![links, ground]
 }
 
-/// Height of the lowest point of a shape or joint above the ground, m.
-pub fn height_m(state: &State, point: &GroundPoint) -> f64 {
-    point.center(&state.pose.frames).z - point.radius_m
+/// Distance of a point of a shape or of a joint from the ground, m.
+pub fn ground_distance_m(state: &State, point: &GroundPoint) -> f64 {
+    let center = point.center(&state.pose.frames);
+    let (distance_m, _) = state.ground.distance(&center);
+    distance_m - point.radius_m
 }
 
 /// Distance of the surfaces of a pair, m.

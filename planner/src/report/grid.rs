@@ -6,6 +6,7 @@ use crate::plan::{Plan, Sample};
 use crate::problem::state::ContactFrame;
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose};
+use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::rotation;
 use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Link};
 
@@ -20,6 +21,8 @@ pub struct State<'a> {
     pub pose: Pose,
     /// Contact frames from the plan's tilt and yaw.
     pub frames: Vec<ContactFrame>,
+    /// Ground of the plan.
+    pub ground: &'a ElevationMap,
 }
 
 /// States of a plan in order of time, one before and one after it included.
@@ -51,7 +54,7 @@ impl<'a> Timeline<'a> {
     pub fn new(plan: &'a Plan) -> Self {
         let model = Model::new(&plan.robot);
         let all = std::iter::once(&plan.before).chain(&plan.samples).chain([&plan.after]);
-        let states = all.map(|sample| State::new(&model, sample)).collect();
+        let states = all.map(|sample| State::new(&model, &plan.motion.ground, sample)).collect();
         let principal = plan.robot.links.iter().map(principal).collect();
         Self { plan, model, states, principal }
     }
@@ -91,9 +94,9 @@ impl<'a> Timeline<'a> {
 
     /// What tolerances as played are fractions of.
     pub fn scales(&self) -> Scales {
-        let samples = &self.plan.samples;
-        let height_m =
-            samples.iter().map(|sample| sample.com_m[2]).sum::<f64>() / samples.len() as f64;
+        let (samples, ground) = (&self.plan.samples, &self.plan.motion.ground);
+        let above_m = |sample: &Sample| ground.height_above_m(&sample.com_m.into());
+        let height_m = samples.iter().map(above_m).sum::<f64>() / samples.len() as f64;
         Scales {
             weight_n: self.model.total_mass_kg() * GRAVITY_M_S2,
             height_m: height_m.max(HEIGHT_MIN_M),
@@ -107,7 +110,7 @@ impl<'a> Timeline<'a> {
 }
 
 impl<'a> State<'a> {
-    fn new(model: &Model, sample: &'a Sample) -> Self {
+    fn new(model: &Model, ground: &'a ElevationMap, sample: &'a Sample) -> Self {
         let mut q = DVector::zeros(model.dofs());
         q.rows_mut(BASE_POSITION, 3).copy_from_slice(&sample.base_position_m);
         q.rows_mut(BASE_YAW, 3).copy_from_slice(&sample.base_yaw_pitch_roll_rad);
@@ -118,14 +121,11 @@ impl<'a> State<'a> {
             .iter()
             .zip(&sample.end_effectors)
             .map(|(e, s)| {
-                if e.contact.rolls() {
-                    ContactFrame::wheel(e.radius_m, s.tilt_rad, s.yaw_rad)
-                } else {
-                    ContactFrame::foot(e.radius_m)
-                }
+                let angles = e.contact.rolls().then_some([s.tilt_rad, s.yaw_rad]);
+                ContactFrame::new(e.radius_m, angles, ground, &s.position_m.into())
             })
             .collect();
-        Self { sample, pose: model.pose(&q), frames }
+        Self { sample, pose: model.pose(&q), frames, ground }
     }
 
     /// Whether end effector `j` is in stance.
@@ -136,6 +136,11 @@ impl<'a> State<'a> {
     /// Contact point e of end effector `j`, m.
     pub fn contact(&self, j: usize) -> Vector3<f64> {
         self.sample.end_effectors[j].position_m.into()
+    }
+
+    /// Height of the contact point of end effector `j` above the ground, m.
+    pub fn contact_height_m(&self, j: usize) -> f64 {
+        self.ground.height_above_m(&self.contact(j))
     }
 
     /// Ground force on end effector `j`, N.

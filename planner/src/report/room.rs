@@ -1,7 +1,7 @@
 //! Smallest distances of a motion as it is played: swing height, between limbs, and between limbs and the ground.
 //! Residuals show only by how much a margin is missed; these are the distances themselves.
 
-use super::clearance::{distance, height_m};
+use super::clearance::{distance, ground_distance_m};
 use super::grid::{State, Timeline, feet};
 use crate::motion::Ends;
 use serde::Serialize;
@@ -55,7 +55,7 @@ impl Room {
         let points = timeline.samples().flat_map(|w| {
             let time_s = w.here.sample.time_s;
             let points = clearance.points().iter();
-            points.map(move |point| (height_m(w.here, point), time_s, point.link))
+            points.map(move |point| (ground_distance_m(w.here, point), time_s, point.link))
         });
         let ground = least(points).map(|(distance_m, time_s, link)| Least {
             distance_m,
@@ -83,7 +83,7 @@ fn highest_of_swings(timeline: &Timeline, j: usize) -> Vec<(f64, f64)> {
     let in_order: Vec<&State> = begin.iter().chain(end).copied().collect();
     let swings = in_order.split(|state| state.stands(j));
     let highest = |swing: &[&State]| {
-        let heights = swing.iter().map(|state| (state.contact(j).z, state.sample.time_s));
+        let heights = swing.iter().map(|state| (state.contact_height_m(j), state.sample.time_s));
         heights.max_by(|a, b| a.0.total_cmp(&b.0))
     };
     swings.filter_map(highest).collect()

@@ -105,9 +105,12 @@ fn friction(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of(Family::Friction, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
-            let f = w.here.force(j);
-            let beyond = f.x.hypot(f.y) - foot.friction_coefficient * f.z.max(0.0);
-            worst.see(beyond.max(-f.z).max(0.0), &w, Some(&foot.name));
+            let (f, normal) = (w.here.force(j), w.here.frames[j].normal);
+            let load = f.dot(&normal);
+            let side = f - normal * load;
+            let beyond =
+                side.x.hypot(side.y).hypot(side.z) - foot.friction_coefficient * load.max(0.0);
+            worst.see(beyond.max(-load).max(0.0), &w, Some(&foot.name));
         }
     }
     worst
@@ -124,7 +127,8 @@ fn rolling_force(timeline: &Timeline) -> Worst {
             let resistance = drag.rolling_resistance
                 * (rolling_m_s / ROLLING_SIGN_WIDTH_M_S).tanh()
                 + drag.rolling_drag_s_m * rolling_m_s;
-            let residual = f.dot(&w.here.frames[j].rolling) + resistance * f.z;
+            let frame = &w.here.frames[j];
+            let residual = f.dot(&frame.rolling) + resistance * f.dot(&frame.normal);
             worst.see(residual.abs(), &w, Some(&foot.name));
         }
     }
@@ -160,9 +164,11 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     }
     for w in timeline.samples() {
         for (j, foot) in feet(timeline) {
-            let z = w.here.contact(j).z;
-            let (row, off) =
-                if w.here.stands(j) { (&mut height, z.abs()) } else { (&mut dip, (-z).max(0.0)) };
+            let above_m = w.here.contact_height_m(j);
+            let (row, off) = match w.here.stands(j) {
+                true => (&mut height, above_m.abs()),
+                false => (&mut dip, (-above_m).max(0.0)),
+            };
             row.see(off, &w, Some(&foot.name));
         }
     }

@@ -54,7 +54,7 @@ pub fn sag(timeline: &Timeline) -> Option<Sag> {
             yields.iter().sum::<f64>() / yields.len() as f64
         };
         for (j, foot) in feet(timeline).filter(|(j, _)| !w.here.stands(*j)) {
-            let height = |state: &State| state.contact(j).z;
+            let height = |state: &State| state.contact_height_m(j);
             let height_m = height(w.here);
             if height_m <= 0.0 || height_m < height(w.before).max(height(w.after)) {
                 continue;

@@ -8,12 +8,12 @@
 use super::grid::{Timeline, Window, feet};
 use super::residual::{Grid, Worst};
 use crate::families::Family;
-use crate::problem::state::rolling_direction;
+use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
 use rollwalk_robot::EndEffector;
 
 /// Travel of the contact point less that of the rolling wheel, with the rolling direction at the middle of the interval,
-/// or of the foot; per time, m/s.
+/// or of the foot; per time and as seen from above, m/s.
 pub(super) fn slip_m_s(
     timeline: &Timeline,
     w: &Window,
@@ -23,12 +23,16 @@ pub(super) fn slip_m_s(
     let h = timeline.spacing_s();
     let moved = (w.after.contact(j) - w.here.contact(j)) / h;
     let [here, after] = [w.here, w.after].map(|s| &s.sample.end_effectors[j]);
+    let ends = [w.here, w.after].map(|s| &s.frames[j]);
     let rolled = if foot.contact.rolls() {
-        let direction = rolling_direction(0.5 * (here.yaw_rad + after.yaw_rad));
+        let angles =
+            [here.tilt_rad + after.tilt_rad, here.yaw_rad + after.yaw_rad].map(|sum| 0.5 * sum);
+        let direction = ContactFrame::between(foot.radius_m, angles, ends).rolling;
         direction * (here.wheel_speed_rad_s * foot.radius_m)
     } else {
         // The sphere of a foot rolls with its link.
-        w.here.link_velocity(j, w.after, h).cross(&Vector3::z()) * foot.radius_m
+        let normal = (ends[0].normal + ends[1].normal) * 0.5;
+        w.here.link_velocity(j, w.after, h).cross(&normal) * foot.radius_m
     };
     Vector3::new(moved.x - rolled.x, moved.y - rolled.y, 0.0)
 }

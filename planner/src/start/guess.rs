@@ -1,31 +1,39 @@
 //! Standing start, moved evenly towards the goal.
 
 use crate::plan::Placement;
-use crate::problem::state::tilt_and_yaw;
+use crate::problem::state::{ContactFrame, rolling_direction, tilt_and_yaw};
 use crate::problem::variables::Layout;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
+use rollwalk_multibody::ground::ElevationMap;
 
 /// Sets the variables that follow from `q` by forward kinematics: contact points and wheel angles. Yaws are unwrapped
 /// to stay near those in `vars`.
-pub fn follow_kinematics(model: &Model, layout: &Layout, vars: &mut DVector<f64>) {
+pub fn follow_kinematics(
+    model: &Model,
+    layout: &Layout,
+    ground: &ElevationMap,
+    vars: &mut DVector<f64>,
+) {
     let pose = model.pose_values(&vars.rows(0, layout.dofs).into_owned());
     for (j, ee) in layout.end_effectors.iter().enumerate() {
         let mount = &pose.end_effectors[j];
         let radius = model.robot().end_effectors[j].radius_m;
-        let mut contact = mount.center;
-        match ee.wheel {
-            Some(wheel) => {
-                let (tilt, yaw) = tilt_and_yaw(&mount.axis, vars[wheel.yaw]);
-                vars[wheel.tilt] = tilt;
-                vars[wheel.yaw] = yaw;
-                contact += crate::problem::state::ContactFrame::wheel(radius, tilt, yaw).to_contact;
-            }
-            None => contact.z -= radius,
-        }
-        vars.fixed_rows_mut::<3>(ee.position).copy_from(&contact);
+        let angles = ee.wheel.map(|wheel| {
+            let (tilt, yaw) = tilt_and_yaw(&mount.axis, vars[wheel.yaw]);
+            (vars[wheel.tilt], vars[wheel.yaw]) = (tilt, yaw);
+            [tilt, yaw]
+        });
+        let frame = ContactFrame::below(radius, angles, ground, &mount.center);
+        vars.fixed_rows_mut::<3>(ee.position).copy_from(&(mount.center + frame.to_contact));
     }
+}
+
+/// Raises a robot that stands on the plane z = 0 to the height of the ground below its base.
+fn stand_on(ground: &ElevationMap, vars: &mut DVector<f64>) {
+    let base = vars.fixed_rows::<3>(BASE_POSITION).into();
+    vars[BASE_POSITION + 2] += ground.at(&base).height_m;
 }
 
 /// The robot standing at the origin with its weight shared evenly.
@@ -33,7 +41,8 @@ pub fn standing(problem: &Problem) -> DVector<f64> {
     let layout = &problem.layout;
     let mut vars = DVector::zeros(layout.len);
     vars.rows_mut(0, layout.dofs).copy_from(&problem.posture_q[0]);
-    follow_kinematics(&problem.model, layout, &mut vars);
+    stand_on(&problem.ground, &mut vars);
+    follow_kinematics(&problem.model, layout, &problem.ground, &mut vars);
     for ee in &layout.end_effectors {
         vars[ee.force + 2] = problem.force_scale_n();
     }
@@ -61,18 +70,20 @@ pub fn from_standing(problem: &Problem) -> Unknowns {
         .map(|i| {
             let u = i as f64 / intervals;
             let mut vars = stand.clone();
+            vars[BASE_POSITION + 2] = problem.posture_q[0][BASE_POSITION + 2];
             for (c, distance) in way.iter().enumerate().take(2) {
                 vars[BASE_POSITION + c] += u * distance;
             }
             vars[BASE_YAW] += u * turn;
+            stand_on(&problem.ground, &mut vars);
             for ee in problem.layout.end_effectors.iter().filter_map(|e| e.wheel) {
                 vars[ee.yaw] += u * turn;
             }
-            follow_kinematics(&problem.model, &problem.layout, &mut vars);
+            follow_kinematics(&problem.model, &problem.layout, &problem.ground, &mut vars);
             for (j, ee) in problem.layout.end_effectors.iter().enumerate() {
                 if let Some(wheel) = ee.wheel {
                     let radius = problem.model.robot().end_effectors[j].radius_m;
-                    let rolling = crate::problem::state::rolling_direction(vars[wheel.yaw]);
+                    let rolling = rolling_direction(vars[wheel.yaw]);
                     vars[wheel.speed] = way.dot(&rolling) / duration_s / radius;
                 }
             }

@@ -32,7 +32,7 @@ pub fn joined(problem: &Problem, fixed: [DVector<f64>; 4]) -> Unknowns {
             for k in 0..dofs {
                 vars[k] += (velocity_in[k] * m0 + velocity_out[k] * m1) * duration_s;
             }
-            guess::follow_kinematics(&problem.model, &problem.layout, &mut vars);
+            guess::follow_kinematics(&problem.model, &problem.layout, &problem.ground, &mut vars);
             guess::share_weight(problem, i + 1, &mut vars);
             vars
         })

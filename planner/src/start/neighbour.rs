@@ -35,7 +35,7 @@ pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
             vars[wheel.speed] *= stretch;
         }
         if edited {
-            guess::follow_kinematics(&problem.model, &problem.layout, &mut vars);
+            guess::follow_kinematics(&problem.model, &problem.layout, &problem.ground, &mut vars);
         }
         let stood = sample.end_effectors.iter().map(|ee| ee.contact);
         if !stood.eq(problem.stance[i + 1].iter().copied()) {

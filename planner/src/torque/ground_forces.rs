@@ -34,6 +34,8 @@ pub struct Support {
     /// Force per unknown, B.
     directions: Matrix3xX<f64>,
     friction_coefficient: f64,
+    /// Unit normal of the ground.
+    normal: Vector3<f64>,
     /// a: part of a full contact.
     part: f64,
     /// Force of the full contact, N, that is planned.
@@ -53,37 +55,46 @@ pub struct Wanted {
 }
 
 impl Support {
-    /// A contact of the plan, which has a share of it.
+    /// A contact of the plan, which has a share of it, at a height above the ground.
     pub fn new(
         foot: &EndEffector,
         contact: &RimContact,
+        above_m: f64,
         kinematics: &Kinematics,
         planned: &PlannedContact,
         com: &Vector3<f64>,
     ) -> Self {
+        let normal = *contact.normal();
         let directions = foot.contact.drag().map_or_else(
             || Matrix3xX::identity(3),
             |drag| {
                 // Eq. 2.6: the force along the rolling direction is a part of the load.
-                let rolling = contact.axis.cross(&Vector3::z()).normalize();
+                let rolling = contact.axis.cross(&normal).normalize();
                 let speed_m_s =
                     kinematics.point_velocity(contact.link, &contact.center).dot(&rolling);
                 let sign = (speed_m_s / ROLLING_SIGN_WIDTH_M_S).tanh();
                 let slowing = drag.rolling_resistance * sign + drag.rolling_drag_s_m * speed_m_s;
-                let across = Vector3::z().cross(&rolling);
-                Matrix3xX::from_columns(&[across, Vector3::z() - rolling * slowing])
+                let across = normal.cross(&rolling);
+                Matrix3xX::from_columns(&[across, normal - rolling * slowing])
             },
         );
-        let above = (contact.position().z - ON_GROUND_M).max(0.0);
+        let above = (above_m - ON_GROUND_M).max(0.0);
         let height = if planned.share < 1.0 { above } else { 0.0 };
         let near = 1.0 / (1.0 + (height / CARRIES_HALF_AT_M).powi(2));
         Self {
             directions,
             friction_coefficient: foot.friction_coefficient,
+            normal,
             part: planned.share * near,
             planned_n: planned.force_n,
             arm: contact.position() - com,
         }
+    }
+
+    /// Two unit vectors along the ground; of level ground x and y.
+    fn tangents(&self) -> [Vector3<f64>; 2] {
+        let first = Vector3::y().cross(&self.normal).normalize();
+        [first, self.normal.cross(&first)]
     }
 
     /// Force and moment about the centre of mass of a force at the contact.
@@ -99,7 +110,8 @@ pub fn nearest(supports: &[&Support], wanted: &Wanted) -> Vec<Vector3<f64>> {
     if count == 0 {
         return Vec::new();
     }
-    // Wrench per unknown, planned unknowns, and rows of the cones: (μ f_z, f_x, f_y) of each contact.
+    // Wrench per unknown, planned unknowns, and rows of the cones: μ times the normal force of each contact, and its
+    // two tangential ones.
     let mut wrenches = DMatrix::zeros(6, count);
     let mut planned = DVector::zeros(count);
     let mut cones = DMatrix::zeros(3 * supports.len(), count);
@@ -107,6 +119,7 @@ pub fn nearest(supports: &[&Support], wanted: &Wanted) -> Vec<Vector3<f64>> {
     let scale = Vector6::new(1.0, 1.0, 1.0, 1.0 / lever, 1.0 / lever, 1.0 / lever);
     let mut first = 0;
     for (k, support) in supports.iter().enumerate() {
+        let [first_tangent, second_tangent] = support.tangents();
         for (c, direction) in support.directions.column_iter().enumerate() {
             let direction = direction.into_owned();
             let unknown = first + c;
@@ -117,12 +130,12 @@ pub fn nearest(supports: &[&Support], wanted: &Wanted) -> Vec<Vector3<f64>> {
             } else if c == 0 {
                 support.planned_n.dot(&direction)
             } else {
-                support.planned_n.z
+                support.planned_n.dot(&support.normal)
             } / wanted.weight_n;
             let row = 3 * k;
-            cones[(row, unknown)] = support.friction_coefficient * direction.z;
-            cones[(row + 1, unknown)] = direction.x;
-            cones[(row + 2, unknown)] = direction.y;
+            cones[(row, unknown)] = support.friction_coefficient * direction.dot(&support.normal);
+            cones[(row + 1, unknown)] = direction.dot(&first_tangent);
+            cones[(row + 2, unknown)] = direction.dot(&second_tangent);
         }
         first += support.directions.ncols();
     }
@@ -221,6 +234,7 @@ mod tests {
             let support = Support {
                 directions: Matrix3xX::identity(3),
                 friction_coefficient: 0.7,
+                normal: Vector3::z(),
                 part: 1e-12,
                 planned_n: Vector3::new(number, 0.0, 10.0),
                 arm: Vector3::new(0.1, number, -0.3),
@@ -277,6 +291,7 @@ mod tests {
                 .map(|_| Support {
                     directions: Matrix3xX::identity(3),
                     friction_coefficient: 0.7,
+                    normal: Vector3::z(),
                     part: 1.0,
                     planned_n: vector(40.0),
                     arm: vector(0.4) - Vector3::z() * 0.3,

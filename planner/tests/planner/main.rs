@@ -3,6 +3,7 @@
 mod choreography;
 mod clearance;
 mod diagnosis;
+mod ground;
 mod layers;
 mod motion_files;
 mod optimise;

@@ -11,11 +11,15 @@
 //! v_c + (Ω + a s) × ρ, with the spin s, is zero in rolling without slip. The **geometric** point stays the
 //! lowest one: it moves over the tyre with v_c + ρ̇, and along the ground. Along the normal they agree.
 
+use crate::ground::ElevationMap;
 use crate::{ANGULAR, Frames, JOINTS, Kinematics, Tree};
 use nalgebra::{Matrix3xX, Vector3};
 
 /// Smallest |g|, the sine of the angle between axis and normal, at which the lowest point is defined.
 const SMALLEST_SINE: f64 = 1e-6;
+
+/// Rounds in which the contact point is found on ground that is not level.
+const ROUNDS: usize = 8;
 
 /// The point of an end effector that is nearest to a plane below it, or deepest in it.
 ///
@@ -78,6 +82,28 @@ impl RimContact {
             normal: *normal,
             sine,
         })
+    }
+
+    /// Contact of an end effector with ground, along the normal that the ground has at the contact point: a fixed point, as
+    /// long as the ground bends less than the rim. `None` as in [`new`](Self::new).
+    pub fn on(
+        tree: &Tree,
+        frames: &Frames,
+        end_effector: usize,
+        ground: &ElevationMap,
+    ) -> Option<Self> {
+        let mut contact = Self::new(tree, frames, end_effector, &Vector3::z())?;
+        let rounds = if ground.is_level() { 0 } else { ROUNDS };
+        for _ in 0..rounds {
+            let normal = ground.at(&contact.position()).normal();
+            contact = Self::new(tree, frames, end_effector, &normal)?;
+        }
+        Some(contact)
+    }
+
+    /// Unit normal of the plane, away from the ground.
+    pub fn normal(&self) -> &Vector3<f64> {
+        &self.normal
     }
 
     /// The contact point in world, m.

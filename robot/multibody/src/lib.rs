@@ -8,7 +8,7 @@
 //! the base (rad/s), both in world axes; joint speeds in joint order (rad/s); speeds of the spinning wheels
 //! relative to their links, about the axis of the robot file, in end-effector order (rad/s). Generalised
 //! forces are dual to them. [`euler`] has the coordinates of the planner: base position,
-//! yaw–pitch–roll, joint angles.
+//! yaw–pitch–roll, joint angles. [`ground`] is what robots stand on: solids for a simulator, heights for a planner.
 //!
 //! Accelerations and forces follow Featherstone, *Rigid Body Dynamics Algorithms* (RBDA), written with
 //! ordinary 3-vectors in world axes: no transform between link frames, and every intermediate is a
@@ -45,6 +45,7 @@ mod contact;
 pub mod distance;
 pub mod euler;
 mod frames;
+pub mod ground;
 mod inverse_dynamics;
 mod jacobian;
 mod kinematics;

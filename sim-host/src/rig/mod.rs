@@ -41,7 +41,7 @@ use nalgebra::Vector3;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::player::Playing;
-use rollwalk_physics::ground::Ground;
+use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::push::Shove;
 use rollwalk_protocol::actuators::bus::ControlLoop;
 use rollwalk_protocol::can::Frame;

@@ -3,7 +3,7 @@
 use crate::agilebot::{SQUAT, agilebot, library};
 use crate::{S, connect};
 use rollwalk_host::session::Session;
-use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::push::Shove;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::ClipId;

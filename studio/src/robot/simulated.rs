@@ -2,7 +2,7 @@
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::operator::Operator;
-use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_robot::{InvalidRobot, Robot};
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::ground::Grounded;

@@ -11,7 +11,7 @@ use fastrand::Rng;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_firmware::Settings;
 use rollwalk_host::session::SessionError;
-use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::isotp::{Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, Request, frame_to_controller};

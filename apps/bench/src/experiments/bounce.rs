@@ -3,9 +3,9 @@
 
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::Plane;
 use rollwalk_physics::{Assembly, Body, Inertia, Motion, Scheme, Settings, System};
 use std::f64::consts::PI;
 use std::sync::Arc;

@@ -14,7 +14,7 @@ use crate::experiments::outcome::short;
 use crate::experiments::throwing::{Aim, FREEDOMS, Throw, convergence, into_ball};
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::Vector3;
-use rollwalk_physics::ground::Plane;
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::sensitivity::lbfgs::{Minimum, Options};
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 use rollwalk_physics::soft::{Material, Mesh};

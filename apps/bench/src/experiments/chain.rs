@@ -4,9 +4,9 @@ use crate::experiments::parts::{Link, Touching, corners, cube};
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use cpu_time::ProcessTime;
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::anchor::Anchor;
 use rollwalk_physics::contact::Normal;
-use rollwalk_physics::ground::Plane;
 use rollwalk_physics::{Assembly, Motion, Settings, System};
 use std::sync::Arc;
 

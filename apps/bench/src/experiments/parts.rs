@@ -1,9 +1,9 @@
 //! What scenes are made of: cubes, springs between points, and points that touch the ground.
 
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::Ground;
 use rollwalk_physics::points::Points;
 use rollwalk_physics::spring::Spring;
 use rollwalk_physics::{Assembly, Inertia};

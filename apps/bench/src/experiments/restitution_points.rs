@@ -3,9 +3,9 @@
 
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, System};
 use std::f64::consts::PI;
 use std::sync::Arc;

@@ -5,8 +5,8 @@ use crate::experiments::manipulation::{Handles, STEP_S, Task, Way, Work, at_plac
 use crate::experiments::parts::Touching;
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::Normal;
-use rollwalk_physics::ground::Plane;
 use rollwalk_physics::sensitivity::gauss_newton::Options;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 use rollwalk_physics::{Assembly, Settings, System};

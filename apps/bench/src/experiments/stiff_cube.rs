@@ -6,7 +6,7 @@ use crate::experiments::outcome::short;
 use crate::experiments::throwing::{Aim, FREEDOMS, Throw, convergence, from_target};
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::{Rotation3, Vector3};
-use rollwalk_physics::ground::Plane;
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::sensitivity::lbfgs::Options;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 use rollwalk_physics::soft::{Material, Mesh};

@@ -2,8 +2,8 @@
 
 use crate::experiments::Watch;
 use nalgebra::{Rotation3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::sensitivity::lbfgs::{self, Evaluation, Minimum, Options};
 use rollwalk_physics::sensitivity::objective::cost;
 use rollwalk_physics::sensitivity::parameter::{Freedom, Initial};

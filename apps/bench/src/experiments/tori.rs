@@ -4,8 +4,8 @@
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use cpu_time::ProcessTime;
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::joint::Ball;
 use rollwalk_physics::points::Points;
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};

@@ -7,7 +7,7 @@ use super::{timing, tracking};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::operator::{Leaving, Operator};
 use rollwalk_host::session::Session;
-use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::identity;

@@ -4,7 +4,7 @@
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::operator::{Deadman, Intent, Leaving, LetGo, Operator};
 use rollwalk_host::session::Session;
-use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_pilot::{After, Courses, Phase, Pilot, Request, Route, Wanted};
 use rollwalk_planner::receding::{CourseError, Gait, Steering, Stretch};
 use rollwalk_planner::{Options, optimise};

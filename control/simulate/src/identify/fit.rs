@@ -8,7 +8,7 @@ use super::recording::{Recording, SHORTEST_S};
 use super::rollout::Replay;
 use super::search::Search;
 use super::start::Start;
-use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_robot::Robot;
 use std::sync::Arc;
 

@@ -3,7 +3,7 @@
 use super::quantity::Model;
 use super::recording::{Recording, rotation};
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use rollwalk_physics::ground::{Ground, Plane};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::sensitivity::gauss_newton::Penalty;
 use rollwalk_physics::sensitivity::parameter::Parameter;
 use rollwalk_physics::sensitivity::{Column, Solved, Start as Starts, Variation};

@@ -1,7 +1,7 @@
 //! Shipped motions in the simulated world.
 
 use crate::plan;
-use rollwalk_physics::ground::{Ground, Plane, Profile};
+use rollwalk_multibody::ground::{Ground, Plane, Profile};
 use rollwalk_physics::push::Shove;
 use rollwalk_physics::world::heading_rad;
 use rollwalk_planner::plan::Plan;

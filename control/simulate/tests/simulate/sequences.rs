@@ -3,8 +3,8 @@
 use crate::{ROOT, plan};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::State;
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::World;
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::world::{FallWatch, Parameters, heading_rad};
 use rollwalk_planner::building::{Contents, Misfit, Shelf};

@@ -7,7 +7,6 @@ use crate::body::Inertia;
 use crate::contact::{Contact, Normal, Resistance, Tip};
 use crate::curve::{Curve, Degree};
 use crate::friction::{Friction, Model};
-use crate::ground::{Ground, Plane};
 use crate::hold::{Grip, Hold, Place};
 use crate::joint::{Ball, ParallelAxes};
 use crate::motion::{Scheme, Weights};
@@ -20,6 +19,7 @@ use crate::spring::Spring;
 use crate::system::Settings;
 use fastrand::Rng;
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use std::sync::Arc;
 
 const FRICTION: Friction = Friction { model: Model::Tanh, coefficient: 0.5, stick_n_s_m: 20.0 };

@@ -8,6 +8,8 @@
 //! [`Wanted`] says which evaluation it is. Rows of an edited robot mostly have the pattern of those before the edit:
 //! [`Wanted::Again`] compares every row and every derivative with it.
 
+mod ground;
+
 use super::{Columns, Differentiated, Given, Role, Row, Rows, Subject};
 use crate::families::Family;
 use crate::plan::Placement;

@@ -8,7 +8,6 @@
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::problem::state::d_yaw;
 
 /// See the module.
 pub struct BladeContact;
@@ -26,17 +25,13 @@ impl Term for BladeContact {
         let here = window.states[1];
         out.set(1.0, Role::Inequality { band: BAND_M });
         for (j, ee) in problem.model.robot().end_effectors.iter().enumerate() {
-            let (Some(blade), Some(wheel), true) =
-                (ee.blade(), problem.layout.end_effectors[j].wheel, window.stance(1, j))
-            else {
-                continue;
-            };
+            let (Some(blade), true) = (ee.blade(), window.stance(1, j)) else { continue };
             let mount = &here.pose.end_effectors[j];
             let middle = mount.world_from_link * blade.middle_in_link;
             let rolling = here.frames[j].rolling;
             let along_m = ee.radius_m * rolling.dot(&middle);
             let factor = along_m.signum() * ee.radius_m;
-            out.d(1, wheel.yaw, factor * d_yaw(&rolling).dot(&middle));
+            out.d_rolling(1, j, factor, &middle);
             for (&dof, turn) in problem.model.chain(j).dofs.iter().zip(&mount.d_rotation).skip(3) {
                 out.d(1, dof, factor * rolling.dot(&turn.cross(&middle)));
             }

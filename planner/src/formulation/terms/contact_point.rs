@@ -4,7 +4,6 @@
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::problem::state::d_yaw;
 
 /// See the module.
 pub struct ContactPoint;
@@ -30,8 +29,12 @@ impl Term for ContactPoint {
                     }
                 }
                 if let Some(wheel) = ee.wheel {
-                    out.d(1, wheel.tilt, frame.d_to_contact_tilt[c]);
-                    out.d(1, wheel.yaw, d_yaw(&frame.to_contact)[c]);
+                    let [d_tilt, d_yaw] = frame.d_to_contact;
+                    out.d(1, wheel.tilt, d_tilt[c]);
+                    out.d(1, wheel.yaw, d_yaw[c]);
+                }
+                if let Some(slope) = &frame.by_normal {
+                    out.d_normal(1, j, &slope.d_to_contact.row(c).transpose());
                 }
                 out.d(1, ee.position + c, -1.0);
                 out.row_of(Subject::EndEffector(j), residual[c]);

@@ -1,5 +1,5 @@
 //! Every derivative of every term against central differences, on every shipped robot, at random
-//! poses, with every kind of ends.
+//! poses, with every kind of ends, on level ground and on waves.
 
 use super::link_clearance::FAR_M;
 use crate::families::{Family, FamilySet};
@@ -9,7 +9,9 @@ use crate::motion::Ends;
 use crate::problem::{Problem, Unknowns, Weights};
 use crate::test_robots::{self, random_unknowns};
 use rollwalk_multibody::euler::Model;
+use rollwalk_multibody::ground::{ElevationMap, HeightField};
 use rollwalk_robot::Robot;
+use std::sync::Arc;
 
 /// Central differences of this step in scaled variables: truncation about step², rounding about
 /// 1e-13/step for residuals of size 1000.
@@ -61,8 +63,25 @@ fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
     }
 }
 
+/// Ground with slopes up to 0.3 that bends in all directions.
+fn waves() -> ElevationMap {
+    const SIDE: usize = 61;
+    let place = |k: usize| 0.1 * k as f64 - 3.0;
+    let points = (0..SIDE).flat_map(|j| (0..SIDE).map(move |i| [place(i), place(j)]));
+    let heights_m = points.map(|[x, y]| 0.1 * (3.0 * x + 0.5).sin() * (2.0 * y).cos());
+    let field = HeightField::new([place(0); 2], 0.1, [SIDE; 2], heights_m.collect());
+    ElevationMap::Field(Arc::new(field.expect("a field")))
+}
+
 /// Checks one robot with one kind of ends at a random point.
-fn check_robot(robot: &Robot, ends: Ends, seed: u64, seen: &mut [usize]) {
+fn check_robot(robot: &Robot, ends: Ends, ground: &ElevationMap, seed: u64, seen: &mut [usize]) {
+    let problem = problem(robot, ends, ground);
+    let unknowns = random_unknowns(&problem.model, problem.frozen.len(), seed);
+    check(&problem, &unknowns, seen);
+}
+
+/// Problem with rows of every family that a robot may have.
+fn problem(robot: &Robot, ends: Ends, ground: &ElevationMap) -> Problem {
     let model = Model::new(robot);
     let mut motion = test_robots::motion(robot, ends);
     // Every other driven wheel is held still.
@@ -70,6 +89,7 @@ fn check_robot(robot: &Robot, ends: Ends, seed: u64, seen: &mut [usize]) {
     motion.held_wheels = (0..robot.end_effectors.len()).map(|j| j % 2 == 1 && driven(j)).collect();
     motion.targets = test_robots::targets();
     motion.heights = test_robots::heights();
+    motion.ground = ground.clone();
     let mut problem = if ends == Ends::Prescribed {
         let random = random_unknowns(&model, 4, 77).slots;
         let end = |k: usize| crate::problem::PrescribedEnd {
@@ -83,8 +103,7 @@ fn check_robot(robot: &Robot, ends: Ends, seed: u64, seen: &mut [usize]) {
         Problem::new(model, &motion, Weights::default())
     };
     problem.steering = vec![[0.3, -0.1, 0.2]; problem.samples];
-    let unknowns = random_unknowns(&problem.model, problem.frozen.len(), seed);
-    check(&problem, &unknowns, seen);
+    problem
 }
 
 const ENDS: [Ends; 3] = [Ends::Periodic, Ends::AtRest, Ends::Prescribed];
@@ -96,12 +115,51 @@ fn every_term_matches_finite_differences_on_every_robot() {
     let mut seen = vec![0; Family::ALL.len()];
     for robot in &robots {
         for (seed, ends) in ENDS.into_iter().enumerate() {
-            check_robot(robot, ends, seed as u64, &mut seen);
+            check_robot(robot, ends, &ElevationMap::default(), seed as u64, &mut seen);
         }
     }
     // A term that wrote no row was not checked.
     for family in TERMS.iter().map(|term| term.info().family) {
         assert!(seen[family as usize] > 0, "{family} wrote no rows");
+    }
+}
+
+/// The robots take turns with the kinds of ends, which do not ask the ground.
+#[test]
+fn every_term_matches_finite_differences_on_waves() {
+    let mut seen = vec![0; Family::ALL.len()];
+    for (robot, ends) in test_robots::all().iter().zip(ENDS.into_iter().cycle()) {
+        check_robot(robot, ends, &waves(), 7, &mut seen);
+    }
+    for family in TERMS.iter().map(|term| term.info().family) {
+        assert!(seen[family as usize] > 0, "{family} wrote no rows");
+    }
+}
+
+/// No term takes a coordinate for a height above the ground.
+#[test]
+fn no_row_changes_where_ground_and_robot_are_higher() {
+    const UP_M: f64 = 0.7;
+    for (robot, ends) in test_robots::all().iter().zip(ENDS.into_iter().cycle()) {
+        let rows = |up_m: f64| {
+            let problem = problem(robot, ends, &ElevationMap::Level(up_m));
+            let mut unknowns = random_unknowns(&problem.model, problem.frozen.len(), 3);
+            for slot in &mut unknowns.slots {
+                problem.layout.points().for_each(|point| slot[point + 2] += up_m);
+            }
+            System::new(&problem).rows(&unknowns, Rows::default())
+        };
+        let (low, high) = (rows(0.0), rows(UP_M));
+        assert_eq!(low.columns, high.columns);
+        for (low, high) in low.rows.iter().zip(&high.rows) {
+            // Both round differently.
+            let error = (low.value - high.value).abs() / low.value.abs().max(1.0);
+            assert!(error < 1e-9, "{} of {}: {low:?} {high:?}", low.family, robot.name);
+        }
+        for (low, high) in low.derivatives.iter().zip(&high.derivatives) {
+            let error = (low - high).abs() / low.abs().max(1.0);
+            assert!(error < 1e-9, "{}: {low} {high}", robot.name);
+        }
     }
 }
 
@@ -111,7 +169,7 @@ fn every_term_matches_finite_differences_on_every_robot() {
 fn every_term_matches_finite_differences_on_the_other_shipped_robots() {
     let mut seen = vec![0; Family::ALL.len()];
     for (robot, ends) in test_robots::others().iter().zip(ENDS.into_iter().cycle()) {
-        check_robot(robot, ends, 5, &mut seen);
+        check_robot(robot, ends, &ElevationMap::default(), 5, &mut seen);
     }
     assert!(seen.iter().sum::<usize>() > 0);
 }

@@ -1,7 +1,7 @@
-//! Coulomb friction and unilateral contact (Eq. 2.5), in stance: f_n ≥ f_min, |f_t| ≤ μ f_n.
-//! Two inequality rows an end effector and sample, N, in world (flat ground).
+//! Coulomb friction and unilateral contact (Eq. 2.5), in stance: f_n ≥ f_min, |f_t| ≤ μ f_n, with f_n = f·n and
+//! f_t = f − f_n n for the normal n of the ground. Two inequality rows an end effector and sample, N.
 //!
-//! The tip of |f_t| is rounded, √(f_x² + f_y² + δ²); the error is at most δ, on the safe side.
+//! The tip of |f_t| is rounded, s = √(|f_t|² + δ²); the error is at most δ, on the safe side.
 //! Plans use only a fraction of μ and keep a minimum normal force: see [`crate::problem::Weights`].
 
 use crate::families::Family;
@@ -30,18 +30,23 @@ impl Term for Friction {
                 continue;
             }
             let f = window.states[1].vector(ee.force);
-            out.d(1, ee.force + 2, -1.0);
-            out.row_of(Subject::EndEffector(j), problem.weights.least_normal_force * scale - f.z);
+            let n = window.states[1].frames[j].normal;
+            let f_n = f.dot(&n);
+            out.d_upward(1, ee.force, &-n);
+            out.d_normal(1, j, &-f);
+            out.row_of(Subject::EndEffector(j), problem.weights.least_normal_force * scale - f_n);
 
             let coefficient = problem.model.robot().end_effectors[j].friction_coefficient;
             let mu = coefficient * problem.weights.friction_use;
-            let tangential = f.x.hypot(f.y).hypot(TIP_N);
-            out.d(1, ee.force, f.x / tangential);
-            out.d(1, ee.force + 1, f.y / tangential);
-            out.d(1, ee.force + 2, -mu);
-            let slope = -problem.weights.friction_use * f.z;
+            let f_t = f - n * f_n;
+            let tangential = f_t.x.hypot(f_t.y).hypot(f_t.z).hypot(TIP_N);
+            // ∂s/∂f = f_t/s, and ∂s/∂n = −f_n f_t/s.
+            let by_force = f_t / tangential;
+            out.d_vector(1, ee.force, &(by_force - n * mu));
+            out.d_normal(1, j, &-(by_force * f_n + f * mu));
+            let slope = -problem.weights.friction_use * f_n;
             out.given("friction_coefficient", coefficient, slope);
-            out.row_of(Subject::EndEffector(j), tangential - mu * f.z);
+            out.row_of(Subject::EndEffector(j), tangential - mu * f_n);
         }
     }
 }

@@ -1,6 +1,6 @@
-//! Clearance to the ground: every capsule end, box corner and, of links without shapes, joint origin is above the plane
-//! z = 0, by the margin of the robot file unless its link carries an end effector. One inequality row per point and
-//! sample, m.
+//! Clearance to the ground: every capsule end, box corner and, of links without shapes, joint origin is above the ground,
+//! by the margin of the robot file unless its link carries an end effector. One inequality row per point and sample, m.
+//! Distances are those to first order, (z − h)/|∇(z − h)|.
 //!
 //! Points and not the lowest one of a link, so that no row has a kink where the lowest changes. As in
 //! [`super::link_clearance`] rows end where there is room.
@@ -21,7 +21,7 @@ impl Term for GroundClearance {
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        let model = &window.problem.model;
+        let (model, ground) = (&window.problem.model, &window.problem.ground);
         let (robot, pose) = (model.robot(), &window.states[1].pose);
         out.set(1.0, Role::Inequality { band: BAND_M });
         for point in model.clearance().points() {
@@ -29,25 +29,24 @@ impl Term for GroundClearance {
                 continue;
             }
             let center = point.center(&pose.frames);
-            let missing = point.least_m + point.radius_m - center.z;
+            let (distance_m, away) = ground.distance(&center);
+            let missing = point.least_m + point.radius_m - distance_m;
             let joints = model.tree().joints_to_link(point.link);
             let near = missing > -FAR_M;
             if out.differentiates() {
-                let mut rises = |variable: usize, by: f64| {
-                    out.d(1, variable, if near { -by } else { 0.0 });
-                };
+                let away = if near { away } else { Vector3::zeros() };
                 let turn = |axis: &Vector3<f64>, origin: &Vector3<f64>| {
-                    let arm = center - origin;
-                    axis.x * arm.y - axis.y * arm.x
+                    -away.dot(&axis.cross(&(center - origin)))
                 };
-                rises(BASE_POSITION + 2, 1.0);
-                // Yaw changes no height.
-                for (c, axis) in pose.base_axes.iter().enumerate().skip(1) {
-                    rises(BASE_YAW + c, turn(axis, &pose.frames.link_origins[0]));
+                out.d_upward(1, BASE_POSITION, &-away);
+                // Yaw changes no height above level ground.
+                let turns = if ground.is_level() { 1 } else { 0 };
+                for (c, axis) in pose.base_axes.iter().enumerate().skip(turns) {
+                    out.d(1, BASE_YAW + c, turn(axis, &pose.frames.link_origins[0]));
                 }
                 for &j in joints {
                     let origin = &pose.frames.link_origins[robot.joints[j].child];
-                    rises(JOINTS + j, turn(&pose.frames.joint_axes[j], origin));
+                    out.d(1, JOINTS + j, turn(&pose.frames.joint_axes[j], origin));
                 }
             }
             if point.least_m > 0.0 && point.least_m == robot.clearance_margin_m {

@@ -1,5 +1,5 @@
-//! Height limits of the body or the centre of mass over a span of time (sec. 3.5.2, ducking). One inequality row for
-//! each bound and sample, m.
+//! Limits of the height of the body or the centre of mass above the ground over a span of time (sec. 3.5.2, ducking). One
+//! inequality row for each bound and sample, m.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
@@ -20,29 +20,29 @@ impl Term for HeightBound {
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
         out.set(1.0, Role::Inequality { band: BAND_M });
-        let state = window.states[1];
-        for limit in &window.problem.heights[window.at[1]] {
+        let (problem, state) = (window.problem, window.states[1]);
+        for limit in &problem.heights[window.at[1]] {
             for (field, bound, sign) in
                 [("below_m", limit.below_m, 1.0), ("above_m", limit.above_m, -1.0)]
             {
                 let Some(bound) = bound else { continue };
-                let height = match limit.of {
-                    Subject::Com => {
-                        for (dof, column) in state.pose.d_com.iter().enumerate().skip(2) {
-                            out.d(1, dof, sign * column.z);
-                        }
-                        state.pose.com.z
-                    }
-                    Subject::Body => {
-                        out.d(1, BASE_POSITION + 2, sign);
-                        state.vars[BASE_POSITION + 2]
-                    }
+                let point = match limit.of {
+                    Subject::Com => state.pose.com,
+                    Subject::Body => state.vector(BASE_POSITION),
                     Subject::EndEffector(j) => {
-                        let z = window.problem.layout.end_effectors[j].position + 2;
-                        out.d(1, z, sign);
-                        state.vars[z]
+                        state.vector(problem.layout.end_effectors[j].position)
                     }
                 };
+                let ground = problem.ground.at(&point);
+                match limit.of {
+                    Subject::Com => out.d_com_height(1, sign, &ground),
+                    Subject::Body => out.d_height(1, BASE_POSITION, sign, &ground),
+                    Subject::EndEffector(j) => {
+                        let first = problem.layout.end_effectors[j].position;
+                        out.d_height(1, first, sign, &ground);
+                    }
+                }
+                let height = point.z - ground.height_m;
                 out.given(field, bound, -sign);
                 out.row_of(limit.of.into(), sign * (height - bound));
             }

@@ -1,10 +1,10 @@
 //! Rolling without slip (Eq. 2.8) on intervals with both ends in stance: (e₊ − e)/h + ω a × ρ = 0 for wheels,
-//! (e₊ − e)/h − r Ω × v = 0 for feet, spheres that roll with their link's turn Ω. Two rows (x, y) per end effector and
-//! interval, m/s. For free wheels and blades one end in stance is enough: they lift off and touch down along their
+//! (e₊ − e)/h − r Ω × n = 0 for feet, spheres that roll with their link's turn Ω on ground with the normal n. Two rows
+//! (x, y) per end effector and interval, m/s: the heights of contact points are the third. For free wheels and blades one end in stance is enough: they lift off and touch down along their
 //! rolling direction, at any speed along it. For feet and driven wheels, which may be too slow for that, the rows at
 //! those intervals are costs.
 //!
-//! a × ρ = −r t for every tilt, so only the rolling direction matters. It is taken at the middle of the interval: the
+//! a × ρ = −r t for every tilt, so only the rolling direction matters. It is taken at the middle of the interval, as is n: the
 //! plans slip by 1.5 mm/s, against 2–19 mm/s with the forward Euler rule printed in the thesis. Skates that touch
 //! down or lift off across their rolling direction scrub. With the rows at those intervals their replayed speed rose
 //! from 0.66–0.94 of the planned one to 0.96–1.04. Feet carry force there, too: without the cost a held walk came to
@@ -14,7 +14,7 @@ use super::link_turn::{d_link_turn, link_turn};
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::problem::state::{d_yaw, rolling_direction};
+use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
 
 /// See the module.
@@ -51,26 +51,44 @@ fn slip(window: &Window, j: usize, out: &mut RowWriter) {
     let [_, here, after] = window.states;
     let velocity = (after.vector(ee.position) - here.vector(ee.position)) / h;
     let radius = problem.model.robot().end_effectors[j].radius_m;
+    let normal = (here.frames[j].normal + after.frames[j].normal) * 0.5;
     let rolling = ee.wheel.map(|wheel| {
-        let yaw = 0.5 * (here.vars[wheel.yaw] + after.vars[wheel.yaw]);
-        (wheel, here.vars[wheel.speed] * radius, rolling_direction(yaw))
+        let angles = [wheel.tilt, wheel.yaw].map(|v| 0.5 * (here.vars[v] + after.vars[v]));
+        let ends = [&here.frames[j], &after.frames[j]];
+        let frame = ContactFrame::between(radius, angles, ends);
+        (wheel, here.vars[wheel.speed] * radius, frame)
     });
     for c in 0..2 {
         let mut slip = velocity[c];
         out.d(1, ee.position + c, -1.0 / h);
         out.d(2, ee.position + c, 1.0 / h);
-        if let Some((wheel, rim_speed, t)) = rolling {
-            slip -= rim_speed * t[c];
-            out.d(1, wheel.speed, -radius * t[c]);
-            let d_mid_yaw = -0.5 * rim_speed * d_yaw(&t)[c];
-            out.d(1, wheel.yaw, d_mid_yaw);
-            out.d(2, wheel.yaw, d_mid_yaw);
+        if let Some((wheel, rim_speed, frame)) = &rolling {
+            let [d_tilt, d_yaw] = frame.d_rolling;
+            slip -= rim_speed * frame.rolling[c];
+            out.d(1, wheel.speed, -radius * frame.rolling[c]);
+            // Through the middle of the interval, which moves half as far as either end.
+            let d_middle_yaw = -0.5 * rim_speed * d_yaw[c];
+            for k in [1, 2] {
+                out.d(k, wheel.yaw, d_middle_yaw);
+            }
+            if let Some(slope) = &frame.by_normal {
+                let by_normal = slope.d_rolling.row(c).transpose() * (-0.5 * rim_speed);
+                for k in [1, 2] {
+                    out.d(k, wheel.tilt, -0.5 * rim_speed * d_tilt[c]);
+                    out.d_normal(k, j, &by_normal);
+                }
+            }
         } else {
-            // Component c of −r Ω × v.
-            let along = Vector3::z().cross(&Vector3::ith(c, 1.0)) * (-radius / h);
+            // Component c of −r Ω × n.
+            let axis = Vector3::ith(c, 1.0);
+            let along = normal.cross(&axis) * (-radius / h);
             let turn = link_turn(j, here, after);
             slip += along.dot(&turn);
             d_link_turn(window, j, &turn, &along, out);
+            let by_normal = axis.cross(&turn) * (-0.5 * radius / h);
+            for k in [1, 2] {
+                out.d_normal(k, j, &by_normal);
+            }
         }
         out.row_of(Subject::EndEffector(j), slip);
     }

@@ -9,7 +9,7 @@ use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 /// determines whether soft servos can play a plan.
 pub struct EvenForce;
 
-/// Pull of joints towards the motion's posture, and of the body towards level at the matching height.
+/// Pull of joints towards the motion's posture, and of the body towards level at the matching height above the ground.
 pub struct Posture;
 
 /// Pull of wheel speeds towards zero (rim speed, m/s). Held wheels have no row: their speed follows from their links.
@@ -58,10 +58,15 @@ impl Term for Posture {
         out.set(1.0, Role::Cost { weight });
         // The timeline has a sample before the motion.
         let posture = &problem.posture_q[window.at[1] - 1];
-        let level = [BASE_POSITION + 2, BASE_YAW + 1, BASE_YAW + 2];
+        let state = window.states[1];
+        let base = state.vector(BASE_POSITION);
+        let ground = problem.ground.at(&base);
+        out.d_height(1, BASE_POSITION, 1.0, &ground);
+        out.row(base.z - ground.height_m - posture[BASE_POSITION + 2]);
+        let level = [BASE_YAW + 1, BASE_YAW + 2];
         for dof in level.into_iter().chain(JOINTS..problem.layout.dofs) {
             out.d(1, dof, 1.0);
-            out.row(window.states[1].vars[dof] - posture[dof]);
+            out.row(state.vars[dof] - posture[dof]);
         }
     }
 }

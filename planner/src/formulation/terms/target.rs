@@ -1,6 +1,7 @@
 //! Choreography (sec. 2.4.1): positions and velocities of the centre of mass, the body or an end effector
 //! and the body's heading at chosen times. One equality row for each component that a target names, m,
-//! m/s and rad, from the parabola through the three samples around its time.
+//! m/s and rad, from the parabola through the three samples around its time. Upwards positions are heights above the ground,
+//! and velocities those of the world.
 //!
 //! The height of an end effector has no row here: it scales the profile of [`crate::motion::swing`].
 
@@ -42,24 +43,47 @@ fn write(
     let mut sum = 0.0;
     for (k, weight) in weights.into_iter().enumerate().filter(|(_, weight)| *weight != 0.0) {
         let state = window.states[k];
-        let variable = match of {
-            Subject::Com => {
-                for (dof, column) in state.pose.d_com.iter().enumerate() {
-                    if dof >= 3 || dof == c {
-                        out.d(k, dof, weight * column[c]);
-                    }
+        let Some(first) = variables(window, of) else {
+            for (dof, column) in state.pose.d_com.iter().enumerate() {
+                if dof >= 3 || dof == c {
+                    out.d(k, dof, weight * column[c]);
                 }
-                sum += weight * state.pose.com[c];
-                continue;
             }
-            Subject::Body => BASE_POSITION + c,
-            Subject::EndEffector(j) => window.problem.layout.end_effectors[j].position + c,
+            sum += weight * state.pose.com[c];
+            continue;
         };
-        out.d(k, variable, weight);
-        sum += weight * state.vars[variable];
+        out.d(k, first + c, weight);
+        sum += weight * state.vars[first + c];
     }
     out.given(field, wanted, -1.0);
     out.row_of(of.into(), sum - wanted);
+}
+
+/// Writes one row: the weighted sum of the heights above the ground of three samples minus `wanted`.
+fn write_height(window: &Window, out: &mut RowWriter, of: Subject, weights: [f64; 3], wanted: f64) {
+    let mut sum = 0.0;
+    for (k, weight) in weights.into_iter().enumerate().filter(|(_, weight)| *weight != 0.0) {
+        let state = window.states[k];
+        let variables = variables(window, of);
+        let point = variables.map_or(state.pose.com, |first| state.vector(first));
+        let ground = window.problem.ground.at(&point);
+        match variables {
+            None => out.d_com_height(k, weight, &ground),
+            Some(first) => out.d_height(k, first, weight, &ground),
+        }
+        sum += weight * (point.z - ground.height_m);
+    }
+    out.given(POSITION[2], wanted, -1.0);
+    out.row_of(of.into(), sum - wanted);
+}
+
+/// First of the three variables that a subject's position is; `None` for the centre of mass.
+fn variables(window: &Window, of: Subject) -> Option<usize> {
+    match of {
+        Subject::Com => None,
+        Subject::Body => Some(BASE_POSITION),
+        Subject::EndEffector(j) => Some(window.problem.layout.end_effectors[j].position),
+    }
 }
 
 impl Term for TargetPosition {
@@ -71,10 +95,12 @@ impl Term for TargetPosition {
         out.set(1.0, Role::Equality);
         for PlacedTarget { target, moment, .. } in here(window) {
             for (c, wanted) in target.position_m.into_iter().enumerate() {
-                let by_profile = c == 2 && matches!(target.of, Subject::EndEffector(_));
-                if let Some(wanted) = wanted.filter(|_| !by_profile) {
-                    let weights = moment.position_weights();
-                    write(window, out, target.of, (c, POSITION[c]), weights, wanted);
+                let Some(wanted) = wanted else { continue };
+                let weights = moment.position_weights();
+                match (c, target.of) {
+                    (2, Subject::EndEffector(_)) => {}
+                    (2, of) => write_height(window, out, of, weights, wanted),
+                    (_, of) => write(window, out, of, (c, POSITION[c]), weights, wanted),
                 }
             }
         }

@@ -7,7 +7,6 @@
 use crate::families::{Family, ROLLING_SIGN_WIDTH_M_S};
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::problem::state::d_yaw;
 
 /// See the module.
 pub struct Traction;
@@ -29,19 +28,19 @@ impl Term for Traction {
                 continue;
             };
             let f = here.vector(vars.force);
-            let t = here.frames[j].rolling;
+            let (t, n) = (here.frames[j].rolling, here.frames[j].normal);
+            let f_n = f.dot(&n);
             let rolling_m_s = here.vars[wheel.speed] * ee.radius_m;
             let sign = (rolling_m_s / ROLLING_SIGN_WIDTH_M_S).tanh();
             let d_sign = (1.0 - sign * sign) / ROLLING_SIGN_WIDTH_M_S;
             let per_normal_force =
                 drag.rolling_resistance * sign + drag.rolling_drag_s_m * rolling_m_s;
             let d_rolling = drag.rolling_resistance * d_sign + drag.rolling_drag_s_m;
-            out.d(1, vars.force, t.x);
-            out.d(1, vars.force + 1, t.y);
-            out.d(1, vars.force + 2, per_normal_force);
-            out.d(1, wheel.speed, f.z * d_rolling * ee.radius_m);
-            out.d(1, wheel.yaw, f.dot(&d_yaw(&t)));
-            out.row_of(Subject::EndEffector(j), f.dot(&t) + f.z * per_normal_force);
+            out.d_vector(1, vars.force, &(t + n * per_normal_force));
+            out.d(1, wheel.speed, f_n * d_rolling * ee.radius_m);
+            out.d_rolling(1, j, 1.0, &f);
+            out.d_normal(1, j, &(f * per_normal_force));
+            out.row_of(Subject::EndEffector(j), f.dot(&t) + f_n * per_normal_force);
         }
     }
 }

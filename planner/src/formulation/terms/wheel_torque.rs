@@ -5,7 +5,6 @@ use super::joint_torque::BAND_FRACTION;
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
-use crate::problem::state::d_yaw;
 
 /// See the module.
 pub struct WheelTorque;
@@ -23,13 +22,13 @@ pub(super) fn torque_nm(window: &Window, k: usize, j: usize) -> f64 {
 /// Writes `factor` times the derivative of the torque at sample `k` of the window into the next row.
 pub(super) fn differentiate(window: &Window, k: usize, j: usize, factor: f64, out: &mut RowWriter) {
     let vars = &window.problem.layout.end_effectors[j];
-    let (true, Some(wheel)) = (window.stance(k, j), vars.wheel) else { return };
+    if !window.stance(k, j) {
+        return;
+    }
     let (state, factor) =
         (window.states[k], factor * window.problem.model.robot().end_effectors[j].radius_m);
-    let rolling = state.frames[j].rolling;
-    out.d(k, vars.force, factor * rolling.x);
-    out.d(k, vars.force + 1, factor * rolling.y);
-    out.d(k, wheel.yaw, factor * state.vector(vars.force).dot(&d_yaw(&rolling)));
+    out.d_along(k, vars.force, &(state.frames[j].rolling * factor));
+    out.d_rolling(k, j, factor, &state.vector(vars.force));
 }
 
 impl Term for WheelTorque {

@@ -12,8 +12,8 @@ use clarabel::solver::{
     DefaultSettingsBuilder, DefaultSolver, IPSolver, SecondOrderConeT, SolverStatus,
 };
 use nalgebra::{DVector, Matrix3, Vector3};
+use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::force::{Derivative, View, Wrench};
-use rollwalk_physics::ground::{Ground, Plane};
 use rollwalk_physics::motion::Weights;
 use rollwalk_physics::{Assembly, Motion, Scheme};
 

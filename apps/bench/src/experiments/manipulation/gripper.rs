@@ -3,9 +3,9 @@
 use crate::experiments::manipulation::{Effector, STEP_S};
 use crate::experiments::parts::{self, Link, Touching};
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::Normal;
 use rollwalk_physics::curve::Curve;
-use rollwalk_physics::ground::Plane;
 use rollwalk_physics::hold::{Grip, Hold, Place};
 use rollwalk_physics::sensitivity::Parameter;
 use rollwalk_physics::sensitivity::parameter::Pose;

@@ -2,8 +2,8 @@
 
 use super::convex::{Flat, in_plane, parts};
 use super::spline::Lattice;
-use super::{FieldError, Ground, Surface};
-use nalgebra::{Matrix3, Vector3};
+use super::{Elevation, FieldError, Ground, Surface};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use std::sync::Arc;
 
 /// Least distance of two corners, m: nearer ones are one point.
@@ -131,10 +131,10 @@ impl Ground for Profile {
             let (gap_m, normal, bend) = if beside {
                 let sign = if self.is_below(&at) { -1.0 } else { 1.0 };
                 let normal = from * (sign / distance);
-                let free = nalgebra::Matrix2::identity() - normal * normal.transpose();
+                let free = Matrix2::identity() - normal * normal.transpose();
                 (sign * distance, normal, free * (sign / distance))
             } else {
-                (side, up, nalgebra::Matrix2::zeros())
+                (side, up, Matrix2::zeros())
             };
             nearest = Some((distance, in_plane(gap_m, &normal, &bend)));
         }
@@ -161,22 +161,33 @@ impl HeightField {
     ) -> Result<Self, FieldError> {
         Ok(Self { lattice: Lattice::new(origin_m, spacing_m, counts, heights_m)? })
     }
+
+    /// Height at a point of the x-y plane, with its derivatives.
+    pub fn elevation(&self, x_m: f64, y_m: f64) -> Elevation {
+        let at = [x_m, y_m];
+        let ranges = [0, 1].map(|axis| self.lattice.range(axis));
+        let within = [0, 1].map(|k| at[k].clamp(ranges[k][0], ranges[k][1]));
+        // Beyond the edge nothing changes with the coordinate.
+        let inside = [0, 1].map(|k| f64::from(u8::from(within[k] == at[k])));
+        let bases = [0, 1].map(|axis| self.lattice.basis(axis, within[axis]));
+        let sum = |orders| self.lattice.sum(&bases, orders);
+        let [xx, yy] = [inside[0] * sum([2, 0]), inside[1] * sum([0, 2])];
+        let xy = inside[0] * inside[1] * sum([1, 1]);
+        Elevation {
+            height_m: sum([0, 0]),
+            slope: Vector2::new(inside[0] * sum([1, 0]), inside[1] * sum([0, 1])),
+            bend: Matrix2::new(xx, xy, xy, yy),
+        }
+    }
 }
 
 impl Ground for HeightField {
     fn at(&self, point: &Vector3<f64>) -> Surface {
-        let ranges = [0, 1].map(|axis| self.lattice.range(axis));
-        let within = [0, 1].map(|k| point[k].clamp(ranges[k][0], ranges[k][1]));
-        // Beyond the edge nothing changes with the coordinate.
-        let inside = [0, 1].map(|k| f64::from(u8::from(within[k] == point[k])));
-        let bases = [0, 1].map(|axis| self.lattice.basis(axis, within[axis]));
-        let sum = |orders| self.lattice.sum(&bases, orders);
-        let slope = [inside[0] * sum([1, 0]), inside[1] * sum([0, 1])];
-        let [xx, yy] = [inside[0] * sum([2, 0]), inside[1] * sum([0, 2])];
-        let xy = inside[0] * inside[1] * sum([1, 1]);
-        let gradient = Vector3::new(-slope[0], -slope[1], 1.0);
-        let hessian = Matrix3::new(-xx, -xy, 0.0, -xy, -yy, 0.0, 0.0, 0.0, 0.0);
-        Surface::of_level(point.z - sum([0, 0]), &gradient, &hessian)
+        let Elevation { height_m, slope, bend } = self.elevation(point.x, point.y);
+        let gradient = Vector3::new(-slope.x, -slope.y, 1.0);
+        let mut hessian = Matrix3::zeros();
+        hessian.fixed_view_mut::<2, 2>(0, 0).copy_from(&-bend);
+        Surface::of_level(point.z - height_m, &gradient, &hessian)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Ground as a signed distance: gap, normal and curvature at a point (thesis 4.5).
 
 mod convex;
+mod elevation;
 pub mod file;
 mod grid;
 mod shapes;
@@ -11,6 +12,7 @@ mod turned;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
+pub use elevation::{Elevation, ElevationMap};
 pub use grid::Grid;
 pub use shapes::{Capsule, Cuboid, Plane, Rounded, Sphere, Union};
 pub use spline::FieldError;
@@ -68,7 +70,7 @@ pub trait Ground: std::fmt::Debug + Send + Sync {
 }
 
 /// Every part of a ground for itself; of one without parts, the ground.
-pub(crate) fn parts_of(ground: &Arc<dyn Ground>) -> Vec<Arc<dyn Ground>> {
+pub fn parts_of(ground: &Arc<dyn Ground>) -> Vec<Arc<dyn Ground>> {
     let parts = ground.parts();
     if parts.is_empty() { vec![Arc::clone(ground)] } else { parts }
 }
