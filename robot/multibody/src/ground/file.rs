@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     fn the_examples_of_the_documentation_are_right() {
-        let text = include_str!("../../../docs/terrain-files.md");
+        let text = include_str!("../../../../docs/terrain-files.md");
         let examples: Vec<_> = text.split("```toml\n").skip(1).collect();
         assert!(examples.len() > KINDS.len());
         for example in &examples {
