@@ -1,18 +1,18 @@
-//! Of the build scripts of all boards: which robot an image is for. `cargo xtask image` names its module, which
-//! `firmware/boards/bench` has made of the robot file, in `ROLLWALK_ROBOT`; without it, the board's default is the robot.
+//! Of the build scripts of all boards: which robot an image is for. `cargo xtask image` and `cargo xtask board` name its module,
+//! which `firmware/boards/bench` has made of the robot file, in `ROLLWALK_ROBOT`.
 
 use std::path::Path;
 use std::{env, fs, io};
 
-/// Writes `robot.rs` into the folder of the build script's output: a declaration of the module `robot`, in the file `default`
-/// of this folder unless another is named.
+/// Writes `robot.rs` into the folder of the build script's output: a declaration of the module `robot`.
 ///
 /// # Errors
-/// The operating system's.
-pub fn declare(default: &str) -> io::Result<()> {
-    let default = || format!("{}/../{default}", env!("CARGO_MANIFEST_DIR"));
-    let module = env::var("ROLLWALK_ROBOT").unwrap_or_else(|_| default());
+/// No module is named, or the operating system's error.
+pub fn declare() -> io::Result<()> {
     println!("cargo:rerun-if-env-changed=ROLLWALK_ROBOT");
+    let module = env::var("ROLLWALK_ROBOT").map_err(|_| {
+        io::Error::other("ROLLWALK_ROBOT names no robot: build this image with `cargo xtask image`")
+    })?;
     let out = env::var("OUT_DIR").map_err(io::Error::other)?;
     // Absolute, because the path of a module is relative to the file that declares it.
     fs::write(Path::new(&out).join("robot.rs"), format!("#[path = {module:?}]\nmod robot;\n"))

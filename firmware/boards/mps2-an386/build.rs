@@ -9,5 +9,5 @@ fn main() -> std::io::Result<()> {
     for file in ["memory.x", "build.rs", "../robot_module.rs"] {
         println!("cargo:rerun-if-changed={file}");
     }
-    robot_module::declare("agilebot.rs")
+    robot_module::declare()
 }

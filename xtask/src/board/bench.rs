@@ -62,10 +62,21 @@ impl Bench {
     /// # Errors
     /// The compiler's verdict.
     pub fn program() -> Result<Self, String> {
-        let out = out()?;
-        let Program { path, .. } =
-            workspace::program("firmware/boards/bench", "rollwalk-board-bench")?;
-        Ok(Self { program: path, robot: None, library: None, out })
+        Self::of(workspace::program("firmware/boards/bench", "rollwalk-board-bench")?)
+    }
+
+    /// The bench that a build of the workspace has left.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn among(programs: &[Program]) -> Result<Self, String> {
+        let program =
+            workspace::find(programs, "firmware/boards/bench", "rollwalk-board-bench", false);
+        Self::of(program?.clone())
+    }
+
+    fn of(Program { path: program, .. }: Program) -> Result<Self, String> {
+        Ok(Self { program, robot: None, library: None, out: out()? })
     }
 
     /// The same for a robot, whose motion is a short one made for it.
@@ -84,6 +95,23 @@ impl Bench {
         let here = env::current_dir().map_err(|error| format!("the current folder: {error}"))?;
         image.arg(board).arg("--robot").arg(robot).arg("--out").arg(&path).current_dir(here);
         shell::said(&mut image).map(|wiring| Module { path, wiring })
+    }
+
+    /// Writes the module of a robot that ships, for images that are for no other robot.
+    ///
+    /// # Errors
+    /// The file, or a failure of the bench.
+    pub fn shipped(&self, robot: &str) -> Result<PathBuf, String> {
+        let program = self.program.to_string_lossy();
+        let module = shell::output(&mut shell::command(&program, &["--robot", robot, "config"]))?;
+        let path =
+            self.out.join(Path::new(robot).with_extension("rs").file_name().unwrap_or_default());
+        // A file that is written anew would be compiled anew.
+        if fs::read_to_string(&path).is_ok_and(|present| present == module) {
+            return Ok(path);
+        }
+        fs::write(&path, module).map_err(|error| format!("{}: {error}", shown(&path)))?;
+        Ok(path)
     }
 
     /// The block with the keys of these files for the image of a robot, in hexadecimal digits, which are a secret.
@@ -106,15 +134,14 @@ impl Bench {
     /// # Errors
     /// The compiler's verdict, or a motion without a plan.
     pub fn build() -> Result<Self, String> {
-        let out = out()?;
         let programs = workspace::programs()?;
-        let find = |folder, name| workspace::find(&programs, folder, name, false).cloned();
-        let Program { path: program, .. } = find("firmware/boards/bench", "rollwalk-board-bench")?;
-        let Program { path: rollwalk, .. } = find("tests", "rollwalk-under-test")?;
-        let library = out.join("agilebot.rwl");
+        let bench = Self::among(&programs)?;
+        let Program { path: rollwalk, .. } =
+            workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
+        let library = bench.out.join("agilebot.rwl");
         let mut build = shell::command(&rollwalk.to_string_lossy(), &["library", "build", MOTIONS]);
         shell::output(build.arg("-o").arg(&library))?;
-        Ok(Self { program, robot: None, library: Some(library), out })
+        Ok(Self { library: Some(library), ..bench })
     }
 
     /// Replays the demo from the memory of the emulated board.

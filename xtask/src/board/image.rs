@@ -1,5 +1,6 @@
 //! The release images of the boards.
 
+use super::bench::Bench;
 use crate::bare_metal::{self, CORTEX_M4F, CORTEX_M33F};
 use crate::shell;
 use std::ops::Range;
@@ -12,33 +13,45 @@ const ROBOT: &str = "ROLLWALK_ROBOT";
 /// The sha2 crate's loops instead of its unrolled rounds, which are 30 KiB of SHA-256 and SHA-512.
 const COMPACT_HASHES: &str = "--cfg sha2_backend_soft=\"compact\"";
 
+/// Robot of the boards with CAN.
+const AGILEBOT: &str = "robots/agilebot.toml";
+
 /// An image of a board: a program of the board's workspace.
 pub struct Image {
     folder: &'static str,
     target: &'static str,
+    /// Robot file of images that are for no other robot.
+    robot: &'static str,
     /// Name of the program.
     pub name: &'static str,
 }
 
 /// The emulated board's, its buses and its time over the UART.
-pub const MPS2_AN386: Image =
-    Image { folder: "firmware/boards/mps2-an386", target: CORTEX_M4F, name: "rollwalk-mps2-an386" };
+pub const MPS2_AN386: Image = Image {
+    folder: "firmware/boards/mps2-an386",
+    target: CORTEX_M4F,
+    robot: AGILEBOT,
+    name: "rollwalk-mps2-an386",
+};
 /// The emulated board's with requests and expected answers in its memory.
 pub const MPS2_AN386_REPLAY: Image = Image {
     folder: "firmware/boards/mps2-an386",
     target: CORTEX_M4F,
+    robot: AGILEBOT,
     name: "rollwalk-mps2-an386-replay",
 };
 /// The emulated board's with its link as an SLCAN adapter, in real time.
 pub const MPS2_AN386_SLCAN: Image = Image {
     folder: "firmware/boards/mps2-an386",
     target: CORTEX_M4F,
+    robot: AGILEBOT,
     name: "rollwalk-mps2-an386-slcan",
 };
 /// The emulated board's that measures what keys cost.
 pub const MPS2_AN386_KEYS: Image = Image {
     folder: "firmware/boards/mps2-an386",
     target: CORTEX_M4F,
+    robot: AGILEBOT,
     name: "rollwalk-mps2-an386-keys",
 };
 /// RAM of the emulated board's images (`memory.x`); what lies above stands for external memory.
@@ -47,19 +60,24 @@ pub const RAM: Range<u64> = 0x2000_0000..0x2001_0000;
 pub const NUCLEO_G474RE: Image = Image {
     folder: "firmware/boards/nucleo-g474re",
     target: CORTEX_M4F,
+    robot: AGILEBOT,
     name: "rollwalk-nucleo-g474re",
 };
-/// The Pico 2's.
-pub const PICO2: Image =
-    Image { folder: "firmware/boards/pico2", target: CORTEX_M33F, name: "rollwalk-pico2" };
+/// The Pico 2's, which has no CAN.
+pub const PICO2: Image = Image {
+    folder: "firmware/boards/pico2",
+    target: CORTEX_M33F,
+    robot: "robots/pup.toml",
+    name: "rollwalk-pico2",
+};
 
 impl Image {
     /// Builds the image and the others of its workspace, whose links then run at the same time.
     ///
     /// # Errors
     /// The compiler's verdict, or the one command that gets a compiler.
-    pub fn build(&self) -> Result<PathBuf, String> {
-        self.run(&["--bins"], None)
+    pub fn build(&self, bench: &Bench) -> Result<PathBuf, String> {
+        self.run(&["--bins"], &bench.shipped(self.robot)?)
     }
 
     /// Builds the image for the robot of a generated module, with cargo features of keys or without any; the next build
@@ -68,53 +86,42 @@ impl Image {
     /// # Errors
     /// As for [`Self::build`].
     pub fn build_for(&self, module: &Path, key_features: &str) -> Result<PathBuf, String> {
-        self.keyed(key_features, Some(module))
-    }
-
-    /// Builds the image with a cargo feature; the next build without replaces the file.
-    ///
-    /// # Errors
-    /// As for [`Self::build`].
-    pub fn build_with(&self, feature: &str) -> Result<PathBuf, String> {
-        self.run(&["--bin", self.name, "--features", feature], None)
-    }
-
-    /// Builds the image with cargo features of keys; the next build without replaces the file.
-    ///
-    /// # Errors
-    /// As for [`Self::build`].
-    pub fn build_with_keys(&self, features: &str) -> Result<PathBuf, String> {
-        self.keyed(features, None)
-    }
-
-    fn keyed(&self, features: &str, robot: Option<&Path>) -> Result<PathBuf, String> {
-        let (mut cargo, path) = self.cargo(&["--bin", self.name, "--features", features], robot)?;
-        if !features.is_empty() {
+        let selection = ["--bin", self.name, "--features", key_features];
+        let (mut cargo, path) = self.cargo(&selection, module)?;
+        if !key_features.is_empty() {
             cargo.env("RUSTFLAGS", COMPACT_HASHES);
         }
         shell::run(&mut cargo)?;
         Ok(path)
     }
 
-    fn run(&self, selection: &[&str], robot: Option<&Path>) -> Result<PathBuf, String> {
+    /// Builds the image with a cargo feature; the next build without replaces the file.
+    ///
+    /// # Errors
+    /// As for [`Self::build`].
+    pub fn build_with(&self, bench: &Bench, feature: &str) -> Result<PathBuf, String> {
+        self.run(&["--bin", self.name, "--features", feature], &bench.shipped(self.robot)?)
+    }
+
+    /// Builds the image with cargo features of keys; the next build without replaces the file.
+    ///
+    /// # Errors
+    /// As for [`Self::build`].
+    pub fn build_with_keys(&self, bench: &Bench, features: &str) -> Result<PathBuf, String> {
+        self.build_for(&bench.shipped(self.robot)?, features)
+    }
+
+    fn run(&self, selection: &[&str], robot: &Path) -> Result<PathBuf, String> {
         let (mut cargo, path) = self.cargo(selection, robot)?;
         shell::run(&mut cargo)?;
         Ok(path)
     }
 
     /// The command that builds, and the file that it makes.
-    fn cargo(
-        &self,
-        selection: &[&str],
-        robot: Option<&Path>,
-    ) -> Result<(Command, PathBuf), String> {
+    fn cargo(&self, selection: &[&str], robot: &Path) -> Result<(Command, PathBuf), String> {
         let bare_metal::Build { mut cargo, artefacts } = bare_metal::build(self.target)?;
         cargo.current_dir(shell::workspace_root().join(self.folder)).arg("--quiet").args(selection);
-        // Not the robot of the shell that runs this.
-        match robot {
-            Some(module) => cargo.env(ROBOT, module),
-            None => cargo.env_remove(ROBOT),
-        };
+        cargo.env(ROBOT, robot);
         Ok((cargo, artefacts.join(self.name)))
     }
 }

@@ -58,10 +58,10 @@ impl Keys {
 ///
 /// # Errors
 /// The first difference, or what was not refused.
-pub fn check() -> Result<(), String> {
-    let (keys, bench) = (Keys::new()?, Bench::program()?);
+pub fn check(bench: &Bench) -> Result<(), String> {
+    let keys = Keys::new()?;
     let path = keys.at("image.elf");
-    let blank = MPS2_AN386.build_with_keys("authenticated,signed")?;
+    let blank = MPS2_AN386.build_with_keys(bench, "authenticated,signed")?;
     let mut built = contents::read(&blank)?;
     let block = bench.key_block(&shell::workspace_root().join(ROBOT), &keys.files())?;
     key_block::fill(&mut built, &block)?;

@@ -38,10 +38,10 @@ impl Keys {
     /// # Errors
     /// A failure of compiler, emulator or bench.
     pub fn measure(bench: &Bench) -> Result<Self, String> {
-        let measuring = MPS2_AN386_KEYS.build_with_keys(BOTH)?;
+        let measuring = MPS2_AN386_KEYS.build_with_keys(bench, BOTH)?;
         let figures = bench.keys(&measuring)?;
-        let both = sections(&read(&MPS2_AN386.build_with_keys(BOTH)?)?, RAM)?;
-        let link = MPS2_AN386.build_with_keys(LINK)?;
+        let both = sections(&read(&MPS2_AN386.build_with_keys(bench, BOTH)?)?, RAM)?;
+        let link = MPS2_AN386.build_with_keys(bench, LINK)?;
         Ok(Self {
             link: Contents::read(link, &read(&measuring)?, RAM)?,
             both,

@@ -71,21 +71,22 @@ pub fn run(
         };
     }
     match (board, port) {
-        (Board::NucleoG474re, None) => real::report(&real::NUCLEO),
-        (Board::Pico2, None) => real::report(&real::PICO),
+        (Board::NucleoG474re, None) => real::report(&Bench::program()?, &real::NUCLEO),
+        (Board::Pico2, None) => real::report(&Bench::program()?, &real::PICO),
         (Board::NucleoG474re, Some(port)) => Bench::build()?.visit(port),
         (Board::Pico2, Some(_)) => {
             Err("the demo library is AgileBot's, and it has no serial servos: leave out --port"
                 .into())
         }
-        (Board::Mps2An386Slcan, None) => slcan::report(),
+        (Board::Mps2An386Slcan, None) => slcan::report(&Bench::program()?),
         (Board::Mps2An386 | Board::Mps2An386Slcan, Some(_)) => {
             Err("mps2-an386 is emulated, and has no serial port: leave out --port".into())
         }
         (Board::Mps2An386, None) => {
-            let (replay, uart) = (image::MPS2_AN386_REPLAY.build()?, image::MPS2_AN386.build()?);
-            eprintln!("built {} and {}", shown(&replay), shown(&uart));
             let bench = Bench::build()?;
+            let replay = image::MPS2_AN386_REPLAY.build(&bench)?;
+            let uart = image::MPS2_AN386.build(&bench)?;
+            eprintln!("built {} and {}", shown(&replay), shown(&uart));
             bench.replay(&replay)?;
             bench.uart(&uart, false)
         }
@@ -102,7 +103,7 @@ pub fn check(extent: Extent) -> Result<(), String> {
     sizes::measure(&bench)?;
     match extent {
         Extent::Brief => Ok(()),
-        Extent::Short | Extent::Full => bench.uart(&image::MPS2_AN386.build()?, false),
+        Extent::Short | Extent::Full => bench.uart(&image::MPS2_AN386.build(&bench)?, false),
     }
 }
 
@@ -112,12 +113,13 @@ pub fn check(extent: Extent) -> Result<(), String> {
 /// # Errors
 /// As for [`run`], or what was not refused.
 pub fn other_boards() -> Result<(), String> {
-    slcan::report()?;
-    real::report(&real::NUCLEO)?;
-    real::report(&real::PICO)?;
-    real::report_with_keys(&real::NUCLEO)?;
-    real::report_with_keys(&real::PICO)?;
-    keyed::check()
+    let bench = Bench::program()?;
+    slcan::report(&bench)?;
+    real::report(&bench, &real::NUCLEO)?;
+    real::report(&bench, &real::PICO)?;
+    real::report_with_keys(&bench, &real::NUCLEO)?;
+    real::report_with_keys(&bench, &real::PICO)?;
+    keyed::check(&bench)
 }
 
 /// Checks that a panic planted in the emulated board's images of the controller shows: for `cargo xtask nightly`.
@@ -125,8 +127,9 @@ pub fn other_boards() -> Result<(), String> {
 /// # Errors
 /// One that does not.
 pub fn planted_panics() -> Result<(), String> {
+    let bench = Bench::program()?;
     for image in [image::MPS2_AN386, image::MPS2_AN386_SLCAN] {
-        let panicking = contents::read(&image.build_with("planted-panic")?)?;
+        let panicking = contents::read(&image.build_with(&bench, "planted-panic")?)?;
         contents::must_panic(image.name, &panicking)?;
     }
     Ok(())
@@ -137,7 +140,8 @@ pub fn planted_panics() -> Result<(), String> {
 /// # Errors
 /// The first difference from the simulation, or a failure of the bench.
 pub fn demo_over_uart() -> Result<(), String> {
-    Bench::build()?.uart(&image::MPS2_AN386.build()?, true)
+    let bench = Bench::build()?;
+    bench.uart(&image::MPS2_AN386.build(&bench)?, true)
 }
 
 /// Makes images of the emulated board for another robot, replays a short motion from its memory and plays it over its UART.

@@ -1,5 +1,6 @@
 //! The images of real boards, which no emulator runs: they build, fit and cannot panic.
 
+use super::bench::Bench;
 use super::contents::{Contents, Sections, panic_paths, read, sections};
 use super::image::{Image, NUCLEO_G474RE, PICO2};
 use super::limits::{Limits, MAX_STATIC_RAM};
@@ -52,10 +53,10 @@ pub const PICO: Memory = Memory {
 ///
 /// # Errors
 /// Sizes above their limits, or the compiler's verdict.
-pub fn report(board: &Memory) -> Result<(), String> {
+pub fn report(bench: &Bench, board: &Memory) -> Result<(), String> {
     let Memory { name, image, ram, stack_bytes, flash_bytes, max_text, .. } = board;
-    let panicking = read(&image.build_with("planted-panic")?)?;
-    let contents = Contents::read(image.build()?, &panicking, ram.clone())?;
+    let panicking = read(&image.build_with(bench, "planted-panic")?)?;
+    let contents = Contents::read(image.build(bench)?, &panicking, ram.clone())?;
     let Contents { path, sections: Sections { text, data, bss }, panics } = &contents;
 
     println!("{name}, release: {}", shown(path));
@@ -75,7 +76,7 @@ pub fn report(board: &Memory) -> Result<(), String> {
 ///
 /// # Errors
 /// As for [`report`].
-pub fn report_with_keys(board: &Memory) -> Result<(), String> {
+pub fn report_with_keys(bench: &Bench, board: &Memory) -> Result<(), String> {
     let Memory { name, image, ram, flash_bytes, max_text_link, max_text_both, .. } = board;
     let mut limits = Limits::default();
     // The crate that checks signatures has checks of indices that the compiler cannot prove.
@@ -83,7 +84,7 @@ pub fn report_with_keys(board: &Memory) -> Result<(), String> {
         ("a link key", "authenticated", *max_text_link, true),
         ("both keys", "authenticated,signed", *max_text_both, false),
     ] {
-        let built = read(&image.build_with_keys(features)?)?;
+        let built = read(&image.build_with_keys(bench, features)?)?;
         let Sections { text, data, bss } = sections(&built, ram.clone())?;
         println!(
             "{name} with {keys}: text {text} B of {most}, in {flash_bytes} of flash; data + bss {} B",

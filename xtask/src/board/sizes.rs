@@ -40,9 +40,9 @@ pub fn measure(bench: &Bench) -> Result<(), String> {
 }
 
 fn figures(bench: &Bench, is_json: bool, keys: Option<&Keys>) -> Result<(), String> {
-    let every = sections(&read(&MPS2_AN386.build_with("every-line")?)?, RAM)?.text;
-    let replay = MPS2_AN386_REPLAY.build()?;
-    let contents = Contents::read(MPS2_AN386.build()?, &read(&replay)?, RAM)?;
+    let every = sections(&read(&MPS2_AN386.build_with(bench, "every-line")?)?, RAM)?.text;
+    let replay = MPS2_AN386_REPLAY.build(bench)?;
+    let contents = Contents::read(MPS2_AN386.build(bench)?, &read(&replay)?, RAM)?;
     let figures = bench.replay(&replay)?;
     let [mean_tick, worst_tick] =
         [figures.number("mean_tick_instructions")?, figures.number("worst_tick_instructions")?];

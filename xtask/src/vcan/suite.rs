@@ -45,7 +45,7 @@ pub fn run(place: Place) -> Result<(), String> {
     let mut build = rollwalk.command(&["library", "build"]);
     build.arg(root.join(LIBRARY)).arg("-o").arg(results.join("library.rwl"));
     shell::output(&mut build)?;
-    let image = board::slcan_image()?;
+    let image = board::slcan_image(&programs)?;
     fs::copy(&image, results.join("board.elf"))
         .map_err(|error| format!("{}: {error}", image.display()))?;
 
