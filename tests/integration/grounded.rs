@@ -2,9 +2,8 @@
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, desk_with_library_file, on};
-use rollwalk_tests::{Outcome, signal};
+use rollwalk_tests::program::Program;
 use serde_json::Value;
-use std::io::{BufRead, BufReader, Read};
 use std::process::Stdio;
 
 #[test]
@@ -47,19 +46,12 @@ fn ctrl_c_ends_the_tour_through_a_library() {
     let library = "legbot.rwl";
     desk.run(&["library", "build", "legbot.toml", "-o", library]).succeeds();
     let mut command = desk.command(&["simulate", library, "--cycles", "10000", "--json"]);
-    let mut program =
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
-    let mut said = BufReader::new(program.stderr.take().expect("a pipe"));
-    let mut line = String::new();
-    while !line.contains("armed") {
-        line.clear();
-        assert_ne!(said.read_line(&mut line).expect("UTF-8"), 0, "it ended before it armed");
-    }
-    signal(&program, "INT");
-    let mut rest = String::new();
-    said.read_to_string(&mut rest).expect("UTF-8");
-    let outcome = Outcome::from(program.wait_with_output().expect("it ends"));
-    assert!(rest.contains("back to SAFE") && rest.contains("disarmed"), "{rest}");
+    let program = Program::start(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
+    program.says("armed");
+    program.signal("INT");
+    let outcome = program.ends();
+    let said = &outcome.stderr;
+    assert!(said.contains("back to SAFE") && said.contains("disarmed"), "{said}");
     outcome.succeeds_with(130, &["\"stopped\": \"interrupted\""]);
 }
 

@@ -4,7 +4,8 @@
 use crate::desk_with_shipped_files;
 use crate::results::json;
 use crate::simulated::{Robot, in_time, on};
-use rollwalk_tests::{Desk, Outcome};
+use rollwalk_tests::Desk;
+use rollwalk_tests::program::{self, PLAYED};
 use std::fs;
 use std::process::Command;
 use std::thread::sleep;
@@ -123,7 +124,7 @@ fn a_line_of_servos_is_no_bus_of_frames() {
     let says = |args: &[&str], words: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
         command.current_dir(desk.path("")).env("COLUMNS", "1000").env("NO_COLOR", "1").args(args);
-        Outcome::from(command.output().expect("it starts")).fails(1, words);
+        program::run(&mut command, PLAYED).fails(1, words);
     };
     let only = ["--only", "controller", "--bus", "sim:x.sock", "--actuators"];
     let with = |robot, name| [&[robot], &only[..], &[name]].concat();
