@@ -7,7 +7,7 @@ use rollwalk_tests::program::{self, PLAYED};
 fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     let desk = desk_with_library_file();
     let bus = format!("sim:{}", desk.path("robot.sock").display());
-    desk.run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     for key in ["robot.key", "other.key"] {
         on(&desk, &bus, &["keys", "new", key]).succeeds();
         on(&desk, &bus, &["keys", "new", key]).fails(1, &["cannot write", key, "exists"]);

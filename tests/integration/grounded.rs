@@ -9,7 +9,7 @@ use std::process::Stdio;
 #[test]
 fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]).succeeds();
+    desk.make(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]);
     let said = desk.run(&["simulate", "drive.json"]).succeeds();
     assert!(said.contains("forward: 1.000 of the plan") && said.contains("it holds"), "{said}");
     let said = desk.run(&["simulate", "drive.json", "--json", "--rate", "60"]).succeeds();
@@ -23,7 +23,7 @@ fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
 #[test]
 fn terrain_and_pushes_are_given_to_a_plan() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]).succeeds();
+    desk.make(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]);
     let simulate = |args: &[&str]| desk.run(&[&["simulate", "drive.json"], args].concat());
     desk.write("kerb.toml", "[step]\nat_x_m = 0.5\nheight_m = 0.1\n");
     simulate(&["--terrain", "kerb.toml"]).succeeds_with(3, &["forward: 0.5", "stays on its feet"]);
@@ -65,7 +65,7 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
          [[motion]]\nname = \"drive_1m\"\nfile = \"motions/drive_1m.toml\"\ncode = 2\n\
          [via_safe]\nduration_s = 1.2\nsamples = 25\n",
     );
-    desk.run(&["library", "build", "drive.toml", "-o", "drive.rwl"]).succeeds();
+    desk.make(&["library", "build", "drive.toml", "-o", "drive.rwl"]);
     let told = desk.run(&["simulate", "drive.rwl", "--json"]).succeeds();
     let told: Value = serde_json::from_str(&told).unwrap();
     let travels = told["travels"].as_array().unwrap();

@@ -63,7 +63,7 @@ fn flash_and_play(desk: &Desk, bus: &str) {
 #[test]
 fn in_real_time_a_robot_at_a_serial_line_is_flashed_and_played() {
     let desk = desk_with_library_file();
-    desk.run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let ((robots, far), (hosts, near)) = (device(), device());
     cable(far.try_clone_native().unwrap(), near.try_clone_native().unwrap());
     cable(near, far);
@@ -103,7 +103,7 @@ fn adapter(mut line: TTYPort, mut link: Live) {
 #[test]
 fn in_real_time_a_robot_behind_an_slcan_adapter_is_flashed_and_played() {
     let desk = desk_with_library_file();
-    desk.run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let socket = desk.path("robot.sock");
     let _robot = Robot::start(&desk, &format!("sim:{}", socket.display()));
     let (name, far) = device();

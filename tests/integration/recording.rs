@@ -66,7 +66,7 @@ fn a_recording_is_whole_however_the_monitor_ends() {
 fn planned_joint_states_are_those_of_the_library() {
     let desk = desk_with_library_file();
     let bus = format!("sim:{}", desk.path("robot.sock").display());
-    desk.run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let _robot = Robot::start(&desk, &bus);
     on(&desk, &bus, &["flash", "legbot.rwl"]).succeeds();
     let args = ["monitor", "--mcap", "run.mcap", "--library", "legbot.rwl"];

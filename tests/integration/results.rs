@@ -142,7 +142,7 @@ fn a_library_with_a_plan_that_does_not_converge_is_not_written_and_says_which() 
 #[test]
 fn tables_have_a_row_for_every_tick_and_a_unit_in_every_column() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/drive_1m.toml", "-o", "plan.json"]).succeeds();
+    desk.make(&["plan", "motions/drive_1m.toml", "-o", "plan.json"]);
     desk.run(&["export", "plan.json", "--rate", "60", "-o", "plan.csv"]).succeeds();
     let csv = desk.read_text("plan.csv");
     let mut lines = csv.lines();
@@ -161,7 +161,7 @@ fn tables_have_a_row_for_every_tick_and_a_unit_in_every_column() {
 #[test]
 fn a_plot_is_an_svg_document() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/walk.toml", "-o", "plan.json"]).succeeds();
+    desk.make(&["plan", "motions/walk.toml", "-o", "plan.json"]);
     desk.run(&["plot", "plan.json", "-o", "walk.svg"]).succeeds();
     let svg = desk.read_text("walk.svg");
     assert!(svg.trim_start().starts_with("<svg") && svg.trim_end().ends_with("</svg>"));

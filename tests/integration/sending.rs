@@ -16,7 +16,7 @@ use std::time::Duration;
 /// A robot with a library, on this computer's socket.
 fn robot(desk: &Desk) -> (Robot, String) {
     let socket = format!("sim:{}", desk.path("robot.sock").display());
-    desk.run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let robot = Robot::start(desk, &socket);
     on(desk, &socket, &["flash", "legbot.rwl"]).succeeds();
     (robot, socket)

@@ -44,7 +44,7 @@ fn played(desk: &Desk, bus: &str, motions: &[&str]) {
 fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
     let desk = desk_with_shipped_files();
     let args = ["library", "build", "motions/pup_library.toml", "-o", "pup.rwl"];
-    desk.run(&args).succeeds();
+    desk.make(&args);
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let mut motors = Robot::motors(&desk, ROBOT, "servos", &[]);
     let _controller = Robot::controller(&desk, ROBOT, &bus, "servos");
@@ -64,7 +64,7 @@ fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
 fn in_real_time_a_robot_on_the_ground_is_carried_by_motors_at_a_serial_line() {
     let desk = desk_with_shipped_files();
     let args = ["library", "build", "motions/pup_library.toml", "-o", "pup.rwl"];
-    desk.run(&args).succeeds();
+    desk.make(&args);
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let on_ground = ["--on", "ground", "--world-log", "world.csv"];
     let mut motors = Robot::motors(&desk, ROBOT, "servos", &on_ground);

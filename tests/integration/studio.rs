@@ -119,7 +119,7 @@ fn says(desk: &Desk, words: &str) {
 #[test]
 fn a_robot_is_flashed_armed_played_and_stopped_through_the_studio() {
     let desk = desk_with_library_file();
-    desk.run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let library = desk.read("legbot.rwl");
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let mut robot = Robot::start(&desk, &bus);

@@ -1,6 +1,7 @@
 //! Support for the end-to-end tests in `integration/`: a folder to work in and a command line to run
 //! there, as a user would.
 
+mod kept;
 pub mod program;
 pub mod terminal;
 
