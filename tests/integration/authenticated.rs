@@ -1,13 +1,13 @@
 //! A simulated robot that obeys only hosts with its link key.
 
 use crate::simulated::{Robot, command_on, desk_with_library_file, on};
-use rollwalk_tests::Outcome;
+use rollwalk_tests::program::{self, PLAYED};
 
 #[test]
 fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     let desk = desk_with_library_file();
     let bus = format!("sim:{}", desk.path("robot.sock").display());
-    on(&desk, &bus, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     for key in ["robot.key", "other.key"] {
         on(&desk, &bus, &["keys", "new", key]).succeeds();
         on(&desk, &bus, &["keys", "new", key]).fails(1, &["cannot write", key, "exists"]);
@@ -26,7 +26,7 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     let with_key = |args: &[&str]| {
         let mut command = command_on(&desk, &bus, args);
         command.env("ROLLWALK_LINK_KEY", "robot.key");
-        Outcome::from(command.output().expect("the command starts"))
+        program::run(&mut command, PLAYED)
     };
     with_key(&["flash", "legbot.rwl"]).succeeds();
     with_key(&["send", "--arm", "rest"]).succeeds();

@@ -2,6 +2,7 @@
 //! result, nothing is written, and the message names file, place and what would be right.
 
 use crate::{desk, desk_with_shipped_files};
+use rollwalk_tests::program::{self, PLAYED};
 use rollwalk_tests::{Desk, Outcome};
 use std::process::Command;
 
@@ -78,7 +79,7 @@ fn simulate(desk: &Desk, robot: &str) -> Outcome {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
     command.args([robot, "--bus", "sim:robot.sock"]).current_dir(desk.path("."));
     command.env("COLUMNS", "1000").env("NO_COLOR", "1");
-    command.output().expect("the command starts").into()
+    program::run(&mut command, PLAYED)
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! What holds for every subcommand: help, completions, exit codes, closed pipes.
 
 use crate::{desk, desk_with_shipped_files};
+use rollwalk_tests::program::{PLANNED, Program};
 use std::process::Stdio;
 
 #[test]
@@ -58,24 +59,23 @@ fn completions_name_the_subcommands() {
 #[test]
 fn doctor_looks_at_this_computer_without_a_bus() {
     let desk = desk();
-    let output = desk.command(&["doctor", "--system", "--json"]).output().unwrap();
-    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let outcome = desk.run(&["doctor", "--system", "--json"]);
+    let report: serde_json::Value = serde_json::from_str(&outcome.stdout).unwrap();
     let findings = report["findings"].as_array().unwrap();
     assert!(!findings.is_empty());
     let is_wrong = findings.iter().any(|finding| finding["gravity"] == "wrong");
-    assert_eq!(output.status.code(), Some(if is_wrong { 5 } else { 0 }), "{findings:#?}");
+    assert_eq!(outcome.code, if is_wrong { 5 } else { 0 }, "{findings:#?}");
 }
 
 #[test]
 fn a_closed_pipe_is_no_error() {
     let desk = desk();
     let mut command = desk.command(&["completions", "bash"]);
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    drop(child.stdout.take());
-    let output = child.wait_with_output().unwrap();
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{:?}: {stderr}", output.status);
-    assert_eq!(stderr, "");
+    let (reader, writer) = std::io::pipe().unwrap();
+    let program = Program::start(command.stdout(writer).stderr(Stdio::piped()));
+    drop(reader);
+    let outcome = program.ends();
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (0, ""));
 }
 
 #[test]
@@ -88,7 +88,7 @@ fn nobody_has_to_listen_to_what_is_said_on_the_side() {
         // The reading end is gone before the command starts.
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
-        let status = desk.command(args).stdout(Stdio::null()).stderr(writer).status().unwrap();
-        assert_eq!(status.code(), Some(code), "{args:?}");
+        let program = Program::start(desk.command(args).stdout(Stdio::null()).stderr(writer));
+        assert_eq!(program.ends_within(PLANNED).code, code, "{args:?}");
     }
 }

@@ -12,7 +12,7 @@ fn start(desk: &Desk, bus: &str) -> Terminal {
 fn a_robot_is_armed_played_stopped_and_left_by_keys() {
     let desk = desk_with_library_file();
     let bus = format!("sim:{}", desk.path("robot.sock").display());
-    on(&desk, &bus, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let _robot = Robot::start(&desk, &bus);
     on(&desk, &bus, &["flash", "legbot.rwl"]).succeeds();
 

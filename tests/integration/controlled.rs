@@ -1,6 +1,7 @@
 //! The controller that tracks a plan, as another simulator runs it: a line in, a line out.
 
 use crate::desk_with_shipped_files;
+use rollwalk_tests::program::Program;
 use rollwalk_tests::{Desk, Outcome};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -11,19 +12,19 @@ use std::thread;
 fn answers(desk: &Desk, args: &[&str], lines: &[String]) -> Outcome {
     let mut command = desk.command(&[&["control", "stand.json"], args].concat());
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let mut program = command.spawn().expect("the program starts");
-    let mut input = program.stdin.take().expect("a pipe");
+    let mut program = Program::start(&mut command);
+    let mut input = program.input().expect("a pipe");
     let lines = lines.concat();
     // While its answers are read, which fill the pipe. A program that has refused a line has closed its input.
     let writing = thread::spawn(move || drop(input.write_all(lines.as_bytes())));
-    let outcome = program.wait_with_output().expect("the program ends").into();
+    let outcome = program.ends();
     writing.join().expect("it does not panic");
     outcome
 }
 
 fn stand() -> Desk {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/anymal_stand.toml", "-o", "stand.json"]).succeeds();
+    desk.make(&["plan", "motions/anymal_stand.toml", "-o", "stand.json"]);
     desk
 }
 

@@ -9,7 +9,7 @@ const PLANNING: &str = "iterations";
 #[test]
 fn what_cannot_be_controlled_is_refused_before_anything_is_sent() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]).succeeds();
+    desk.make(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]);
     let library = "motions/agilebot_library.toml";
     let run = |args: &[&str]| on(&desk, "sim:none.sock", &[&["control"], args].concat());
     desk.run(&["control", library, "--play", "walk"]).fails(1, &["no bus is given", "--bus"]);
@@ -34,7 +34,7 @@ fn in_real_time_a_robot_walks_in_closed_loop_and_is_disarmed() {
     let desk = desk_with_shipped_files();
     let socket = format!("sim:{}", desk.path("robot.sock").display());
     let library = "motions/agilebot_library.toml";
-    desk.run(&["library", "build", library, "-o", "a.rwl"]).succeeds();
+    desk.make(&["library", "build", library, "-o", "a.rwl"]);
     let robot = Robot::on_ground(&desk, "robots/agilebot.toml", &socket);
     let control = ["control", library, "--play", "walk"];
     on(&desk, &socket, &control).fails(5, &["another library"]);

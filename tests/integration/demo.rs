@@ -95,7 +95,7 @@ fn session(robot: &str, desk: &Desk) -> Session<Rig> {
 
 fn demo_library(desk: &Desk) -> Vec<u8> {
     let args = ["library", "build", "motions/agilebot_library.toml", "-o", "a.rwl"];
-    desk.run(&args).succeeds();
+    desk.make(&args);
     desk.read("a.rwl")
 }
 

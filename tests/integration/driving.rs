@@ -6,10 +6,10 @@ use crate::simulated::{Robot, desk_with_library_file, in_time, on};
 #[test]
 fn what_cannot_be_driven_is_refused_before_anything_is_sent() {
     let desk = desk_with_shipped_files();
-    desk.run(&["library", "build", "motions/agilebot_library.toml", "-o", "a.rwl"]).succeeds();
-    desk.run(&["plan", "motions/walk.toml", "-o", "walk.json"]).succeeds();
-    desk.run(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]).succeeds();
-    desk.run(&["plan", "motions/legbot_walk.toml", "-o", "legbot.json"]).succeeds();
+    desk.make(&["library", "build", "motions/agilebot_library.toml", "-o", "a.rwl"]);
+    desk.make(&["plan", "motions/walk.toml", "-o", "walk.json"]);
+    desk.make(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]);
+    desk.make(&["plan", "motions/legbot_walk.toml", "-o", "legbot.json"]);
     let steer = ["--steer", "1:0.1,0,0", "--until", "2"];
     let run = |args: &[&str]| on(&desk, "sim:none.sock", &[&["drive"], args].concat());
     run(&["a.rwl"]).fails(1, &["needs a terminal for keys", "--steer AT:FORWARD,LEFT,TURN"]);
@@ -30,8 +30,8 @@ fn what_cannot_be_driven_is_refused_before_anything_is_sent() {
 #[test]
 fn a_robot_that_cannot_be_steered_as_it_is_is_refused_at_once() {
     let desk = desk_with_library_file();
-    desk.run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
-    desk.run(&["plan", "motions/legbot_walk.toml", "-o", "walk.json"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
+    desk.make(&["plan", "motions/legbot_walk.toml", "-o", "walk.json"]);
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let _robot = Robot::start(&desk, &bus);
     let drive = ["drive", "legbot.rwl", "--steer", "1:0.05,0,0", "--until", "3"];
@@ -47,7 +47,7 @@ fn a_robot_that_cannot_be_steered_as_it_is_is_refused_at_once() {
 fn in_real_time_a_robot_is_steered_by_a_list_and_disarmed() {
     let desk = desk_with_shipped_files();
     let socket = format!("sim:{}", desk.path("robot.sock").display());
-    desk.run(&["library", "build", "motions/agilebot_library.toml", "-o", "a.rwl"]).succeeds();
+    desk.make(&["library", "build", "motions/agilebot_library.toml", "-o", "a.rwl"]);
     let robot = Robot::on_ground(&desk, "robots/agilebot.toml", &socket);
     on(&desk, &socket, &["flash", "a.rwl"]).succeeds();
     let steer =

@@ -3,10 +3,10 @@
 
 use crate::{desk, desk_with_shipped_files};
 use rollwalk_tests::Desk;
+use rollwalk_tests::program::{self, LONG, PLANNED, PLAYED};
 use std::fmt::Write;
 use std::fs;
 use std::process::Command;
-use std::time::{Duration, Instant};
 
 const STAND: &str = "motions/stand.toml";
 
@@ -34,8 +34,7 @@ fn no_input_is_ever_an_output() {
     let mut simulator = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
     let robot = "robots/agilebot.toml";
     simulator.args([robot, "--bus", "sim:robot.sock", "--log", robot]).current_dir(desk.path("."));
-    let refused = simulator.output().unwrap();
-    assert_eq!(refused.status.code(), Some(1));
+    assert_eq!(program::run(&mut simulator, PLAYED).code, 1);
     assert_eq!([STAND, "robots/agilebot.toml"].map(|file| desk.read(file)), before);
     assert!(!desk.path("x.json").exists());
 
@@ -96,20 +95,15 @@ fn devices_links_and_permissions_stay() {
     assert_eq!(mode("old.json"), 0o640);
     let program = env!("CARGO_BIN_EXE_rollwalk-under-test");
     let line = format!("umask 077; {program} plan {STAND} -o new.json");
-    let status =
-        Command::new("sh").args(["-c", &line]).current_dir(desk.path(".")).output().unwrap();
-    assert!(status.status.success());
+    let mut shell = Command::new("sh");
+    program::run(shell.args(["-c", &line]).current_dir(desk.path(".")), PLANNED).succeeds();
     assert_eq!(mode("new.json"), 0o600);
 }
 
-/// Runs a command that must fail within seconds and in a few lines.
+/// Runs a command that must fail at once, and in a few lines: milliseconds by itself, up to a minute on a busy computer.
 #[track_caller]
 fn fails_soon(desk: &Desk, args: &[&str], words: &[&str]) {
-    let start = Instant::now();
-    let outcome = desk.run(args);
-    let took = start.elapsed();
-    // Milliseconds by itself; tests share their cores.
-    assert!(took < Duration::from_secs(20), "{args:?} took {took:?}");
+    let outcome = program::run(&mut desk.command(args), LONG);
     assert!(outcome.stderr.len() < 8000, "{args:?} says {} bytes", outcome.stderr.len());
     outcome.fails(1, words);
 }
@@ -197,9 +191,8 @@ fn what_has_no_end_is_no_input() {
     desk.copy_folder(&rollwalk_tests::checkout().join("shipped/motions"), "motions");
     let program = env!("CARGO_BIN_EXE_rollwalk-under-test");
     let line = format!("cat robots/agilebot.toml | {program} robot check /dev/stdin");
-    let piped =
-        Command::new("sh").args(["-c", &line]).current_dir(desk.path(".")).output().unwrap();
-    assert!(piped.status.success(), "{}", String::from_utf8_lossy(&piped.stderr));
+    let mut shell = Command::new("sh");
+    program::run(shell.args(["-c", &line]).current_dir(desk.path(".")), PLAYED).succeeds();
 }
 
 #[test]

@@ -2,15 +2,14 @@
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, desk_with_library_file, on};
-use rollwalk_tests::{Outcome, signal};
+use rollwalk_tests::program::Program;
 use serde_json::Value;
-use std::io::{BufRead, BufReader, Read};
 use std::process::Stdio;
 
 #[test]
 fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]).succeeds();
+    desk.make(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]);
     let said = desk.run(&["simulate", "drive.json"]).succeeds();
     assert!(said.contains("forward: 1.000 of the plan") && said.contains("it holds"), "{said}");
     let said = desk.run(&["simulate", "drive.json", "--json", "--rate", "60"]).succeeds();
@@ -24,7 +23,7 @@ fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
 #[test]
 fn terrain_and_pushes_are_given_to_a_plan() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]).succeeds();
+    desk.make(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]);
     let simulate = |args: &[&str]| desk.run(&[&["simulate", "drive.json"], args].concat());
     desk.write("kerb.toml", "[step]\nat_x_m = 0.5\nheight_m = 0.1\n");
     simulate(&["--terrain", "kerb.toml"]).succeeds_with(3, &["forward: 0.5", "stays on its feet"]);
@@ -47,19 +46,12 @@ fn ctrl_c_ends_the_tour_through_a_library() {
     let library = "legbot.rwl";
     desk.run(&["library", "build", "legbot.toml", "-o", library]).succeeds();
     let mut command = desk.command(&["simulate", library, "--cycles", "10000", "--json"]);
-    let mut program =
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
-    let mut said = BufReader::new(program.stderr.take().expect("a pipe"));
-    let mut line = String::new();
-    while !line.contains("armed") {
-        line.clear();
-        assert_ne!(said.read_line(&mut line).expect("UTF-8"), 0, "it ended before it armed");
-    }
-    signal(&program, "INT");
-    let mut rest = String::new();
-    said.read_to_string(&mut rest).expect("UTF-8");
-    let outcome = Outcome::from(program.wait_with_output().expect("it ends"));
-    assert!(rest.contains("back to SAFE") && rest.contains("disarmed"), "{rest}");
+    let program = Program::start(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
+    program.says("armed");
+    program.signal("INT");
+    let outcome = program.ends();
+    let said = &outcome.stderr;
+    assert!(said.contains("back to SAFE") && said.contains("disarmed"), "{said}");
     outcome.succeeds_with(130, &["\"stopped\": \"interrupted\""]);
 }
 
@@ -73,7 +65,7 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
          [[motion]]\nname = \"drive_1m\"\nfile = \"motions/drive_1m.toml\"\ncode = 2\n\
          [via_safe]\nduration_s = 1.2\nsamples = 25\n",
     );
-    desk.run(&["library", "build", "drive.toml", "-o", "drive.rwl"]).succeeds();
+    desk.make(&["library", "build", "drive.toml", "-o", "drive.rwl"]);
     let told = desk.run(&["simulate", "drive.rwl", "--json"]).succeeds();
     let told: Value = serde_json::from_str(&told).unwrap();
     let travels = told["travels"].as_array().unwrap();

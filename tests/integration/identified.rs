@@ -75,7 +75,7 @@ fn measured(log: &str, seed: u64) -> String {
 #[ignore = "minutes: cargo xtask nightly --only long"]
 fn a_robot_is_identified_from_what_it_measures() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/slalom.toml", "-o", "plan.json"]).succeeds();
+    desk.make(&["plan", "motions/slalom.toml", "-o", "plan.json"]);
     let log = hidden_run(&desk, "plan.json");
     let run = measured(&log, 1);
     desk.write("run.csv", &run);
@@ -178,7 +178,7 @@ fn keys(of: &Value) -> BTreeSet<&str> {
 #[ignore = "minutes: cargo xtask nightly --only long"]
 fn several_runs_are_fitted_each_alone_and_together() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/slalom.toml", "-o", "plan.json"]).succeeds();
+    desk.make(&["plan", "motions/slalom.toml", "-o", "plan.json"]);
     let log = hidden_run(&desk, "plan.json");
     // Of files with one name the folder counts.
     for (file, seed) in [("one/run.csv", 1), ("two/run.csv", 2)] {

@@ -6,7 +6,8 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::port::Live;
 use rollwalk_bus::sim;
 use rollwalk_protocol::slcan::{Message, Reader};
-use rollwalk_tests::{Desk, Outcome};
+use rollwalk_tests::Desk;
+use rollwalk_tests::program::{self, PLAYED};
 use serialport::{SerialPort, TTYPort};
 use std::fs::{self, Permissions};
 use std::io::{ErrorKind, Read, Write};
@@ -62,7 +63,7 @@ fn flash_and_play(desk: &Desk, bus: &str) {
 #[test]
 fn in_real_time_a_robot_at_a_serial_line_is_flashed_and_played() {
     let desk = desk_with_library_file();
-    on(&desk, "sim", &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let ((robots, far), (hosts, near)) = (device(), device());
     cable(far.try_clone_native().unwrap(), near.try_clone_native().unwrap());
     cable(near, far);
@@ -102,7 +103,7 @@ fn adapter(mut line: TTYPort, mut link: Live) {
 #[test]
 fn in_real_time_a_robot_behind_an_slcan_adapter_is_flashed_and_played() {
     let desk = desk_with_library_file();
-    on(&desk, "sim", &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let socket = desk.path("robot.sock");
     let _robot = Robot::start(&desk, &format!("sim:{}", socket.display()));
     let (name, far) = device();
@@ -124,7 +125,7 @@ fn whoever_may_not_use_a_device_is_told_what_to_type() {
         fs::set_permissions(desk.path(""), Permissions::from_mode(0o755)).expect("our folder");
         command.uid(NOBODY).gid(NOBODY);
     }
-    let outcome = Outcome::from(command.output().expect("it starts"));
+    let outcome = program::run(&mut command, PLAYED);
     let says = format!("you may not use `{name}`");
     outcome.fails(1, &[&says, "sudo usermod -aG dialout $USER, then log in again"]);
 }

@@ -50,7 +50,7 @@ fn play(desk: &Desk, bus: &str) {
 fn a_robot_at_the_socket_is_played_by_a_busy_computer() {
     let desk = desk_with_library_file();
     let bus = format!("sim:{}", desk.path("robot.sock").display());
-    on(&desk, &bus, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let _robot = Robot::start(&desk, &bus);
     play(&desk, &bus);
 }
@@ -61,7 +61,7 @@ fn a_robot_at_a_serial_line_is_played_by_a_busy_computer() {
     let desk = desk_with_library_file();
     let ((robots, far), (hosts, near)) = (device(), device());
     let (robots, hosts) = (format!("serial:{robots}"), format!("serial:{hosts}"));
-    on(&desk, &hosts, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     cable(far.try_clone_native().unwrap(), near.try_clone_native().unwrap());
     cable(near, far);
     let _robot = Robot::start_at(&desk, &robots, &hosts);

@@ -2,10 +2,10 @@
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, command_on, desk_with_library_file, on};
-use rollwalk_tests::Outcome;
+use rollwalk_tests::program::{self, PLAYED, Program, within};
 use std::process::{Command, Stdio};
 use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 #[test]
 fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cleared() {
@@ -108,11 +108,7 @@ fn a_simulated_robot_keeps_its_library_and_loses_none() {
     assert_ne!(first, second);
     let has = |name: &str| std::fs::read(desk.path(name)).unwrap_or_default();
     let until = |name: &str, content: &[u8]| {
-        let start = Instant::now();
-        while has(name) != content {
-            assert!(start.elapsed() < Duration::from_secs(60), "{name} is not what was flashed");
-            sleep(Duration::from_millis(10));
-        }
+        within(&format!("the library in {name}"), || (has(name) == content).then_some(()));
     };
     let switched_on = || Robot::with(&desk, &bus, &["--library", "kept.rwl"]);
 
@@ -134,8 +130,8 @@ fn a_simulated_robot_keeps_its_library_and_loses_none() {
     let refused = |library: &str, words: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
         command.args(["robots/legbot.toml", "--bus", &bus, "--library", library]);
-        let outcome = command.current_dir(desk.path("")).env("COLUMNS", "1000").output();
-        Outcome::from(outcome.expect("it starts")).fails(1, words);
+        command.current_dir(desk.path("")).env("COLUMNS", "1000");
+        program::run(&mut command, PLAYED).fails(1, words);
     };
     refused("robots/legbot.toml", &["a robot file (TOML) that this run reads"]);
     refused("stand.toml", &["stand.toml", "not a motion library"]);
@@ -150,9 +146,9 @@ fn a_reader_that_has_seen_enough_does_not_change_how_a_command_ends() {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
     let mut doctor = command_on(&desk, &bus, &["doctor"]);
-    let status = doctor.stdout(writer).stderr(Stdio::null()).status().unwrap();
+    let outcome = Program::start(doctor.stdout(writer).stderr(Stdio::null())).ends();
     // It has no library.
-    assert_eq!(status.code(), Some(5));
+    assert_eq!(outcome.code, 5);
 }
 
 /// Anyone may send frames with the controller's identifier; what a simulated robot says of itself is what it is.

@@ -2,8 +2,8 @@
 
 use crate::{desk, desk_with_shipped_files};
 use rollwalk_tests::Desk;
+use rollwalk_tests::program::Program;
 use serde_json::Value;
-use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
 /// Dumps a problem and returns an empty desk with nothing but that file, and the plan it gave.
@@ -44,11 +44,9 @@ fn a_problem_is_written_before_the_solve() {
     let desk = desk_with_shipped_files();
     desk.edit("motions/turn_in_place.toml", "samples = 16", "samples = 400");
     let args = ["plan", "motions/turn_in_place.toml", "-o", "plan.json", "-v", "--dump", "it.json"];
-    let mut child = desk.command(&args).stderr(Stdio::piped()).spawn().unwrap();
-    let mut line = String::new();
-    BufReader::new(child.stderr.take().unwrap()).read_line(&mut line).unwrap();
-    child.kill().unwrap();
-    child.wait().unwrap();
+    let program = Program::start(desk.command(&args).stderr(Stdio::piped()));
+    program.says("");
+    drop(program);
     assert!(!desk.path("plan.json").exists(), "the solve was killed at its beginning");
     let problem: Value = serde_json::from_slice(&desk.read("it.json")).unwrap();
     let lines = problem["motion"]["lines"].as_array().unwrap();

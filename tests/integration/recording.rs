@@ -4,12 +4,11 @@ use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, command_on, desk_with_library_file, on};
 use mcap::read::Options;
 use mcap::{MessageStream, Summary};
-use rollwalk_tests::{Desk, Outcome, signal};
+use rollwalk_tests::Desk;
+use rollwalk_tests::program::{Program, within};
 use std::collections::BTreeSet;
 use std::fs;
-use std::process::{Child, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::process::Stdio;
 
 /// Topics of the messages in a file that may end anywhere.
 fn topics(bytes: &[u8]) -> BTreeSet<String> {
@@ -19,16 +18,13 @@ fn topics(bytes: &[u8]) -> BTreeSet<String> {
 }
 
 /// A monitor that has recorded something.
-fn record(desk: &Desk, bus: &str, name: &str) -> Child {
+fn record(desk: &Desk, bus: &str, name: &str) -> Program {
     let (log, mcap) = (format!("{name}.log"), format!("{name}.mcap"));
     let mut command = command_on(desk, bus, &["monitor", "--log", &log, "--mcap", &mcap]);
-    let monitor = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
-    let start = Instant::now();
-    while topics(&fs::read(desk.path(&mcap)).unwrap_or_default()).is_empty() {
-        assert!(start.elapsed() < Duration::from_secs(60), "nothing is recorded");
-        sleep(Duration::from_millis(20));
-    }
-    monitor.expect("the monitor starts")
+    let monitor = Program::start(command.stdout(Stdio::null()).stderr(Stdio::piped()));
+    let recorded = || topics(&fs::read(desk.path(&mcap)).unwrap_or_default());
+    within("a recorded message", || (!recorded().is_empty()).then_some(()));
+    monitor
 }
 
 /// Whether programs that are started from here hear of a terminal that hangs up: below `nohup` they ignore it.
@@ -50,8 +46,8 @@ fn a_recording_is_whole_however_the_monitor_ends() {
             continue;
         }
         let monitor = record(&desk, &bus, name);
-        signal(&monitor, name);
-        let outcome = Outcome::from(monitor.wait_with_output().expect("it ends"));
+        monitor.signal(name);
+        let outcome = monitor.ends();
         let bytes = desk.read(&format!("{name}.mcap"));
         let summary = Summary::read(&bytes).ok().flatten();
         let is_whole = summary.is_some_and(|summary| !summary.chunk_indexes.is_empty());
@@ -70,21 +66,17 @@ fn a_recording_is_whole_however_the_monitor_ends() {
 fn planned_joint_states_are_those_of_the_library() {
     let desk = desk_with_library_file();
     let bus = format!("sim:{}", desk.path("robot.sock").display());
-    on(&desk, &bus, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let _robot = Robot::start(&desk, &bus);
     on(&desk, &bus, &["flash", "legbot.rwl"]).succeeds();
     let args = ["monitor", "--mcap", "run.mcap", "--library", "legbot.rwl"];
     let mut monitor = command_on(&desk, &bus, &args);
-    let monitor = monitor.stdout(Stdio::null()).spawn().expect("the monitor starts");
-    let start = Instant::now();
+    let monitor = Program::start(monitor.stdout(Stdio::null()));
     // It listens once the file is there.
-    while !desk.path("run.mcap").exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "nothing is recorded");
-        sleep(Duration::from_millis(20));
-    }
+    within("run.mcap", || desk.path("run.mcap").exists().then_some(()));
     on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
-    signal(&monitor, "TERM");
-    monitor.wait_with_output().expect("it ends");
+    monitor.signal("TERM");
+    monitor.ends();
     let topics = topics(&desk.read("run.mcap"));
     assert!(topics.contains("/planned_joint_states"), "{topics:?}");
 }

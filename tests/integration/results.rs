@@ -1,7 +1,9 @@
 //! What good input gives: plans, reports, tables, plots and libraries through the command line.
 
 use crate::desk_with_shipped_files;
+use rollwalk_tests::program::{PLANNED, Program, within};
 use serde_json::Value;
+use std::process::Stdio;
 
 pub fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|error| panic!("{error} in\n{text}"))
@@ -140,7 +142,7 @@ fn a_library_with_a_plan_that_does_not_converge_is_not_written_and_says_which() 
 #[test]
 fn tables_have_a_row_for_every_tick_and_a_unit_in_every_column() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/drive_1m.toml", "-o", "plan.json"]).succeeds();
+    desk.make(&["plan", "motions/drive_1m.toml", "-o", "plan.json"]);
     desk.run(&["export", "plan.json", "--rate", "60", "-o", "plan.csv"]).succeeds();
     let csv = desk.read_text("plan.csv");
     let mut lines = csv.lines();
@@ -159,7 +161,7 @@ fn tables_have_a_row_for_every_tick_and_a_unit_in_every_column() {
 #[test]
 fn a_plot_is_an_svg_document() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/walk.toml", "-o", "plan.json"]).succeeds();
+    desk.make(&["plan", "motions/walk.toml", "-o", "plan.json"]);
     desk.run(&["plot", "plan.json", "-o", "walk.svg"]).succeeds();
     let svg = desk.read_text("walk.svg");
     assert!(svg.trim_start().starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
@@ -211,22 +213,13 @@ fn an_interrupted_solve_writes_nothing_and_exits_with_130() {
     // Solves take a tenth of a second here; this one is interrupted before it starts to count.
     let desk = desk_with_shipped_files();
     desk.edit("motions/turn_in_place.toml", "samples = 16", "samples = 400");
-    let mut child = desk
-        .command(&["plan", "motions/turn_in_place.toml", "-o", "plan.json", "-v"])
-        .stdout(std::process::Stdio::piped())
-        .stderr(std::process::Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut command =
+        desk.command(&["plan", "motions/turn_in_place.toml", "-o", "plan.json", "-v"]);
+    let program = Program::start(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
     // The first iterations are on stderr once the handler is in place.
-    let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
-    for _ in 0..3 {
-        let mut line = String::new();
-        std::io::BufRead::read_line(&mut stderr, &mut line).unwrap();
-    }
-    rollwalk_tests::signal(&child, "INT");
-    let mut rest = String::new();
-    std::io::Read::read_to_string(&mut stderr, &mut rest).unwrap();
-    let status = child.wait().unwrap();
-    assert_eq!(status.code(), Some(130), "{rest}");
+    within("three iterations", || (program.says("").lines().count() >= 3).then_some(()));
+    program.signal("INT");
+    let outcome = program.ends_within(PLANNED);
+    assert_eq!(outcome.code, 130, "{}", outcome.stderr);
     assert!(!desk.path("plan.json").exists());
 }

@@ -6,7 +6,7 @@ use crate::results::json;
 #[test]
 fn a_plan_is_retargeted_to_soft_servos_and_played() {
     let desk = desk_with_shipped_files();
-    desk.run(&["plan", "motions/swizzlebot_forward.toml", "-o", "plan.json"]).succeeds();
+    desk.make(&["plan", "motions/swizzlebot_forward.toml", "-o", "plan.json"]);
     let robot = desk.read_text("robots/swizzlebot.toml");
     desk.write("soft.toml", robot.replace("kp_nm_rad = 100", "kp_nm_rad = 20"));
     assert_ne!(desk.read_text("soft.toml"), robot, "its servos are softer");

@@ -5,17 +5,18 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::port::Live;
 use rollwalk_bus::sim;
 use rollwalk_protocol::wire::{FromController, State, Status, ToController};
-use rollwalk_tests::{Desk, Outcome, signal};
+use rollwalk_tests::program::{self, PLAYED, Program, within};
+use rollwalk_tests::{Desk, Outcome};
 use std::fs;
 use std::os::unix::net::UnixListener;
-use std::process::{Child, Stdio};
+use std::process::Stdio;
 use std::thread::sleep;
 use std::time::Duration;
 
 /// A robot with a library, on this computer's socket.
 fn robot(desk: &Desk) -> (Robot, String) {
     let socket = format!("sim:{}", desk.path("robot.sock").display());
-    on(desk, &socket, &["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let robot = Robot::start(desk, &socket);
     on(desk, &socket, &["flash", "legbot.rwl"]).succeeds();
     (robot, socket)
@@ -40,16 +41,15 @@ fn wait_for(link: &mut Live, state: State) -> Status {
     panic!("the robot does not become {state:?}");
 }
 
-fn start(desk: &Desk, bus: &str, args: &[&str]) -> Child {
+fn start(desk: &Desk, bus: &str, args: &[&str]) -> Program {
     let mut command = command_on(desk, bus, args);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped());
-    command.spawn().expect("the command starts")
+    Program::start(command.stdout(Stdio::piped()).stderr(Stdio::piped()))
 }
 
 /// Ctrl-C, and how it ends.
-fn interrupted(child: Child) -> Outcome {
-    signal(&child, "INT");
-    child.wait_with_output().expect("it ends").into()
+fn interrupted(program: Program) -> Outcome {
+    program.signal("INT");
+    program.ends()
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn a_motion_that_is_refused_ends_at_home() {
     // ... but only where its names are.
     let mut command = command_on(&desk, &bus, &["send", "--arm", "2:0.3", "99"]);
     command.env("XDG_CACHE_HOME", desk.path("elsewhere"));
-    let outcome = Outcome::from(command.output().expect("the command starts"));
+    let outcome = program::run(&mut command, PLAYED);
     outcome.fails(5, &["returning to SAFE", "disarmed", "no motion of the active library"]);
     on(&desk, &bus, &["doctor"]).succeeds_with(0, &["it can be armed"]);
 }
@@ -98,7 +98,7 @@ fn a_controller_that_falls_silent_is_not_waited_for() {
         }
         drop(link);
         robot.signal("STOP");
-        let outcome = Outcome::from(send.wait_with_output().expect("it ends"));
+        let outcome = send.ends();
         outcome.fails(5, &["does not answer (status)", "the robot was not brought home"]);
         // One that is stopped is killed, but its socket stays.
         drop(robot);
@@ -140,7 +140,7 @@ fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins()
     named.succeeds();
     let mut nameless = desk.command(&["send", "2:0.3", "1"]);
     nameless.env("ROLLWALK_BUS", &bus).env("XDG_CACHE_HOME", desk.path("elsewhere"));
-    let nameless = Outcome::from(nameless.output().expect("the command starts"));
+    let nameless = program::run(&mut nameless, PLAYED);
     assert!(
         nameless.stderr.starts_with("playing code 2\ncode 1 begins in "),
         "{}",
@@ -171,11 +171,12 @@ fn a_controller_that_does_not_answer_is_5_and_ctrl_c_is_130() {
     // Nobody at all: a socket that takes in and says nothing.
     let path = desk.path("nobody.sock");
     let nobody = UnixListener::bind(&path).expect("a socket");
+    nobody.set_nonblocking(true).expect("a socket");
     let bus = format!("sim:{}", path.display());
     for command in ["discover", "disarm", "gains", "estop"] {
         let args = if command == "gains" { &["gains", "show"][..] } else { &[command] };
         let child = start(&desk, &bus, args);
-        let _joined = nobody.accept().expect("it joins");
+        let _joined = within(&format!("{command} at the socket"), || nobody.accept().ok());
         assert_eq!(interrupted(child).code, 130, "{command}");
     }
 }
@@ -197,7 +198,7 @@ fn what_another_program_paused_does_not_move_because_time_ran_out() {
         }
     }
     on(&desk, &bus, &["resume"]).succeeds();
-    let outcome = Outcome::from(send.wait_with_output().expect("it ends"));
+    let outcome = send.ends();
     assert_eq!(outcome.code, 0, "{}", outcome.stderr);
     assert!(outcome.stderr.contains("paused by another program"), "{}", outcome.stderr);
 }
@@ -209,7 +210,7 @@ fn a_robot_that_another_program_disarms_is_held_until_it_is_down() {
     let send = start(&desk, &bus, &["send", "--arm", "rest:60"]);
     wait_for(&mut listener(&desk), State::Playing);
     on(&desk, &bus, &["disarm"]).succeeds();
-    let outcome = Outcome::from(send.wait_with_output().expect("it ends"));
+    let outcome = send.ends();
     assert!(outcome.stderr.contains("another program has disarmed it"), "{}", outcome.stderr);
     assert_eq!(outcome.code, 5, "{}", outcome.stderr);
     on(&desk, &bus, &["doctor"]).succeeds_with(0, &["it can be armed"]);
@@ -226,7 +227,7 @@ fn a_robot_that_another_program_sends_home_stays_there() {
     sleep(Duration::from_millis(1500));
     // It may be disarmed before the answer is there.
     let _ = on(&desk, &bus, &["return"]);
-    let outcome = Outcome::from(send.wait_with_output().expect("it ends"));
+    let outcome = send.ends();
     assert!(outcome.stderr.contains("nothing more is played"), "{}", outcome.stderr);
     assert_eq!(outcome.stderr.matches("playing rest").count(), 1, "{}", outcome.stderr);
     assert_eq!(outcome.code, 5, "{}", outcome.stderr);

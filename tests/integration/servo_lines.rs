@@ -4,7 +4,8 @@
 use crate::desk_with_shipped_files;
 use crate::results::json;
 use crate::simulated::{Robot, in_time, on};
-use rollwalk_tests::{Desk, Outcome};
+use rollwalk_tests::Desk;
+use rollwalk_tests::program::{self, PLAYED};
 use std::fs;
 use std::process::Command;
 use std::thread::sleep;
@@ -43,7 +44,7 @@ fn played(desk: &Desk, bus: &str, motions: &[&str]) {
 fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
     let desk = desk_with_shipped_files();
     let args = ["library", "build", "motions/pup_library.toml", "-o", "pup.rwl"];
-    desk.run(&args).succeeds();
+    desk.make(&args);
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let mut motors = Robot::motors(&desk, ROBOT, "servos", &[]);
     let _controller = Robot::controller(&desk, ROBOT, &bus, "servos");
@@ -63,7 +64,7 @@ fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
 fn in_real_time_a_robot_on_the_ground_is_carried_by_motors_at_a_serial_line() {
     let desk = desk_with_shipped_files();
     let args = ["library", "build", "motions/pup_library.toml", "-o", "pup.rwl"];
-    desk.run(&args).succeeds();
+    desk.make(&args);
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let on_ground = ["--on", "ground", "--world-log", "world.csv"];
     let mut motors = Robot::motors(&desk, ROBOT, "servos", &on_ground);
@@ -123,7 +124,7 @@ fn a_line_of_servos_is_no_bus_of_frames() {
     let says = |args: &[&str], words: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
         command.current_dir(desk.path("")).env("COLUMNS", "1000").env("NO_COLOR", "1").args(args);
-        Outcome::from(command.output().expect("it starts")).fails(1, words);
+        program::run(&mut command, PLAYED).fails(1, words);
     };
     let only = ["--only", "controller", "--bus", "sim:x.sock", "--actuators"];
     let with = |robot, name| [&[robot], &only[..], &[name]].concat();

@@ -2,14 +2,15 @@
 
 use crate::desk_with_shipped_files;
 use rollwalk_protocol::faults::Fault;
-use rollwalk_tests::{Desk, Outcome, signal};
+use rollwalk_tests::program::{self, PLAYED, Program, within};
+use rollwalk_tests::{Desk, Outcome};
 use std::fs::File;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A simulated robot; switched off when dropped.
-pub struct Robot(Child);
+pub struct Robot(Option<Program>);
 
 impl Robot {
     /// On a bus that hosts call the same.
@@ -43,11 +44,7 @@ impl Robot {
         let actuators = format!("pty:{}", line.display());
         let only = [robot, "--only", "motors", "--actuators", &actuators];
         let motors = Self::start_with(desk, &[&only, args].concat());
-        let start = Instant::now();
-        while !line.exists() {
-            assert!(start.elapsed() < Duration::from_secs(60), "there is no {}", line.display());
-            sleep(Duration::from_millis(10));
-        }
+        within(&format!("the line {}", line.display()), || line.exists().then_some(()));
         motors
     }
 
@@ -75,16 +72,13 @@ impl Robot {
     fn spawn(desk: &Desk, args: &[&str], stderr: Stdio) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
         command.args(args).current_dir(desk.path(""));
-        Self(command.stderr(stderr).spawn().expect("the robot starts"))
+        Self(Some(Program::start(command.stderr(stderr))))
     }
 
     /// Waits until it answers.
     fn answering(self, desk: &Desk, host: &str) -> Self {
-        let start = Instant::now();
-        while on(desk, host, &["discover"]).code != 0 {
-            assert!(start.elapsed() < Duration::from_secs(60), "the robot does not answer");
-            sleep(Duration::from_millis(10));
-        }
+        let answers = || (on(desk, host, &["discover"]).code == 0).then_some(());
+        within(&format!("an answer of the robot at {host}"), answers);
         self
     }
 }
@@ -94,25 +88,18 @@ impl Robot {
     pub fn refuses(desk: &Desk, args: &[&str]) -> Outcome {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
         command.args(args).current_dir(desk.path(""));
-        command.output().expect("the robot starts").into()
+        program::run(&mut command, PLAYED)
     }
 
     /// Sends a signal to it.
     pub fn signal(&self, name: &str) {
-        signal(&self.0, name);
+        self.0.as_ref().expect("it was not stopped").signal(name);
     }
 
     /// Ends it as Ctrl-C does.
     pub fn stop(&mut self) {
-        signal(&self.0, "INT");
-        self.0.wait().expect("it ends");
-    }
-}
-
-impl Drop for Robot {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+        self.signal("INT");
+        self.0.take().expect("it was not stopped").ends();
     }
 }
 
@@ -125,7 +112,7 @@ pub fn command_on(desk: &Desk, bus: &str, args: &[&str]) -> Command {
 
 /// The same, run to its end.
 pub fn on(desk: &Desk, bus: &str, args: &[&str]) -> Outcome {
-    command_on(desk, bus, args).output().expect("the command starts").into()
+    program::run(&mut command_on(desk, bus, args), PLAYED)
 }
 
 /// The same of a command that plays in real time.

@@ -8,25 +8,23 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{Deframer, Packet};
 use rollwalk_protocol::wire::{Node, State, Status};
 use rollwalk_tests::Desk;
+use rollwalk_tests::program::{LONG, Program, within};
 use std::collections::VecDeque;
 use std::fs::File;
-use std::io::{BufRead, BufReader, ErrorKind};
+use std::io::ErrorKind;
 use std::net::TcpStream;
-use std::process::{Child, Stdio};
-use std::thread::sleep;
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Error, Message, WebSocket};
 
 /// What `rollwalk studio` says on the side.
 const SAID: &str = "studio.said";
-/// Far longer than anything takes.
-const LONG: Duration = Duration::from_secs(60);
 const LONG_US: u64 = LONG.as_micros() as u64;
 
 /// A studio; ended when dropped.
 struct Studio {
-    program: Child,
+    _program: Program,
     address: String,
 }
 
@@ -34,13 +32,11 @@ impl Studio {
     fn start(desk: &Desk, bus: &str) -> Self {
         let mut command = desk.command(&["studio", "--no-open", "--bus", bus]);
         let said = File::create(desk.path(SAID)).expect("a file");
-        let mut program =
-            command.stdout(Stdio::piped()).stderr(said).spawn().expect("the studio starts");
-        let mut line = String::new();
-        let stdout = program.stdout.take().expect("its output");
-        BufReader::new(stdout).read_line(&mut line).expect("its address");
-        let address = line.trim().strip_prefix("the studio is at http://").expect("its address");
-        Self { address: address.to_owned(), program }
+        let program = Program::start(command.stdout(Stdio::piped()).stderr(said));
+        let said = program.says("the studio is at http://");
+        let line = said.lines().next().expect("a line");
+        let address = line.strip_prefix("the studio is at http://").expect("its address");
+        Self { address: address.to_owned(), _program: program }
     }
 
     fn page(&self) -> Page {
@@ -50,6 +46,7 @@ impl Studio {
         let origin = format!("http://{server}").parse().expect("an origin");
         request.headers_mut().insert("Origin", origin);
         let stream = TcpStream::connect(server).expect("the studio listens");
+        stream.set_read_timeout(Some(LONG)).expect("a timeout");
         let (socket, _) = tungstenite::client(request, stream).expect("it lets its page in");
         Page {
             socket,
@@ -57,13 +54,6 @@ impl Studio {
             frames: VecDeque::new(),
             started: Instant::now(),
         }
-    }
-}
-
-impl Drop for Studio {
-    fn drop(&mut self) {
-        let _ = self.program.kill();
-        let _ = self.program.wait();
     }
 }
 
@@ -122,17 +112,14 @@ impl LinkBus for Page {
 
 /// Waits until the studio has said this.
 fn says(desk: &Desk, words: &str) {
-    let start = Instant::now();
-    while !desk.read_text(SAID).contains(words) {
-        assert!(start.elapsed() < LONG, "{words:?} is not in {}", desk.read_text(SAID));
-        sleep(Duration::from_millis(10));
-    }
+    let said = || desk.read_text(SAID).contains(words).then_some(());
+    within(&format!("{words:?} in {SAID}"), said);
 }
 
 #[test]
 fn a_robot_is_flashed_armed_played_and_stopped_through_the_studio() {
     let desk = desk_with_library_file();
-    desk.run(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]).succeeds();
+    desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
     let library = desk.read("legbot.rwl");
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let mut robot = Robot::start(&desk, &bus);

@@ -1,12 +1,14 @@
 //! Support for the end-to-end tests in `integration/`: a folder to work in and a command line to run
 //! there, as a user would.
 
+mod kept;
+pub mod program;
 pub mod terminal;
 
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output};
+use std::process::{Child, Command};
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
@@ -115,18 +117,9 @@ impl Desk {
     }
 
     /// Runs the command with `args` to its end.
+    #[track_caller]
     pub fn run<S: AsRef<OsStr>>(&self, args: &[S]) -> Outcome {
-        self.command(args).output().expect("the command starts").into()
-    }
-}
-
-impl From<Output> for Outcome {
-    fn from(output: Output) -> Self {
-        Self {
-            code: output.status.code().unwrap_or(-1),
-            stdout: String::from_utf8(output.stdout).expect("results are UTF-8"),
-            stderr: String::from_utf8(output.stderr).expect("messages are UTF-8"),
-        }
+        program::run(&mut self.command(args), program::PLANNED)
     }
 }
 

@@ -1,14 +1,12 @@
 //! Programs at a pseudo terminal: keys go in, and what a terminal makes of their output is looked at.
 
+use crate::program::LONG;
 use serialport::{SerialPort, TTYPort};
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read, Write};
 use std::num::NonZero;
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
-
-/// Longest wait for anything that comes by itself, on a machine that is busy.
-const LONG: Duration = Duration::from_secs(60);
 
 /// Nothing that comes within this is nothing that is there.
 const POLL: Duration = Duration::from_millis(20);
@@ -118,7 +116,8 @@ impl Terminal {
                 while self.read() {}
                 return status.code();
             }
-            assert!(start.elapsed() < LONG, "it does not end");
+            let shown = self.screen.screen().contents();
+            assert!(start.elapsed() < LONG, "the program does not end:\n{shown}");
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use rollwalk_bus::candump::{self, LogEntry};
 use rollwalk_protocol::wire::{FromController, State};
+use rollwalk_tests::program::{self, PLAYED};
 use rollwalk_tests::terminal::Terminal;
 use rollwalk_tests::{Outcome, checkout, signal};
 use std::fs::{self, File};
@@ -69,13 +70,13 @@ fn warm() {
 /// A command of ours, run to its end.
 #[track_caller]
 pub fn rollwalk(args: &[&str]) -> Outcome {
-    ours(args).output().expect("the command starts").into()
+    program::run(&mut ours(args), PLAYED)
 }
 
 /// `rollwalk flash` of the library, run to its end.
 #[track_caller]
 pub fn flash(bus: &str) -> Outcome {
-    flash_command(bus).output().expect("the command starts").into()
+    program::run(&mut flash_command(bus), PLAYED)
 }
 
 fn flash_command(bus: &str) -> Command {

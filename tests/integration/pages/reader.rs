@@ -4,10 +4,9 @@ use super::command::{exported, words};
 use super::document::Document;
 use crate::simulated::once_more_when_late;
 use crate::{copy_shipped_files, desk_with_programs};
+use rollwalk_tests::program::{self, PLANNED, Program, within};
 use rollwalk_tests::{Desk, Outcome, checkout};
-use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::process::{Command, Stdio};
 
 /// Commands that go on until their user ends them: understood, not run.
 const ENDED_BY_THEIR_USER: [&str; 4] = ["console", "drive", "monitor", "studio"];
@@ -18,7 +17,7 @@ pub struct Reader {
     /// What the section has exported.
     exported: Vec<(String, String)>,
     /// In a terminal of its own.
-    robot: Option<Child>,
+    robot: Option<Program>,
     /// Files of documents that were written.
     pub files: usize,
     /// Commands that were run.
@@ -97,7 +96,7 @@ impl Reader {
     }
 
     fn once(&self, args: &[String]) -> Outcome {
-        self.command(args).output().expect("the command starts").into()
+        program::run(&mut self.command(args), PLANNED)
     }
 
     fn command(&self, args: &[String]) -> Command {
@@ -120,27 +119,15 @@ impl Reader {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
         command.args(args).current_dir(self.desk.path("")).stderr(Stdio::null());
         self.set(&mut command);
-        self.robot = Some(command.spawn().expect("the robot starts"));
-        let start = Instant::now();
+        self.robot = Some(Program::start(&mut command));
         let discover = ["discover", "--bus", "sim"].map(String::from);
-        while self.once(&discover).code != 0 {
-            assert!(start.elapsed() < Duration::from_secs(60), "{place}: no answer");
-            sleep(Duration::from_millis(20));
-        }
+        let answers = || (self.once(&discover).code == 0).then_some(());
+        within(&format!("{place}: an answer"), answers);
         self.commands += 1;
     }
 
     fn stop(&mut self) {
-        if let Some(mut robot) = self.robot.take() {
-            let _ = robot.kill();
-            let _ = robot.wait();
-        }
-    }
-}
-
-impl Drop for Reader {
-    fn drop(&mut self) {
-        self.stop();
+        self.robot = None;
     }
 }
 
