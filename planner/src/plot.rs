@@ -12,68 +12,31 @@ pub mod chart;
 mod ground;
 mod hull;
 mod limbs;
+mod page;
 mod panels;
 mod robot;
 mod still;
 mod strip;
+mod style;
 mod wanted;
 
 pub use animation::{Extras, animation, frames};
+pub use panels::JointPanels;
 pub use still::robot;
 pub use strip::strip;
 
 use crate::motion::Ends;
 use crate::plan::Plan;
-use svg::Document;
-use svg::node::element::{Group, Rectangle, Text};
-
-/// Colours that colour-blind readers can distinguish (Okabe and Ito), darkest first.
-const COLORS: [&str; 7] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333"];
-const INK: &str = "#1f2933";
-const FAINT: &str = "#7b8794";
-const FONT: &str = "Inter, 'Helvetica Neue', Helvetica, Arial, 'DejaVu Sans', sans-serif";
+use page::page;
 
 const COLUMN_WIDTH: f64 = 470.0;
-const HEADER_HEIGHT: f64 = 64.0;
-const MARGIN: f64 = 20.0;
 /// Least height of a panel with its title and axis.
 const PANEL_HEIGHT: f64 = 150.0;
-
-/// What has a panel of angles, speeds and torques of its own.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum JointPanels {
-    /// A limb: its joints can be compared.
-    #[default]
-    Limb,
-    /// A joint: with an axis of its own, small motions beside large ones are seen.
-    Joint,
-}
 
 /// SVG text of the figure of a validated plan.
 pub fn figure(plan: &Plan, panels: JointPanels) -> String {
     let columns = panels::columns(plan, panels).into_iter();
     page(columns.map(|panels| (COLUMN_WIDTH, panels)).collect(), PANEL_HEIGHT, title(plan))
-}
-
-/// Columns of panels with their widths below a heading and a line of facts. Panels have at least the given height.
-fn page(columns: Vec<(f64, Vec<panels::Panel>)>, least_height: f64, texts: [String; 2]) -> String {
-    let most = columns.iter().map(|(_, column)| column.len()).max().unwrap_or(0);
-    let body_height = least_height * most as f64;
-    let width = columns.iter().map(|(width, _)| width).sum::<f64>() + 2.0 * MARGIN;
-    let height = HEADER_HEIGHT + body_height + MARGIN;
-    let mut document = document(width, height).add(heading(texts));
-    let mut left = MARGIN;
-    for (column_width, column) in columns {
-        let panel_height = body_height / column.len().max(1) as f64;
-        for (r, panel) in column.iter().enumerate() {
-            let corner = [left, HEADER_HEIGHT + r as f64 * panel_height];
-            let last = r + 1 == column.len();
-            document = document.add(panel.draw(corner, [column_width, panel_height], last));
-        }
-        left += column_width;
-    }
-    format!("{document}\n")
 }
 
 /// SVG text of a figure of two plans of one motion and the same limbs: full lines are `after`, dashed ones `before`.
@@ -90,17 +53,6 @@ pub fn comparison(before: &Plan, after: &Plan) -> String {
     let facts = "full lines: after · dashed lines: before · dots: as planned".to_owned();
     let columns = columns.into_iter().map(|panels| (COLUMN_WIDTH, panels)).collect();
     page(columns, PANEL_HEIGHT, [format!("{} – {}", names[1], after.motion.name), facts])
-}
-
-/// An empty white page.
-fn document(width: f64, height: f64) -> Document {
-    Document::new()
-        .set("viewBox", (0.0, 0.0, width, height))
-        .set("width", width)
-        .set("height", height)
-        .set("font-family", FONT)
-        .set("font-size", 11)
-        .add(Rectangle::new().set("width", width).set("height", height).set("fill", "white"))
 }
 
 /// Heading of the figure of a plan, and facts about it.
@@ -122,18 +74,6 @@ fn title(plan: &Plan) -> [String; 2] {
         if asks { " · crosses and bars: targets and heights" } else { "" },
     );
     [format!("{} – {}", plan.robot.name, plan.motion.name), facts]
-}
-
-fn heading([heading, facts]: [String; 2]) -> Group {
-    let text = |content: String, y: f64| Text::new(content).set("x", MARGIN + 10.0).set("y", y);
-    Group::new()
-        .add(text(heading, 32.0).set("font-size", 20).set("font-weight", 600).set("fill", INK))
-        .add(text(facts, 52.0).set("font-size", 12).set("fill", FAINT))
-}
-
-/// A coordinate with two decimals: a hundredth of a pixel.
-fn px(value: f64) -> f64 {
-    (value * 100.0).round() / 100.0
 }
 
 #[cfg(test)]

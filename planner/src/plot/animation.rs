@@ -5,8 +5,9 @@
 //! frame stays.
 
 use super::camera::Camera;
+use super::panels;
 use super::robot::{Figure, STYLE, closed_path};
-use super::{FAINT, HEADER_HEIGHT, INK, MARGIN, panels, px};
+use super::style::{FAINT, HEADER_HEIGHT, INK, MARGIN, document, heading, px};
 use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
 use crate::sample::PlanSpline;
@@ -147,11 +148,11 @@ impl Page {
     }
 
     fn document(&self) -> Document {
-        super::document(WIDTH, self.height)
+        document(WIDTH, self.height)
             .set("role", "img")
             .set("aria-label", self.texts[0].clone())
             .add(Title::new(self.texts[0].clone()))
-            .add(super::heading(self.texts.clone()))
+            .add(heading(self.texts.clone()))
     }
 
     fn frame(&self, k: usize) -> Group {

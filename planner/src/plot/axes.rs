@@ -1,6 +1,6 @@
 //! Panel: curves, bars or a map over two axes, with ticks, limits, shading and a legend.
 
-use super::{COLORS, FAINT, INK, px};
+use super::style::{COLORS, FAINT, INK, px};
 use svg::node::element::{Circle, Group, Line, Path, Rectangle, Text};
 
 /// Margins around the drawing area, px: left for numbers, top for the title, right, bottom; and below it for time.

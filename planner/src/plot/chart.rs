@@ -58,7 +58,7 @@ pub fn panels(
 
 /// Draws columns of panels with their widths, px, below a title and a line of facts. Panels have at least the given height.
 pub fn page(columns: Vec<(f64, Vec<Panel>)>, least_height: f64, texts: [String; 2]) -> String {
-    super::page(columns, least_height, texts)
+    super::page::page(columns, least_height, texts)
 }
 
 /// Horizontal axis of curves.

@@ -1,8 +1,7 @@
 //! Panels of joints and motors: angles, speeds and torques with their limits, of a limb or of a joint each.
 
-use super::JointPanels;
 use super::axes::Series;
-use super::panels::{Panel, Played, distinct};
+use super::panels::{JointPanels, Panel, Played, distinct};
 use crate::plan::Sample;
 use crate::sample::driven_wheels;
 use crate::torque::Actuation;

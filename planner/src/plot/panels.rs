@@ -1,12 +1,21 @@
 //! Panels of the figure in columns, from the motion as played and the planned samples: those of the body and of the ground's forces.
 
-use super::JointPanels;
 use super::axes::{Axis, Scale, Series};
 pub(super) use super::axes::{Content, Panel};
 use crate::motion::{Ends, Subject};
 use crate::plan::{EndEffectorSample, Plan, Sample};
 use crate::sample::{PlanSpline, Setpoints, driven_wheels};
 use crate::torque::{Actuation, InverseDynamics};
+
+/// What has a panel of angles, speeds and torques of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum JointPanels {
+    /// A limb: its joints can be compared.
+    #[default]
+    Limb,
+    /// A joint: with an axis of its own, small motions beside large ones are seen.
+    Joint,
+}
 
 /// Points per line.
 const POINTS: usize = 240;

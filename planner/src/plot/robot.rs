@@ -3,7 +3,7 @@
 
 use super::camera::Camera;
 use super::hull::convex_hull;
-use super::px;
+use super::style::px;
 use crate::plan::Sample;
 use crate::problem::state::ContactFrame;
 use nalgebra::{DVector, Rotation3, Unit, Vector3};

@@ -2,7 +2,7 @@
 
 use super::camera::Camera;
 use super::robot::{Figure, STYLE, closed_path};
-use super::{FAINT, HEADER_HEIGHT, MARGIN, px};
+use super::style::{self, FAINT, HEADER_HEIGHT, MARGIN, heading, px};
 use crate::plan::{EndEffectorSample, Sample};
 use crate::problem::state::tilt_and_yaw;
 use nalgebra::Vector3;
@@ -47,12 +47,12 @@ pub fn robot(robot: &Robot) -> Option<String> {
         robot.end_effectors.len(),
         standing.frames.link_origins[0].z,
     );
-    let document = super::document(width, height)
+    let document = style::document(width, height)
         .set("role", "img")
         .set("aria-label", robot.name.clone())
         .add(Title::new(robot.name.clone()))
         .add(Style::new(STYLE))
-        .add(super::heading([robot.name.clone(), title]))
+        .add(heading([robot.name.clone(), title]))
         .add(ground(&camera, figure.extent_m(), &standing))
         .add(picture)
         .add(column(left, Side::Left, width, height))

@@ -2,7 +2,7 @@
 
 use super::camera::Camera;
 use super::robot::{Figure, STYLE, closed_path};
-use super::{FAINT, INK, MARGIN, px};
+use super::style::{FAINT, INK, MARGIN, document, px};
 use crate::plan::Plan;
 use crate::sample::PlanSpline;
 use nalgebra::Vector3;
@@ -21,7 +21,7 @@ pub fn strip(plans: &[&Plan], phases: usize) -> String {
     let width = CELL[0] * phases as f64 + 2.0 * MARGIN;
     let row_height = TITLE_HEIGHT + CELL[1];
     let height = row_height * plans.len() as f64 + 2.0 * MARGIN;
-    let mut document = super::document(width, height).add(Style::new(STYLE));
+    let mut document = document(width, height).add(Style::new(STYLE));
     for (r, plan) in plans.iter().enumerate() {
         document = row(document, plan, phases, MARGIN + r as f64 * row_height);
     }

@@ -1,7 +1,7 @@
 //! Server of Foxglove's live protocol on loopback: <https://docs.foxglove.dev/docs/visualization/connecting/live-data>.
 //!
 //! Clients can neither command nor change anything ([`session`](super::session)). One thread serves all of them without waiting
-//! for any; a slow client loses messages and holds up nobody.
+//! for any; a slow client loses messages and delays no other client.
 
 use super::messages::{FrameTransforms, JointStates, SceneUpdate, Schema};
 use super::nanoseconds;
