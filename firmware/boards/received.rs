@@ -6,34 +6,37 @@ use heapless::spsc::{Consumer, Producer, Queue};
 use static_cell::StaticCell;
 
 /// Queue of the bytes that a serial line has received.
-pub struct Received<const N: usize> {
-    queue: StaticCell<Queue<u8, N>>,
-    /// The interrupt's end of it.
-    writer: Mutex<Cell<Option<Producer<'static, u8>>>>,
-}
+pub type Received<const N: usize> = StaticCell<Queue<u8, N>>;
 
-impl<const N: usize> Received<N> {
-    /// An empty queue.
+/// The interrupt's end of a queue. It is a static of its own: only then can the compiler prove the queue's length, and that no
+/// remainder by it panics.
+pub struct Writer(Mutex<Cell<Option<Producer<'static, u8>>>>);
+
+impl Writer {
+    /// The end of no queue yet.
     pub const fn new() -> Self {
-        Self { queue: StaticCell::new(), writer: Mutex::new(Cell::new(None)) }
+        Self(Mutex::new(Cell::new(None)))
     }
 
-    /// Returns the loop's end of the queue; once.
-    pub fn reader(&'static self) -> Option<Consumer<'static, u8>> {
-        let (writer, reader) = self.queue.try_init(Queue::new())?.split();
-        free(|cs| self.writer.borrow(cs).set(Some(writer)));
+    /// Writes to a queue from now on, and returns the loop's end of it; once.
+    pub fn connect<const N: usize>(
+        &self,
+        queue: &'static Received<N>,
+    ) -> Option<Consumer<'static, u8>> {
+        let (writer, reader) = queue.try_init(Queue::new())?.split();
+        free(|cs| self.0.borrow(cs).set(Some(writer)));
         Some(reader)
     }
 
     /// Takes all bytes that the hardware has, in its interrupt.
     pub fn fill(&self, mut next: impl FnMut() -> Option<u8>) {
         free(|cs| {
-            let mut writer = self.writer.borrow(cs).take();
+            let mut writer = self.0.borrow(cs).take();
             while let Some(byte) = next() {
                 // A byte without room is lost, and the checksum of its packet shows that.
                 let _ = writer.as_mut().map(|writer| writer.enqueue(byte));
             }
-            self.writer.borrow(cs).set(writer);
+            self.0.borrow(cs).set(writer);
         });
     }
 }

@@ -372,7 +372,8 @@ mod tests {
     use super::*;
     use crate::check::agrees_at;
     use crate::friction::Model;
-    use rollwalk_multibody::ground::{Capsule, Grid, HeightField, Plane, Profile, Sphere};
+    use crate::{Assembly, Settings, System};
+    use rollwalk_multibody::ground::{Capsule, Grid, HeightField, Plane, Profile, Sphere, Union};
 
     fn contact(tip: Tip, ground: Arc<dyn Ground>, model: Model) -> Contact {
         Contact {
@@ -454,6 +455,36 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// A ball of 2 cm on level ground with its centre 5 mm beside the lattice of something else.
+    #[test]
+    fn beside_the_lattice_a_foot_stands_on_the_ground_of_the_union() {
+        let (half_m, center) = (0.15, Vector3::new(0.013, -0.007, 0.02));
+        let ball = Sphere { center, radius_m: 0.1 };
+        let ball = Grid::of(&ball, Vector3::repeat(-half_m), half_m / 12.0, [25; 3]).unwrap();
+        let ground = Union { parts: vec![Arc::new(Plane::level()), Arc::new(ball)] };
+        let stiffness_n_m = 1e4;
+        let mut assembly = Assembly::default();
+        assembly.add_particle(1.0, Vector3::new(half_m + 0.005, 0.0, 0.021));
+        assembly.add(Contact {
+            body: [0],
+            center: Vector3::zeros(),
+            radius_m: 0.02,
+            tip: Tip::Sphere,
+            normal: Normal { stiffness_n_m, damping_n_s_m: 100.0, ramp_m: 0.0, pulls: true },
+            friction: Friction { model: Model::Linear, coefficient: 0.4, stick_n_s_m: 200.0 },
+            resistance: Resistance::default(),
+            ground: Arc::new(ground),
+        });
+        let mut system = System::new(Settings::default(), assembly);
+        for _ in 0..240 {
+            system.step(1.0 / 240.0).unwrap();
+        }
+        let touch = system.touch(0).unwrap();
+        assert_eq!(touch.normal, Vector3::z());
+        assert!((touch.gap_m + 9.81 / stiffness_n_m).abs() < 1e-6, "{touch:?}");
+        assert!((system.motions()[0].position.x - half_m - 0.005).abs() < 1e-6);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::motion::Motion;
 use nalgebra::{Matrix3, RowVector3, Vector3};
-use rollwalk_multibody::ground::Surface;
+use rollwalk_multibody::ground::{Ground, Surface};
 use rollwalk_multibody::rotation::skew;
 
 /// A wheel whose plane is nearer to the ground's than this has no lowest point: sine of the angle between them.

@@ -2,7 +2,7 @@
 
 use crate::chip::CORE_HZ;
 use crate::link::Port;
-use crate::received::Received;
+use crate::received::{Received, Writer};
 use cortex_m::peripheral::NVIC;
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
 use embassy_stm32::pac::{LPUART1, interrupt};
@@ -14,6 +14,7 @@ const BAUD: u32 = 1_000_000;
 
 /// Receive queue: 5 ms of a line that never rests.
 static RECEIVED: Received<512> = Received::new();
+static WRITER: Writer = Writer::new();
 
 /// The serial line.
 pub struct Serial(Consumer<'static, u8>);
@@ -24,7 +25,7 @@ impl Serial {
         rx: Peri<'static, impl RxPin<peripherals::LPUART1>>,
         tx: Peri<'static, impl TxPin<peripherals::LPUART1>>,
     ) -> Option<Self> {
-        let received = RECEIVED.reader()?;
+        let received = WRITER.connect(&RECEIVED)?;
         let (rx_function, tx_function) = (rx.af_num(), tx.af_num());
         let mut rx = Flex::new(rx);
         rx.set_as_af_unchecked(rx_function, AfType::input(Pull::Up));
@@ -67,7 +68,7 @@ impl Port for Serial {
 
 #[interrupt]
 fn LPUART1() {
-    RECEIVED.fill(|| LPUART1.isr().read().rxne().then(|| LPUART1.rdr().read().dr() as u8));
+    WRITER.fill(|| LPUART1.isr().read().rxne().then(|| LPUART1.rdr().read().dr() as u8));
     // An overrun would hold the interrupt.
     LPUART1.icr().write(|w| w.set_ore(true));
 }

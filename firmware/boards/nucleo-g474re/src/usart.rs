@@ -5,7 +5,7 @@
 
 use crate::chip::CORE_HZ;
 use crate::line::{Line, Transmitter};
-use crate::received::Received;
+use crate::received::{Received, Writer};
 use cortex_m::peripheral::NVIC;
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
 use embassy_stm32::pac::{USART3, interrupt};
@@ -17,6 +17,7 @@ const DIVISORS: core::ops::RangeInclusive<u32> = 16..=0xFFFF;
 
 /// Receive queue: 5 ms at 1 Mbaud.
 static RECEIVED: Received<512> = Received::new();
+static WRITER: Writer = Writer::new();
 
 /// The sender of the line.
 pub struct Sender(());
@@ -32,7 +33,7 @@ pub fn start(
     bit_rate: u32,
 ) -> Option<Line<Sender>> {
     let divisor = CORE_HZ.checked_div(bit_rate).filter(|divisor| DIVISORS.contains(divisor))?;
-    let received = RECEIVED.reader()?;
+    let received = WRITER.connect(&RECEIVED)?;
     let function = wire.af_num();
     let mut wire = Flex::new(wire);
     let open_drain = AfType::output_pull(OutputType::OpenDrain, Speed::VeryHigh, Pull::Up);
@@ -65,7 +66,7 @@ impl Transmitter for Sender {
 
 #[interrupt]
 fn USART3() {
-    RECEIVED.fill(|| USART3.isr().read().rxne().then(|| USART3.rdr().read().dr() as u8));
+    WRITER.fill(|| USART3.isr().read().rxne().then(|| USART3.rdr().read().dr() as u8));
     // An overrun would hold the interrupt.
     USART3.icr().write(|w| w.set_ore(true));
 }

@@ -7,7 +7,7 @@
 
 use crate::chip::{self, CORE_HZ, FUNCTION_PIO0};
 use crate::line::{Line, Transmitter};
-use crate::received::Received;
+use crate::received::{Received, Writer};
 use cortex_m::peripheral::NVIC;
 use embassy_rp::pac::{Interrupt, PIO0, RESETS, interrupt};
 use embassy_rp::pio::program::pio_asm;
@@ -22,6 +22,7 @@ const CYCLES: u32 = 8;
 
 /// Bytes that a line has received: 5 ms at 1 Mbaud.
 static RECEIVED: [Received<512>; COUNT] = [const { Received::new() }; COUNT];
+static WRITERS: [Writer; COUNT] = [const { Writer::new() }; COUNT];
 
 /// The sender of a line.
 pub struct Sender {
@@ -52,7 +53,7 @@ fn start<const SENDER: usize, const RECEIVER: usize>(
     pin: u8,
     bit_rate: u32,
 ) -> Option<Line<Sender>> {
-    let received = RECEIVED.get(number)?.reader()?;
+    let received = WRITERS.get(number)?.connect(RECEIVED.get(number)?)?;
     // Clocks of a cycle, in 256ths: 16 whole bits and 8 behind the point, above 1 (11.5.5).
     let cycles = u64::from(CYCLES) * u64::from(bit_rate);
     let divisor = (u64::from(CORE_HZ) * 256).checked_div(cycles)?;
@@ -177,7 +178,7 @@ fn set_up_receiver<const SM: usize>(pin: u8, divisor: u32, (first, last): Wrap) 
 
 #[interrupt]
 fn PIO0_IRQ_0() {
-    let [first, second] = &RECEIVED;
+    let [first, second] = &WRITERS;
     first.fill(next::<1>);
     second.fill(next::<3>);
 }

@@ -2,7 +2,7 @@
 
 use crate::chip::{self, CORE_HZ};
 use crate::link::Port;
-use crate::received::Received;
+use crate::received::{Received, Writer};
 use cortex_m::peripheral::NVIC;
 use embassy_rp::pac::{Interrupt, UART0, interrupt};
 use heapless::spsc::Consumer;
@@ -17,6 +17,7 @@ const RX: usize = 1;
 
 /// Receive queue: 10 ms of a line that never rests.
 static RECEIVED: Received<1024> = Received::new();
+static WRITER: Writer = Writer::new();
 
 /// The UART.
 pub struct Uart(Consumer<'static, u8>);
@@ -24,7 +25,7 @@ pub struct Uart(Consumer<'static, u8>);
 impl Uart {
     /// Switches it on; once.
     pub fn new() -> Option<Self> {
-        let received = RECEIVED.reader()?;
+        let received = WRITER.connect(&RECEIVED)?;
         chip::connect::<TX>(chip::FUNCTION_UART);
         chip::connect::<RX>(chip::FUNCTION_UART);
         UART0.uartibrd().write(|w| w.set_baud_divint((DIVISOR >> 6) as u16));
@@ -71,7 +72,7 @@ impl Port for Uart {
 
 #[interrupt]
 fn UART0_IRQ() {
-    RECEIVED.fill(|| (!UART0.uartfr().read().rxfe()).then(|| UART0.uartdr().read().data()));
+    WRITER.fill(|| (!UART0.uartfr().read().rxfe()).then(|| UART0.uartdr().read().data()));
     // The timeout is over when the FIFO is empty; both are cleared here.
     UART0.uarticr().write(|w| {
         w.set_rxic(true);

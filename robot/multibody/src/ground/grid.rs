@@ -101,11 +101,7 @@ impl Ground for Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::{Contact, Normal, Resistance, Tip};
-    use crate::friction::{Friction, Model};
-    use crate::ground::{Plane, Sphere, Union, agrees_with_finite_differences};
-    use crate::{Assembly, Settings, System};
-    use std::sync::Arc;
+    use crate::ground::{Sphere, agrees_with_finite_differences};
 
     const BALL: Sphere = Sphere { center: Vector3::new(0.013, -0.007, 0.02), radius_m: 0.1 };
 
@@ -176,35 +172,6 @@ mod tests {
                 assert!(found.gap_m > 0.95 * exact.gap_m && found.gap_m < 1.2 * exact.gap_m);
             }
         }
-    }
-
-    /// A ball of 2 cm on level ground with its centre 5 mm beside the lattice of something else.
-    #[test]
-    fn beside_the_lattice_a_foot_stands_on_the_ground_of_the_union() {
-        let ball = grid(24);
-        let [_, end_x_m] = ball.lattice.range(0);
-        let ground = Union { parts: vec![Arc::new(Plane::level()), Arc::new(ball)] };
-        let stiffness_n_m = 1e4;
-        let mut assembly = Assembly::default();
-        assembly.add_particle(1.0, Vector3::new(end_x_m + 0.005, 0.0, 0.021));
-        assembly.add(Contact {
-            body: [0],
-            center: Vector3::zeros(),
-            radius_m: 0.02,
-            tip: Tip::Sphere,
-            normal: Normal { stiffness_n_m, damping_n_s_m: 100.0, ramp_m: 0.0, pulls: true },
-            friction: Friction { model: Model::Linear, coefficient: 0.4, stick_n_s_m: 200.0 },
-            resistance: Resistance::default(),
-            ground: Arc::new(ground),
-        });
-        let mut system = System::new(Settings::default(), assembly);
-        for _ in 0..240 {
-            system.step(1.0 / 240.0).unwrap();
-        }
-        let touch = system.touch(0).unwrap();
-        assert_eq!(touch.normal, Vector3::z());
-        assert!((touch.gap_m + 9.81 / stiffness_n_m).abs() < 1e-6, "{touch:?}");
-        assert!((system.motions()[0].position.x - end_x_m - 0.005).abs() < 1e-6);
     }
 
     #[test]
