@@ -32,10 +32,10 @@ fn raised([x, y, z]: [f64; 3]) -> [f64; 3] {
 
 #[test]
 fn plans_on_higher_ground_are_the_same_but_higher() {
-    let agilebot = include_str!("../../../robots/agilebot.toml");
-    let pup = include_str!("../../../robots/pup.toml");
-    let duck = include_str!("../../../motions/duck.toml");
-    let walk = include_str!("../../../motions/pup_walk.toml");
+    let agilebot = include_str!("../../../shipped/robots/agilebot.toml");
+    let pup = include_str!("../../../shipped/robots/pup.toml");
+    let duck = include_str!("../../../shipped/motions/duck.toml");
+    let walk = include_str!("../../../shipped/motions/pup_walk.toml");
     for (robot, motion) in [(agilebot, duck), (pup, walk)] {
         let robot = Robot::from_toml("robot.toml", robot).unwrap();
         let [low, high] = [0.0, UP_M].map(|up_m| planned(&robot, motion, up_m));
