@@ -12,7 +12,7 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
 fn robot() -> Robot {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/legbot.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shipped/robots/legbot.toml");
     Robot::from_toml("legbot", &std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
