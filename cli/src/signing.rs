@@ -43,7 +43,6 @@ pub struct Pair {
     pub public: PathBuf,
     /// The public key in PEM.
     pub pem: String,
-    /// Its fingerprint.
     pub fingerprint: Fingerprint,
 }
 
@@ -129,7 +128,6 @@ pub fn signer(file: &[u8]) -> Option<Fingerprint> {
 /// What is wrong with a signature; the sentence goes on after the file's name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsigned {
-    /// There is none.
     #[error("is not signed")]
     Missing,
     /// It is by another key.
@@ -143,13 +141,11 @@ pub enum Unsigned {
     /// It is by this key, and of something else.
     #[error("was changed after it was signed with key {ours}, or its signature was")]
     Changed {
-        /// The key.
         ours: Fingerprint,
     },
 }
 
 impl Unsigned {
-    /// What to do.
     pub fn help(self) -> &'static str {
         match self {
             Self::Missing => {

@@ -13,7 +13,6 @@ pub trait Transmitter {
     fn write(&mut self, byte: u8);
 }
 
-/// The line.
 pub struct Line<T> {
     transmitter: T,
     state: ServoLine,

@@ -6,17 +6,14 @@ use embedded_storage::nor_flash::{ErrorType, NorFlashErrorKind};
 pub struct Part {
     /// Address or offset of its beginning, as the board's driver counts.
     pub start: u32,
-    /// Bytes.
     pub size: u32,
 }
 
 /// The parts of the flash.
 pub struct Parts {
-    /// The libraries'.
     pub libraries: Part,
     /// The boot counter's.
     pub boots: Part,
-    /// The parameters'.
     pub parameters: Part,
 }
 

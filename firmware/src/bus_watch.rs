@@ -39,7 +39,6 @@ impl WatchedBus {
     }
 }
 
-/// All actuator buses.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BusWatch([WatchedBus; MAX_BUSES]);
 

@@ -57,7 +57,6 @@ pub struct Stream {
     /// Frames since the last one was taken.
     starved: u16,
     halted: bool,
-    /// Frames since then.
     halted_frames: u8,
 }
 

@@ -78,7 +78,6 @@ impl Body {
         by
     }
 
-    /// Kinetic energy, J.
     pub(crate) fn kinetic_j(&self, motion: &Motion) -> f64 {
         let linear = self.mass_kg() * motion.velocity.norm_squared();
         0.5 * (linear + self.spin_momentum(motion).dot(&motion.spin))

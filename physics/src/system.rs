@@ -180,7 +180,6 @@ impl System {
         self.end_step();
     }
 
-    /// All forces.
     pub(crate) fn forces(&self) -> &[Box<dyn Force>] {
         &self.forces
     }

@@ -112,7 +112,6 @@ const SHORT_KD_STEPS: f32 = 10_000.0;
 const SHORT_TORQUE_STEPS: f32 = 1000.0;
 /// What brings the exponent of 128 steps to 1: the upper 16 bits of an `f32` of so many, less the code of 128.
 const SHORT_BIAS: u32 = (134 << 7) - 128;
-/// Largest code.
 const SHORT_MOST: u32 = (1 << 11) - 1;
 
 /// A number from 0 on in 11 bits: exponent e in the upper 4 and m in the lower 7 are m steps for e = 0, otherwise
@@ -130,7 +129,6 @@ fn short(value: f32, per_unit: f32, rounding: u32) -> Option<u64> {
     (value >= 0.0 && code <= SHORT_MOST).then_some(u64::from(code))
 }
 
-/// To the nearest.
 const NEAREST: u32 = 1 << 15;
 /// Down, but for the rounding of the product: for a limit.
 const DOWN: u32 = 1 << 6;

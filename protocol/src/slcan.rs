@@ -9,7 +9,6 @@ use heapless::Vec;
 
 /// Ends a line; alone it is OK.
 const END: u8 = b'\r';
-/// Error.
 const BELL: u8 = 7;
 /// Longest line with its end: `T`, eight digits, length, sixteen digits.
 const MAX_LINE: usize = 27;

@@ -21,7 +21,6 @@ pub const BOW: u8 = 4;
 /// Speed of the wheel in [`ROLL`], rad/s.
 pub const ROLL_RAD_S: f32 = 4.0;
 
-/// Hip, knee, wheel.
 const POSE: [f32; 3] = [0.3, -0.6, 0.0];
 
 fn actuator(bus: u8, id: u8, kp_nm_rad: f64, kd_nm_s_rad: f64) -> Actuator {

@@ -18,23 +18,17 @@ pub struct Documents<'f> {
 /// A text that a path means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Found<'f> {
-    /// Where it is.
     pub path: &'f str,
-    /// What it says.
     pub text: &'f str,
 }
 
 /// A motion file and the robot file that it names, validated.
 pub struct Project<'f> {
-    /// The robot.
     pub robot: Robot,
     /// Parts of every link.
     pub parts: Vec<Vec<Solid>>,
-    /// The motion.
     pub motion: Motion,
-    /// The motion file.
     pub motion_file: Found<'f>,
-    /// The robot file.
     pub robot_file: Found<'f>,
 }
 

@@ -17,7 +17,6 @@ use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
 
 /// What edits of a document may need to know: the documents as they were before, if they are valid.
 pub struct Known<'k> {
-    /// The robot.
     pub robot: &'k Robot,
     /// The motion that is worked on.
     pub motion: &'k Motion,

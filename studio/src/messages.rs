@@ -22,12 +22,10 @@ use rollwalk_planner::Progress;
 use rollwalk_planner::report::Report;
 use serde::{Deserialize, Serialize};
 
-/// A request.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Request {
     /// Number of the request.
     pub seq: u64,
-    /// What is wanted.
     #[serde(flatten)]
     pub wanted: Wanted,
 }
@@ -52,25 +50,21 @@ pub enum Wanted {
     },
     /// Reads and validates documents.
     Open {
-        /// The documents.
         files: Vec<File>,
         /// Path of the motion file among them.
         motion: String,
     },
     /// Changes one thing in the text of a document.
     Amend {
-        /// The documents.
         files: Vec<File>,
         /// Path of the motion file among them.
         motion: String,
         /// Path of the document to change.
         path: String,
-        /// The change.
         edit: Edit,
     },
     /// Plans the motion of documents.
     Plan {
-        /// The documents.
         files: Vec<File>,
         /// Path of the motion file among them.
         motion: String,
@@ -87,7 +81,6 @@ pub enum Wanted {
     PlanJson,
     /// The shown plan as a table.
     Export {
-        /// Its form.
         what: TableForm,
         /// Rows per second, Hz.
         rate_hz: f64,
@@ -100,35 +93,30 @@ pub enum Wanted {
     Resume,
     /// How the robot's parameters change what a good plan is judged by; the plan is the bytes of `solution`, which come with the request.
     Slopes {
-        /// The documents.
         files: Vec<File>,
         /// Path of the motion file among them.
         motion: String,
     },
     /// The motions and transitions that a library file names.
     Graph {
-        /// The documents.
         files: Vec<File>,
         /// Path of the library file among them.
         library: String,
     },
     /// A first library file of the motions of a project.
     NewLibrary {
-        /// The documents.
         files: Vec<File>,
         /// Path of the motion file among them whose robot it is for.
         motion: String,
     },
     /// Builds a motion library.
     Library {
-        /// The documents.
         files: Vec<File>,
         /// Path of the library file among them.
         library: String,
     },
     /// Compares the shown plan with its motion in a library, whose bytes come with the request.
     Compare {
-        /// The documents.
         files: Vec<File>,
         /// Path of the motion file among them.
         motion: String,
@@ -149,9 +137,7 @@ pub enum Wanted {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TableForm {
-    /// Comma-separated values.
     Csv,
-    /// JSON.
     Json,
 }
 
@@ -167,12 +153,10 @@ pub enum From {
     Plan,
 }
 
-/// A document.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct File {
     /// Its path, with `/` between folders.
     pub path: String,
-    /// Its text.
     pub text: String,
 }
 
@@ -181,14 +165,11 @@ pub struct File {
 pub struct Told<'a> {
     /// Number of the request.
     pub seq: u64,
-    /// Whether bytes follow.
     pub binary: bool,
-    /// The answer.
     #[serde(flatten)]
     pub answer: &'a Answer,
 }
 
-/// An answer.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Answer {
@@ -198,12 +179,10 @@ pub enum Answer {
         iteration: usize,
         /// Worst constraint residual as a fraction of its tolerance.
         worst_level: f64,
-        /// The worst constraint.
         worst_constraint: &'static str,
         /// What is being planned.
         what: String,
     },
-    /// The result.
     Done(Box<Done>),
     /// The documents have faults; nothing else happened.
     Faults {
@@ -212,7 +191,6 @@ pub enum Answer {
     },
     /// The request cannot be served.
     Error {
-        /// Why.
         message: String,
         /// What would be right.
         help: String,
@@ -225,12 +203,10 @@ pub enum Answer {
 pub enum Done {
     /// Of `examples`.
     Examples {
-        /// The shipped files.
         examples: Vec<Listed>,
     },
     /// Of `example`, `plan_json`, `export` and `animation`.
     Text {
-        /// The text.
         text: String,
     },
     /// Of `import`.
@@ -258,7 +234,6 @@ pub enum Done {
     },
     /// Of `plan`; its bytes are the frames.
     Planned {
-        /// What was planned.
         #[serde(flatten)]
         opened: Box<Opened>,
         /// Outcome of the solve.
@@ -321,14 +296,11 @@ impl Answer {
     }
 }
 
-/// A shipped file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Listed {
     /// Its path in the checkout.
     pub path: &'static str,
-    /// What it describes.
     pub of: Of,
-    /// Its name.
     pub name: String,
     /// What its first lines say of it.
     pub title: String,
@@ -340,11 +312,8 @@ pub struct Listed {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Of {
-    /// A robot.
     Robot,
-    /// A motion.
     Motion,
-    /// A motion library.
     Library,
     /// What may change about a robot.
     Design,
@@ -353,9 +322,7 @@ pub enum Of {
 /// A fault of a document.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Fault {
-    /// The document.
     pub path: String,
-    /// What is wrong.
     pub message: String,
     /// Short note at the text.
     pub label: String,
@@ -372,9 +339,7 @@ pub struct Fault {
 /// Documents that were read.
 #[derive(Clone, Debug, Serialize)]
 pub struct Opened {
-    /// The robot.
     pub scene: Scene,
-    /// The motion.
     pub motion: MotionView,
     /// Paths of the documents that were read, as they were found: motion, robot.
     pub read: [String; 2],

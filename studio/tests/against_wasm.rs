@@ -62,7 +62,6 @@ fn native(session: &mut Session, request: &Value) -> (Value, f64) {
     (serde_json::from_str(&last).unwrap(), start.elapsed().as_secs_f64() * 1e3)
 }
 
-/// The shown plan.
 fn plan(answer: &Value) -> Plan {
     Plan::from_json("plan", answer["text"].as_str().unwrap()).unwrap()
 }

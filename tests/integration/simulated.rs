@@ -33,7 +33,6 @@ impl Robot {
         Self::run(desk, &[robot], bus, bus)
     }
 
-    /// With more arguments.
     pub fn with(desk: &Desk, bus: &str, args: &[&str]) -> Self {
         Self::run(desk, &[&["robots/legbot.toml"], args].concat(), bus, bus)
     }

@@ -17,7 +17,6 @@ const BACKLOG: Duration = Duration::from_millis(200);
 
 /// A program, and the terminal that it is on. Killed when dropped.
 pub struct Terminal {
-    /// The program.
     pub program: Child,
     terminal: TTYPort,
     /// The terminal's device.

@@ -41,7 +41,6 @@ pub fn keep(name: &str) {
 
 const LIBRARY: &str = "library.rwl";
 
-/// The motion library.
 pub fn library() -> PathBuf {
     desk().join(LIBRARY)
 }

@@ -20,7 +20,6 @@ const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
 
 /// A `cargo build --release` for a target, to be completed by the caller.
 pub struct Build {
-    /// Command without packages.
     pub cargo: Command,
     /// Folder of the programs that it builds.
     pub artefacts: PathBuf,

@@ -8,7 +8,6 @@ use std::path::Path;
 pub struct TextFile {
     /// Path from the workspace root.
     pub path: String,
-    /// The whole text.
     pub text: String,
 }
 

@@ -5,10 +5,8 @@ use pulldown_cmark::{CodeBlockKind, Event, Options, Parser, Tag, TagEnd};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// A page.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Page {
-    /// Headings, in order.
     pub headings: Vec<Heading>,
     /// Links and images, in order.
     pub links: Vec<Link>,
@@ -18,7 +16,6 @@ pub struct Page {
     pub spans: Vec<(usize, String)>,
 }
 
-/// A heading.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Heading {
     /// 1 for the title, then deeper.
@@ -51,12 +48,10 @@ pub struct Block {
     pub info: String,
     /// Bytes of the marks, with the blank before them; empty without marks.
     pub marks: Range<usize>,
-    /// The code.
     pub code: String,
 }
 
 impl Page {
-    /// Reads a page.
     pub fn parse(text: &str) -> Self {
         let mut page = Self::default();
         let mut used: BTreeMap<String, usize> = BTreeMap::new();

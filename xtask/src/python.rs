@@ -80,7 +80,6 @@ impl Environment {
         Ok(python)
     }
 
-    /// The interpreter.
     pub fn program(&self) -> PathBuf {
         self.script("python")
     }

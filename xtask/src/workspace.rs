@@ -63,7 +63,6 @@ pub struct Program {
     pub name: String,
     /// Whether it runs tests.
     pub is_test: bool,
-    /// The executable.
     pub path: PathBuf,
 }
 

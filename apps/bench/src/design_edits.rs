@@ -46,7 +46,6 @@ struct Row {
     solved: bool,
 }
 
-/// Runs the benchmark.
 pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings>> {
     let files: Vec<String> = crate::motions().collect::<BTreeSet<_>>().into_iter().collect();
     let mut rows: Vec<Row> = Vec::new();

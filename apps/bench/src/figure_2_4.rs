@@ -27,7 +27,6 @@ struct Row {
     max_deg: f64,
 }
 
-/// Runs the benchmark.
 pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
     let designed = program.design(DESIGN)?;
     let parameters = &designed.file.parameters;

@@ -9,7 +9,6 @@ use rollwalk_planner::start::{Start, WarmStart};
 use rollwalk_planner::{Options, optimise};
 use serde::Serialize;
 
-/// Motion files.
 pub const GAITS: [&str; 6] = ["trot", "walk", "walk_held", "flying_trot", "pronk", "pace"];
 const STARTS: [(&str, Start); 3] = [
     ("standing", Start::Standing),
@@ -26,7 +25,6 @@ struct Row {
     solve: SolveSummary,
 }
 
-/// Runs the benchmark.
 pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings>> {
     let mut table = table(["gait", "start", "status", "iterations", "CPU ms"]);
     let (mut rows, mut charts) = (Vec::new(), Vec::new());

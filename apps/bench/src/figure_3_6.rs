@@ -27,7 +27,6 @@ struct Row {
     simulated: Place,
 }
 
-/// Runs the benchmark.
 pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
     let (robot, motion) = program.motion(MOTION)?;
     let mut watch = |_: &_| unless_interrupted(program);

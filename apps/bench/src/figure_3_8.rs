@@ -40,7 +40,6 @@ struct Row {
     tracked: Pose,
 }
 
-/// Runs the benchmark.
 pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
     let mut cells = table(["motion", "of the body", "unit", "worst difference", "at s", "RMS"]);
     let (mut rows, mut charts, mut text) = (Vec::new(), Vec::new(), Vec::new());

@@ -9,7 +9,6 @@ use rollwalk_robot::Robot;
 
 /// A solve with what it cost.
 pub struct Run {
-    /// What came out.
     pub solution: Solution,
     /// Iterations of all starts that were tried.
     pub iterations: usize,
@@ -23,7 +22,6 @@ impl Run {
         self.plan().solve.status == Status::Converged
     }
 
-    /// The plan.
     pub fn plan(&self) -> &Plan {
         &self.solution.plan
     }

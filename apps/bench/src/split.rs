@@ -15,7 +15,6 @@ pub trait Split: Sync {
     fn inputs(&self) -> Vec<String> {
         Vec::new()
     }
-    /// Number of units.
     fn units(&self) -> usize;
     /// What units are called.
     fn units_name(&self) -> &'static str;

@@ -10,13 +10,11 @@ const SAID_AGAIN_US: u64 = 5_000_000;
 /// A velocity and how old it was when it came.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Velocity {
-    /// The velocity.
     pub twist: Twist,
     /// By its stamp, ns; 0 without one. It is negative where the sender's clock is ahead.
     pub age_ns: i64,
 }
 
-/// What is commanded.
 #[derive(Clone, Copy, Debug)]
 pub struct Commanded {
     fastest: Fastest,

@@ -37,11 +37,9 @@ pub enum Service {
     Drive,
     /// Returns to SAFE and turns torque off.
     Disarm,
-    /// Returns to SAFE.
     Return,
     /// Halts the motion where it is.
     Pause,
-    /// Goes on.
     Resume,
     /// Turns torque off at once.
     Estop,
@@ -82,7 +80,6 @@ impl fmt::Display for Service {
 /// A call of a service that has to be answered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Call {
-    /// What is called.
     pub service: Service,
     id: RmwRequestId,
 }
@@ -116,7 +113,6 @@ enum Velocities {
 /// Name of the topic of velocities.
 const VELOCITIES: &str = "cmd_vel";
 
-/// The node.
 pub struct Graph {
     node: Node,
     joint_states: Publisher<JointState>,
@@ -311,7 +307,6 @@ impl Graph {
         }
     }
 
-    /// Answers a call.
     pub fn answer(&self, call: &Call, success: bool, message: &str) {
         let server = self.services.iter().find(|(service, _)| *service == call.service);
         let answer = TriggerResponse { success, message: message.to_owned() };

@@ -16,7 +16,6 @@ pub struct Header {
 /// `sensor_msgs/JointState`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointState {
-    /// When.
     pub header: Header,
     /// Joints, as in the URDF.
     pub name: Vec<String>,
@@ -31,11 +30,8 @@ pub struct JointState {
 /// `geometry_msgs/Vector3`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Vector3 {
-    /// Ahead.
     pub x: f64,
-    /// To the left.
     pub y: f64,
-    /// Up.
     pub z: f64,
 }
 
@@ -53,16 +49,13 @@ pub struct Twist {
 pub struct TwistStamped {
     /// When, and in which frame.
     pub header: Header,
-    /// The velocity.
     pub twist: Twist,
 }
 
 /// `diagnostic_msgs/DiagnosticArray`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosticArray {
-    /// When.
     pub header: Header,
-    /// Of each part.
     pub status: Vec<DiagnosticStatus>,
 }
 
@@ -75,9 +68,7 @@ pub struct DiagnosticStatus {
     pub name: String,
     /// The status in words.
     pub message: String,
-    /// The robot.
     pub hardware_id: String,
-    /// Details.
     pub values: Vec<KeyValue>,
 }
 
@@ -115,9 +106,7 @@ impl From<u8> for Level {
 /// `diagnostic_msgs/KeyValue`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KeyValue {
-    /// What.
     pub key: String,
-    /// Its value.
     pub value: String,
 }
 

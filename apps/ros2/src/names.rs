@@ -8,11 +8,9 @@ use std::ffi::OsString;
 /// What follows `--ros-args` on a command line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Names {
-    /// Of the node.
     pub node: NodeName,
     /// Fully qualified names, and what stands for them.
     replaced: Vec<(String, String)>,
-    /// Of the node.
     pub parameters: Parameters,
 }
 

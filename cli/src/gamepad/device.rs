@@ -17,17 +17,14 @@ use std::time::Duration;
 const RETRY: Duration = Duration::from_secs(1);
 /// Group of the users who may read them.
 pub const GROUP: &str = "input";
-/// Folder of devices.
 const FOLDER: &str = "/dev/input";
 /// A device with one of these is a gamepad.
 pub(super) const BUTTONS: [KeyCode; 2] = [KeyCode::BTN_SOUTH, KeyCode::BTN_TRIGGER];
 
-/// A gamepad.
 #[derive(Clone, Debug)]
 pub struct Found {
     /// How it is called.
     pub name: String,
-    /// Its device.
     pub path: PathBuf,
 }
 

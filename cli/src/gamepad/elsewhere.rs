@@ -5,12 +5,9 @@ use rollwalk_gamepads::pad::Event;
 use std::path::PathBuf;
 use std::sync::mpsc::Receiver;
 
-/// A gamepad.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// Its name.
     pub name: String,
-    /// Its device.
     pub path: PathBuf,
 }
 

@@ -5,9 +5,7 @@ use rollwalk_bus::name::BusName;
 /// A file of the page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Asset<'a> {
-    /// Its media type.
     pub kind: &'static str,
-    /// Its content.
     pub bytes: &'a [u8],
 }
 

@@ -9,7 +9,6 @@ use super::http::Head;
 
 /// What this server is called, and its token.
 pub struct Gate {
-    /// Its port.
     pub port: u16,
     /// 32 hexadecimal digits.
     pub token: String,
@@ -18,7 +17,6 @@ pub struct Gate {
 /// The answer to a request.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// The page.
     Page,
     /// A file of the page.
     File(Asset<'static>),

@@ -15,9 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// The head of a request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Head {
-    /// Its method.
     pub method: String,
-    /// Path and query.
     pub target: String,
     /// `Host`.
     pub host: Option<String>,

@@ -19,11 +19,9 @@ pub struct System {
     pub no_can: Option<OpenError>,
     /// Whether the kernel has virtual CAN interfaces, loaded or to be loaded; `None` where its modules are not to be seen.
     pub has_vcan: Option<bool>,
-    /// CAN interfaces.
     pub interfaces: Vec<Interface>,
     /// Serial adapters and boards.
     pub serial: Vec<SerialDevice>,
-    /// The user.
     pub user: User,
     /// The finding about real-time priority, if it is refused.
     pub no_priority: Option<Finding>,
@@ -50,7 +48,6 @@ pub struct SerialDevice {
     pub latency: Option<Latency>,
 }
 
-/// The user.
 #[derive(Clone, Debug, Default)]
 pub struct User {
     /// Whether all is permitted.

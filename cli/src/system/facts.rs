@@ -13,7 +13,6 @@ use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// Reads all facts.
 pub fn gather() -> System {
     let groups = Groups::read();
     let (gamepads, unreadable_gamepad) = device::gamepads();

@@ -58,9 +58,7 @@ mod lines {
 
 /// The texts of a motion file and the robot file that it names.
 pub struct MotionTexts {
-    /// The motion file.
     pub motion: TextFile,
-    /// The robot file.
     pub robot: TextFile,
 }
 

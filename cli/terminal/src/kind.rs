@@ -13,21 +13,15 @@ use toml_edit::Document;
 /// The kinds of files that commands read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A robot file.
     Robot,
-    /// A motion file.
     Motion,
-    /// A library file.
     Library,
-    /// A design file.
     Design,
     /// A catalogue of servos.
     Servos,
     /// A sweep over designs.
     Sweep,
-    /// A plan.
     Plan,
-    /// A problem file.
     Problem,
     /// A URDF, or an MJCF model.
     Urdf,
@@ -35,13 +29,11 @@ pub enum Kind {
     Side,
     /// A mapping of a gamepad.
     Gamepad,
-    /// A terrain file.
     Terrain,
     /// A log of the simulated world.
     WorldLog,
     /// A recorded run: a table, telemetry, or a log of buses.
     Run,
-    /// A motion library.
     Packed,
     /// Names of a library's motions, in the user's cache.
     Names,

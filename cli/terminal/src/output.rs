@@ -182,7 +182,6 @@ impl Table {
         Self { rows: vec![titles.map(str::to_owned).to_vec()] }
     }
 
-    /// Adds a row.
     pub fn row<const N: usize>(&mut self, cells: [String; N]) {
         self.rows.push(cells.to_vec());
     }

@@ -19,7 +19,6 @@ use std::time::Duration;
 
 /// A plan and how long it took to find.
 pub struct Planned {
-    /// The plan.
     pub plan: Plan,
     /// Wall time of the solve.
     pub took: Duration,
@@ -51,13 +50,11 @@ pub struct PlannedTransition {
     pub from: usize,
     /// Index of the motion that it enters.
     pub to: usize,
-    /// The plan.
     pub planned: Planned,
 }
 
 /// The plans of a library, in its order.
 pub struct Plans {
-    /// Motions.
     pub motions: Vec<Planned>,
     /// Transitions, without those of motions that do not hold.
     pub transitions: Vec<PlannedTransition>,

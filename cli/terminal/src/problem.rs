@@ -18,10 +18,8 @@ use std::path::Path;
 pub const FORMAT: &str = "rollwalk-problem";
 /// Version of the format that this program writes and reads.
 const VERSION: u32 = 1;
-/// This program.
 const PROGRAM: &str = concat!("rollwalk ", env!("CARGO_PKG_VERSION"));
 
-/// A problem file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Problem {
@@ -29,7 +27,6 @@ pub struct Problem {
     version: u32,
     /// Program that wrote the file.
     program: String,
-    /// How to solve.
     pub options: Choices,
     motion: TextFile,
     robot: TextFile,
@@ -48,9 +45,7 @@ const JSON: Format = Format {
 
 /// A problem, read and validated.
 pub struct Parsed {
-    /// The robot.
     pub robot: Robot,
-    /// The motion.
     pub motion: Motion,
     /// The plan to start from.
     pub from: Option<Plan>,

@@ -54,7 +54,6 @@ pub struct Request {
 pub enum After {
     /// It stays there, with torque.
     Rest,
-    /// Torque goes off.
     Disarm,
     /// Torque goes off, and the program ends.
     Leave,
@@ -78,7 +77,6 @@ pub enum Phase {
 /// How the horizons went.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// Horizons planned.
     pub planned: u32,
     /// Of these not accepted.
     pub rejected: u32,

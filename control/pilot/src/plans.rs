@@ -18,7 +18,6 @@ const STRETCH_S: f64 = 0.15;
 /// What a course is made of.
 #[derive(Clone, Debug)]
 pub struct Route {
-    /// The robot.
     pub robot: Robot,
     /// Joint angles in SAFE, rad.
     pub safe_rad: Vec<f64>,
@@ -102,16 +101,13 @@ impl Courses {
 pub struct Planned {
     /// What was asked for.
     pub request: Request,
-    /// The stretch.
     pub stretch: Result<Stretch, CourseError>,
     /// Time that planning took.
     pub took: Duration,
 }
 
-/// The thread.
 #[derive(Debug)]
 pub struct Planner {
-    /// Where requests go.
     pub requests: Sender<Request>,
     /// Where stretches come from.
     pub planned: Receiver<Planned>,

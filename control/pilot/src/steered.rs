@@ -10,7 +10,6 @@ use std::time::Duration;
 /// Longest time until a robot that is to leave has stopped and is disarmed, µs: a program takes torque off then where it is.
 pub const END_US: u64 = 15_000_000;
 
-/// Fastest steering.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fastest {
     /// Along the heading and to its sides, m/s.

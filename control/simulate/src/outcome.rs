@@ -56,7 +56,6 @@ impl Outcome {
     }
 }
 
-/// Measures a run.
 pub(crate) struct Tracker {
     planned: PlannedWay,
     odometer: Odometer,

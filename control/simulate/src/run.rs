@@ -144,7 +144,6 @@ pub(crate) fn begin(
     (world, world_from_plan)
 }
 
-/// A step.
 pub(crate) struct Beat {
     /// Time of the motion at its end, s.
     pub time_s: f64,

@@ -153,7 +153,6 @@ pub enum SteeredError {
 struct Planner {
     horizon: Horizon,
     steering: Steering,
-    /// Most iterations.
     iterations: usize,
     /// Steps of the world in a sample of the horizon, and the length of one, s.
     steps: usize,

@@ -55,7 +55,6 @@ pub enum Unsolved {
 /// A solver of programs of one size, with its memory.
 #[derive(Clone, Debug)]
 pub struct Solver {
-    /// The solution.
     x: DVector<f64>,
     /// J = L⁻ᵀQ: its first columns span the active normals, the others the directions that keep to them.
     directions: DMatrix<f64>,

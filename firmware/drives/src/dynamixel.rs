@@ -24,13 +24,11 @@ const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0];
 const STUFFED: &[u8] = &[0xFF, 0xFF, 0xFD];
 /// Address of all servos.
 const ALL: u8 = 0xFE;
-/// Instruction of answers.
 const STATUS: u8 = 0x55;
 /// Bytes of a packet up to its length, and the longest that there is any use for.
 const HEAD: usize = 7;
 const LONGEST: usize = 1024;
 
-/// What it follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     Current,

@@ -38,7 +38,6 @@ const CONFIGURATION: [u8; 67] = [
 
 /// American English, the only language.
 const LANGUAGES: [u8; 4] = [4, 3, 0x09, 0x04];
-/// Maker and product.
 const NAMES: [&str; 2] = ["Rollwalk", "Rollwalk controller"];
 
 /// What a request is answered with.

@@ -13,7 +13,6 @@ use super::record::{Footer, Image, RECORD_LEN, Slot, is_blank};
 pub(super) const LOG_UNITS: usize = 2;
 /// Places for a footer in each slot: a power cut may damage one.
 const FOOTERS: usize = 2;
-/// Bytes per read.
 const CHUNK: usize = 256;
 
 /// NOR flash that can also be read like memory.
@@ -57,7 +56,6 @@ pub(super) fn slot_len<F: NorFlash>(flash: &F) -> usize {
     (units.saturating_sub(LOG_UNITS) / 2).saturating_mul(F::ERASE_SIZE)
 }
 
-/// Largest library.
 pub(super) fn capacity<F: NorFlash>(flash: &F) -> usize {
     slot_len(flash).saturating_sub(FOOTERS * RECORD_LEN)
 }

@@ -34,7 +34,6 @@ enum Attack {
     Cut { back: usize, len: usize, message: bool },
     /// With a tag out of the air.
     Guess { proof: [u8; 8], command: u8 },
-    /// A message alone.
     Plain { back: usize },
     /// A command that was held back, and passed on after the host's next one.
     Overtaken { action: Action },

@@ -38,7 +38,6 @@ pub enum Deed {
     Answers(u8, Setpoint),
 }
 
-/// Lets it happen.
 pub fn act(rig: &mut Rig, deed: &Deed) {
     match deed {
         Deed::Run(ticks) => rig.run(u32::from(*ticks)),

@@ -172,7 +172,6 @@ impl Servo {
 /// What the host has heard, with the time.
 pub type Heard = Vec<(u64, FromController)>;
 
-/// The bench.
 pub struct Rig {
     pub brain: Brain,
     pub now_us: u64,

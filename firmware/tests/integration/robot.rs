@@ -10,7 +10,6 @@ use rollwalk_protocol::library::{
 pub const CHANNELS: usize = 3;
 pub const STAND: [f32; CHANNELS] = [0.25, -0.5, 0.0];
 
-/// Command codes.
 pub const CODE_STAND: u8 = 1;
 pub const CODE_DRIVE: u8 = 10;
 pub const CODE_WALK: u8 = 20;

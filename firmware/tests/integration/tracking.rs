@@ -24,7 +24,6 @@ fn tracked() -> Rig {
     rig
 }
 
-/// The newest sample.
 fn sample(rig: &Rig) -> Sample {
     let of = |(_, message): &(u64, FromController)| match message {
         FromController::Sample(sample) => Some(*sample),

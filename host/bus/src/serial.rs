@@ -120,7 +120,6 @@ fn both_ends(
     Port { outlet: Box::new(outlet), inlet: Box::new(inlet(name, reader)) }
 }
 
-/// Receiving end alone.
 pub(crate) fn inlet<R: Read + Send + 'static>(name: &str, reader: R) -> impl Inlet + use<R> {
     let name = name.to_owned();
     SerialInlet { name, reader, deframer: Deframer::default(), events: VecDeque::new() }

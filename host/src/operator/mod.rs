@@ -72,7 +72,6 @@ pub struct Operator {
     config_hash: Option<u32>,
     catalog: Option<Catalog>,
     orders: Orders,
-    /// Number of intents.
     wished: u64,
     link: LinkStatus,
     log: Log,

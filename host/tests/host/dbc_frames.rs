@@ -49,7 +49,6 @@ fn sealed(schema: &'static str, frame: Frame, mut values: Vec<(String, f64)>) ->
     (schema, frame, values)
 }
 
-/// Of the link.
 pub fn link() -> BoxedStrategy<Sample> {
     prop_oneof![
         safety(),

@@ -23,12 +23,10 @@ pub(super) struct Stress {
     material: Material,
     deformation: Matrix3<f64>,
     rate: Matrix3<f64>,
-    /// F⁻ᵀ.
     inverse: Matrix3<f64>,
     /// J² − 1, and J².
     growth: f64,
     squared: f64,
-    /// D.
     strain_rate: Matrix3<f64>,
 }
 

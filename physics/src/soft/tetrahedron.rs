@@ -34,7 +34,6 @@ impl Tetrahedron {
         Ok(Self { nodes, gradients: [-(b + c + d), b, c, d], volume_m3, material })
     }
 
-    /// Its particles.
     pub(crate) fn nodes(&self) -> &[usize; 4] {
         &self.nodes
     }

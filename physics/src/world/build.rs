@@ -26,7 +26,6 @@ pub(super) struct Build<'a> {
     /// Centres of mass of the links' bodies, in the links, m.
     pub centers: Vec<Vector3<f64>>,
     inertias: Vec<Inertia>,
-    /// By end effector.
     spinning: Vec<(usize, Inertia)>,
     /// Forces that are motors, by channel.
     pub motors: Vec<usize>,

@@ -200,7 +200,6 @@ struct Crouch {
 }
 
 impl Crouch {
-    /// By the offsets.
     fn run(&self, offsets: &[f64]) -> Option<Rollout> {
         self.by(offsets, |world| {
             let joints = &world.motors()[..self.robot.joints.len()];

@@ -20,7 +20,6 @@ pub struct NamedText {
     pub text: String,
 }
 
-/// A motion file.
 #[derive(Clone, Debug)]
 struct MotionText {
     name: String,

@@ -21,7 +21,6 @@ use rollwalk_planner::sensitivity::Objective;
 const TRUST: f64 = 1.0;
 const TRUST_MAX: f64 = 2.0;
 const TRUST_MIN: f64 = 0.02;
-/// Most steps.
 const STEPS_MAX: usize = 15;
 /// Gain of the merit below which a step is not worth planning.
 const GAIN_MIN: f64 = 2e-4;
@@ -181,7 +180,6 @@ impl Merit {
     }
 }
 
-/// The outer problem.
 struct Outer<'a> {
     designed: &'a Designed,
     goal: &'a Goal,

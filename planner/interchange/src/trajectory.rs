@@ -59,7 +59,6 @@ struct Transform {
     rotation: Xyzw,
 }
 
-/// In world axes.
 #[derive(Serialize)]
 struct Twist {
     linear: Xyz,

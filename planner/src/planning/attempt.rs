@@ -12,7 +12,6 @@ use crate::solve::{Begin, Settings};
 use crate::start::{self, Start, WarmStart};
 use rollwalk_multibody::euler::Model;
 
-/// Solves a request.
 pub(super) fn attempt(request: Request<'_>, effort: &mut Effort<'_>) -> Solution {
     let Request { robot, motion, options } = request;
     let mut chosen = options.start;

@@ -23,7 +23,6 @@ const JSON: Format = Format {
     help: "solutions are read by the version that wrote them; plans are what is kept for longer",
 };
 
-/// What is written.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Kept<P> {

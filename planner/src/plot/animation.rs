@@ -104,7 +104,6 @@ struct Page {
     texts: [String; 2],
 }
 
-/// The footfall chart.
 struct Chart {
     drawing: Group,
     /// Where its time axis begins and ends, and its top and bottom.

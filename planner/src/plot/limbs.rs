@@ -16,7 +16,6 @@ const LIMIT_SHOWN_FROM_PART: f64 = 0.6;
 pub(super) struct Group {
     name: String,
     joints: Vec<usize>,
-    /// End effectors.
     wheels: Vec<usize>,
 }
 
@@ -71,7 +70,6 @@ impl Played<'_> {
         dofs.iter().filter(|&&dof| dof >= JOINTS).map(|dof| dof - JOINTS).collect()
     }
 
-    /// Angles of joints.
     pub(super) fn angles(&self, groups: &[Group]) -> Vec<Panel> {
         let panels = with_joints(groups).map(|group| {
             let names = self.joint_names(group);

@@ -17,7 +17,6 @@ pub enum JointPanels {
     Joint,
 }
 
-/// Points per line.
 const POINTS: usize = 240;
 
 /// A plan with its motion evaluated along the time axis.

@@ -19,7 +19,6 @@ pub struct NormalEquations {
     matrix: Vec<f64>,
     /// ∂E/∂(unknowns).
     pub gradient: Vec<f64>,
-    /// Scratch memory.
     sorted: Vec<f64>,
 }
 

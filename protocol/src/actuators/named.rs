@@ -8,7 +8,6 @@ use serde::{Deserializer, Serializer};
 
 /// A model that files name.
 pub trait Named: Copy + 'static {
-    /// All of them.
     const ALL: &'static [Self];
 
     /// Its name.

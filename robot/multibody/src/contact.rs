@@ -40,7 +40,6 @@ pub struct RimContact {
     /// Index in ν of the spin; `None` for what does not spin.
     pub wheel_dof: Option<usize>,
     normal: Vector3<f64>,
-    /// |g|.
     sine: f64,
 }
 

@@ -26,9 +26,7 @@ pub struct Kinematics {
     pub angular_acceleration: Vec<Vector3<f64>>,
     /// Acceleration of the origin of every link, m/s².
     pub linear_acceleration: Vec<Vector3<f64>>,
-    /// Generalised velocity ν.
     pub(crate) velocity: Vec<f64>,
-    /// Generalised acceleration ν̇.
     pub(crate) acceleration: Vec<f64>,
 }
 

@@ -10,7 +10,6 @@ use std::fmt;
 
 /// Most shapes of a link, which bounds the number of pairs.
 const SHAPES_MAX: usize = 16;
-/// Heaviest link, kg.
 const MASS_MAX_KG: f64 = 1000.0;
 
 impl Check<'_> {

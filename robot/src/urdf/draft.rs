@@ -15,7 +15,6 @@ pub(super) enum Origin {
     Side(Span),
 }
 
-/// A robot file.
 #[derive(Debug)]
 pub(super) struct Draft {
     pub name: String,

@@ -36,7 +36,6 @@ pub(super) struct Shape {
     pub collision: bool,
 }
 
-/// Kinds of geometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Solid {
     Sphere {

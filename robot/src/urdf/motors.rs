@@ -35,11 +35,9 @@ const DEFAULT: &str = "default";
 /// Gives motors their data sheets and addresses.
 pub(super) struct Motors<'s> {
     side: &'s Side,
-    /// N.
     weight_n: f64,
     pub sheets: Vec<DraftSheet>,
     names: Names,
-    /// Addresses in use.
     taken: HashSet<(u32, u32)>,
     /// Warnings with their joints, in order of appearance.
     remarks: Vec<(String, Vec<(Span, String)>)>,

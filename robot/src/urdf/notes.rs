@@ -3,7 +3,6 @@
 use crate::document::{DocumentError, FAULTS_MAX, Fault, Span, line_at};
 use std::fmt::Display;
 
-/// Most warnings.
 const WARNINGS_MAX: usize = 100;
 
 /// Faults and warnings about one URDF text.

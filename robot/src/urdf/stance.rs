@@ -37,7 +37,6 @@ pub(super) struct Tip {
     pub radius_m: f64,
 }
 
-/// A standing pose.
 #[derive(Clone, Debug)]
 pub(super) struct Stance {
     /// By joint, in the order of [`Bodies::moving`].

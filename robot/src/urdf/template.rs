@@ -37,7 +37,6 @@ const ACTUATORS: &str = "
 # armature_kg_m2 = 0.01
 ";
 
-/// Writes the template.
 pub(super) fn template(content: &Content<'_>) -> String {
     let mut text = format!("# Side file for {}.\n{HEAD}", comment(content.file_name));
     let links = &content.urdf.links;

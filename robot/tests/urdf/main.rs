@@ -16,7 +16,6 @@ use rollwalk_robot::urdf::{Imported, Text, import};
 
 /// The robot that the tests take apart.
 const URDF: &str = include_str!("rover.urdf");
-/// Its side file.
 const SIDE: &str = include_str!("rover.side.toml");
 
 fn imported(urdf: &str, side: &str) -> Result<Imported, DocumentError> {

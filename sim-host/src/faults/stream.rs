@@ -29,7 +29,6 @@ pub enum StreamFault {
     Hold,
 }
 
-/// A delayed frame.
 #[derive(Clone, Copy, Debug)]
 struct Late {
     due: SimTime,

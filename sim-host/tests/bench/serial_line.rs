@@ -21,7 +21,6 @@ pub struct SerialLine {
     controller: Gateway,
     to_host: Direction,
     to_controller: Direction,
-    /// For the controller.
     frames: VecDeque<Frame>,
 }
 

@@ -9,7 +9,6 @@ pub use std::time::Duration;
 pub struct Instant;
 
 impl Instant {
-    /// The present.
     pub fn now() -> Self {
         Self
     }

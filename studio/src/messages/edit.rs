@@ -18,7 +18,6 @@ pub enum Edit {
     },
     /// A text of a table, or none.
     Text {
-        /// As of numbers.
         table: Vec<String>,
         /// Key of the text.
         key: String,
@@ -27,21 +26,16 @@ pub enum Edit {
     },
     /// A number wherever the document has it.
     Everywhere {
-        /// Its key.
         key: String,
-        /// What it is.
         from: f64,
-        /// What it becomes.
         value: f64,
     },
-    /// A named gait.
     Gait {
         /// Its name, or `stance`.
         gait: String,
         /// Share of the cycle that a foot stands; without, the former one stays.
         duty: Option<f64>,
     },
-    /// All footfalls.
     Footfalls {
         /// Whether an end effector is on the ground, `[end effector][sample]`.
         stance: Vec<Vec<bool>>,
@@ -50,7 +44,6 @@ pub enum Edit {
     Swing {
         /// Index of the end effector.
         end_effector: usize,
-        /// First sample.
         from: usize,
         /// Last sample; in periodic motions it may be before the first.
         to: usize,

@@ -7,7 +7,6 @@ use serde::Serialize;
 /// Motions and transitions in the text of a library file, read without validation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Graph {
-    /// Its motions.
     pub motions: Vec<GraphMotion>,
     /// Name of the motion that is SAFE.
     pub safe: String,
@@ -24,7 +23,6 @@ pub struct Graph {
 /// A motion of a [`Graph`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GraphMotion {
-    /// Its name.
     pub name: String,
     /// The file that it is made of.
     pub file: String,
@@ -48,7 +46,6 @@ pub struct GraphTransition {
 /// A motion file that is not in a library.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct GraphOther {
-    /// Its name.
     pub name: String,
     /// Its path, as the library would name it.
     pub file: String,
@@ -57,7 +54,6 @@ pub struct GraphOther {
 /// A motion of a library.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Node {
-    /// Its name.
     pub name: String,
     /// Command code that selects it.
     pub code: u8,
@@ -65,7 +61,6 @@ pub struct Node {
     pub duration_s: f64,
     /// Frames at 60 Hz; none without a library.
     pub frames: Option<usize>,
-    /// Whether it repeats.
     pub periodic: bool,
     /// Status of its plan.
     pub status: Status,

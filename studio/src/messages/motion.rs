@@ -5,19 +5,16 @@ use serde::{Deserialize, Serialize};
 /// A motion to be edited.
 #[derive(Clone, Debug, Serialize)]
 pub struct MotionView {
-    /// Its name.
     pub name: String,
     /// Its ends: `periodic` or `at_rest`.
     pub ends: String,
     /// Duration, s.
     pub duration_s: f64,
-    /// Count of samples.
     pub samples: usize,
     /// Height of swings, m.
     pub swing_height_m: f64,
     /// Whether an end effector is on the ground, `[end effector][sample]`.
     pub stance: Vec<Vec<bool>>,
-    /// Displacement and turn.
     pub goal: Goal,
     /// Targets, in the order of the file.
     pub targets: Vec<Target>,

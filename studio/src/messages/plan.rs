@@ -11,13 +11,10 @@ pub struct Solve {
     pub status: Status,
     /// The same in a sentence or two.
     pub words: String,
-    /// Iterations.
     pub iterations: usize,
-    /// Energy.
     pub energy: f64,
     /// Worst constraint residual as a fraction of its tolerance.
     pub worst_level: f64,
-    /// The worst constraint.
     pub worst_constraint: &'static str,
     /// Constraints that contradict each other.
     pub culprits: Vec<Culprit>,
@@ -26,7 +23,6 @@ pub struct Solve {
 /// A constraint that takes part in a contradiction.
 #[derive(Clone, Debug, Serialize)]
 pub struct Culprit {
-    /// Its name.
     pub constraint: &'static str,
     /// Name, subject, time and amount, in words.
     pub what: String,
@@ -38,7 +34,6 @@ pub struct Culprit {
     pub end_effector: Option<usize>,
     /// Joint that it is about.
     pub joint: Option<usize>,
-    /// What to change.
     pub advice: String,
     /// A change after which there is a plan.
     pub fix: Option<Fix>,
@@ -47,11 +42,9 @@ pub struct Culprit {
 /// A change that helps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Fix {
-    /// In words.
     pub label: String,
     /// Path of the document.
     pub path: String,
-    /// The change.
     pub edit: Edit,
 }
 
@@ -59,7 +52,6 @@ pub struct Fix {
 /// is at or before `duration_s`, of periodic motions before it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FramesHeader {
-    /// Rows.
     pub count: usize,
     /// Rows per second, Hz.
     pub rate_hz: f64,

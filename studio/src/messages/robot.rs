@@ -24,9 +24,7 @@ pub enum Place {
 pub enum Wanted {
     /// To talk to it, in place of one before.
     Connect {
-        /// Where it is.
         place: Place,
-        /// The documents.
         files: Vec<File>,
         /// Path of the robot file among them.
         file: String,
@@ -76,16 +74,13 @@ impl std::fmt::Debug for Key {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(tag = "intent", rename_all = "snake_case")]
 pub enum Wish {
-    /// Turn torque on.
     Arm,
     /// Play the motion with this code.
     Play {
-        /// The code.
         code: u8,
     },
     /// Halt the motion where it is, or go on.
     PauseOrResume,
-    /// Return to SAFE.
     Return,
     /// Return to SAFE, then turn torque off.
     Disarm,
@@ -115,7 +110,6 @@ pub enum Seen {
     There(Snapshot),
     /// It cannot be seen.
     Gone {
-        /// Why.
         gone: String,
     },
 }
@@ -147,7 +141,6 @@ pub struct RobotView {
     pub mismatch: Option<String>,
     /// What is wrong with the bus.
     pub complaint: Option<String>,
-    /// Faults in words.
     pub faults: Vec<String>,
     /// Motions of the library in use, if the page has that library.
     pub motions: Vec<MotionOf>,
@@ -180,11 +173,8 @@ pub struct RobotView {
 /// A motion that can be played.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct MotionOf {
-    /// Its name.
     pub name: String,
-    /// Its command code.
     pub code: Option<u8>,
-    /// Whether it repeats.
     pub looping: bool,
 }
 
@@ -204,7 +194,6 @@ pub struct Playing {
 /// Telemetry of a joint or driven wheel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ChannelOf {
-    /// Its name.
     pub name: String,
     /// Angle, rad.
     pub position_rad: f32,
@@ -232,6 +221,5 @@ pub struct MessageOf {
     pub at_s: f64,
     /// `note`, `refused` or `warning`.
     pub weight: &'static str,
-    /// The message.
     pub text: String,
 }

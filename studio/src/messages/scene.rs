@@ -28,9 +28,7 @@ pub struct Parameter {
     pub name: String,
     /// As people call it.
     pub label: String,
-    /// Its unit.
     pub unit: &'static str,
-    /// Present value.
     pub value: f64,
     /// Least value of a slider.
     pub min: f64,
@@ -40,7 +38,6 @@ pub struct Parameter {
     pub step: f64,
 }
 
-/// A rigid body.
 #[derive(Clone, Debug, Serialize)]
 pub struct Body {
     /// Name of the link, or of the wheel.
@@ -52,7 +49,6 @@ pub struct Body {
 /// A shape of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Shape {
-    /// Its form.
     #[serde(flatten)]
     pub form: Form,
     /// body_from_shape.
@@ -67,7 +63,6 @@ pub struct Shape {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "shape", rename_all = "snake_case")]
 pub enum Form {
-    /// A box.
     Box {
         /// Sides along x, y and z, m.
         size_m: [f64; 3],
@@ -79,7 +74,6 @@ pub enum Form {
         /// Length, m.
         length_m: f64,
     },
-    /// A ball.
     Sphere {
         /// Radius, m.
         radius_m: f64,
@@ -101,9 +95,7 @@ pub enum Role {
     Part,
     /// Room that others keep clear of.
     Clearance,
-    /// A wheel.
     Wheel,
-    /// A foot.
     Foot,
     /// The blade of a skate.
     Blade,
@@ -112,7 +104,6 @@ pub enum Role {
 /// A joint with its limits.
 #[derive(Clone, Debug, Serialize)]
 pub struct Joint {
-    /// Its name.
     pub name: String,
     /// Index of the link that it moves among the bodies.
     pub body: usize,
@@ -129,7 +120,6 @@ pub struct Joint {
 /// A foot, wheel or blade.
 #[derive(Clone, Debug, Serialize)]
 pub struct EndEffector {
-    /// Its name.
     pub name: String,
     /// Kind of contact, as robot files spell it.
     pub contact: &'static str,

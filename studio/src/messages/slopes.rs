@@ -9,7 +9,6 @@ pub struct SlopesOf {
     pub name: &'static str,
     /// Its unit; empty for none.
     pub unit: &'static str,
-    /// Its value.
     pub value: f64,
     /// Value below which changes are not compared with it.
     pub little: f64,

@@ -14,7 +14,6 @@ const MOST_LAG_US: u64 = 100_000;
 /// Interval at which frames change hands, µs.
 const STEP_US: u64 = 1_000;
 
-/// A simulated robot.
 pub struct Simulated {
     rig: Rig,
     /// The page's clock at the last run, µs.

@@ -3,7 +3,6 @@
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::authentication::{LINK_KEY_LEN, LinkKey};
 
-/// The key.
 pub fn key() -> LinkKey {
     LinkKey::new(&[0x42; LINK_KEY_LEN])
 }

@@ -30,7 +30,6 @@ struct Bench {
     /// Empty while it is being mounted.
     store: Option<Store>,
     power: Power,
-    /// What may play.
     allowed: Vec<Vec<u8>>,
     /// Checksums of what may have been there from the beginning, in foreign flash.
     found: Vec<u32>,

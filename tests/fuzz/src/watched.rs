@@ -45,7 +45,6 @@ impl Power {
     }
 }
 
-/// The flash.
 pub struct Watched {
     cells: Cells,
     power: Power,

@@ -44,7 +44,6 @@ impl Block {
     }
 }
 
-/// A document.
 pub struct Document {
     /// Path from the checkout's root.
     pub path: String,
@@ -55,7 +54,6 @@ pub struct Document {
 }
 
 impl Document {
-    /// Reads a document.
     pub fn parse(path: &str, text: &str) -> Self {
         let (mut blocks, mut spans) = (Vec::<Block>::new(), Vec::new());
         let (mut section, mut is_code) = (0, false);

@@ -11,7 +11,6 @@ use std::process::{Command, Stdio};
 /// Commands that go on until their user ends them: understood, not run.
 const ENDED_BY_THEIR_USER: [&str; 4] = ["console", "drive", "monitor", "studio"];
 
-/// The reader.
 pub struct Reader {
     desk: Desk,
     /// What the section has exported.

@@ -26,7 +26,6 @@ const PWM_PERIOD_US: f32 = 20_000.0;
 pub struct Told {
     /// What the controller played in that control period.
     pub playing: Playing,
-    /// Of the drive.
     pub channel: usize,
     /// Angle, rad, or speed of a wheel, rad/s.
     pub value: f32,

@@ -18,7 +18,6 @@ const MAX_SIGNATURE_PER_KIB: f64 = 98_800.0;
 /// The stack of the real boards has 32 KiB.
 const MAX_STACK: u64 = 24 << 10;
 
-/// What was measured.
 pub struct Keys {
     /// The image with a link key.
     link: Contents,

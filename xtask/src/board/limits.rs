@@ -5,7 +5,6 @@ use std::fmt::Display;
 /// Most bytes of static variables.
 pub const MAX_STATIC_RAM: u64 = 16 << 10;
 
-/// Excesses so far.
 #[derive(Default)]
 pub struct Limits(Vec<String>);
 

@@ -37,7 +37,6 @@ pub const NUCLEO: Memory = Memory {
     max_text_both: 127_000,
 };
 
-/// The same limit.
 pub const PICO: Memory = Memory {
     name: "pico2",
     image: PICO2,

@@ -23,9 +23,7 @@ const KEYWORD_BYTES: usize = 20;
 /// A crate that is published.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Published {
-    /// Its name.
     pub name: String,
-    /// Its version.
     pub version: String,
     /// Folder of its manifest.
     pub folder: PathBuf,

@@ -6,7 +6,6 @@ use super::metadata;
 use crate::{shell, toolchain};
 
 const CARGO_SEMVER_CHECKS: (&str, &str) = ("cargo-semver-checks", "0.51.0");
-/// Tags of releases.
 const TAGS: &str = "v[0-9]*";
 
 /// Compares with a revision, or else with the last release before this commit. Says so where there is none.

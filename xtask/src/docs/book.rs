@@ -15,7 +15,6 @@ pub const SUMMARY: &str = "docs/SUMMARY.md";
 /// The first page, which the book calls `index`.
 const LANDING: &str = "docs/README.md";
 
-/// A chapter.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Chapter {
     /// Document that it comes from.

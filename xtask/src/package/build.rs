@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 pub const TARGET: &str = "x86_64-unknown-linux-musl";
 /// Their profile, in the root `Cargo.toml`.
 pub const PROFILE: &str = "ship";
-/// The programs.
 pub const PROGRAMS: [&str; 4] = ["rollwalk", "rollwalk-sim", APPS[0], APPS[1]];
 /// Those that are packages of their own, and write their manual pages and completions themselves.
 pub const APPS: [&str; 2] = ["rollwalk-bench", "rollwalk-ros2"];

@@ -8,7 +8,6 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// Release of Debian.
 const RELEASE: &str = "bookworm";
 /// Section of README with the tutorial.
 const TUTORIAL: &str = "your-own-robot-and-motion-in-ten-minutes";

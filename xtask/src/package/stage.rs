@@ -21,9 +21,7 @@ const SHIPPED: [&str; 4] = [
     "shipped/designs/*.toml",
     "host/gamepads/*.toml",
 ];
-/// Documents.
 const DOCUMENTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE-APACHE", "LICENSE-MIT"];
-/// The udev rules.
 const RULES: &str = "apps/packaging/udev/70-rollwalk.rules";
 
 /// Writes the tree into an empty `stage`.

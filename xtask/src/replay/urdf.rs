@@ -80,7 +80,6 @@ pub fn planned(replay: &Replay, urdf: &Path) -> Result<Planned, String> {
     Ok(Planned { stem, robot, plans })
 }
 
-/// A motion file.
 fn text(name: &str, gait: &str, duty: f64, period: f64, goal: [f64; 3], height_m: f64) -> String {
     // Whole frames of the library.
     let duration_s = (60.0 * period * (height_m / GRAVITY_M_S2).sqrt()).round() / 60.0;

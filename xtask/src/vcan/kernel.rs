@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 const META_PACKAGE: &str = "linux-image-amd64";
 const PREFIX: &str = "linux-image-";
 
-/// An unpacked kernel.
 pub struct Kernel {
     /// Folder with its files.
     pub folder: PathBuf,

@@ -7,9 +7,7 @@ use std::fs;
 /// The machine that runs a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// This machine.
     Here,
-    /// A virtual machine.
     Guest,
 }
 

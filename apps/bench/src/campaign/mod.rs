@@ -37,9 +37,7 @@ use world::WorldReport;
 /// The robot and library of a campaign.
 #[derive(Clone, Debug)]
 pub struct Subject {
-    /// The robot.
     pub robot: Robot,
-    /// Its library.
     pub library: Vec<u8>,
     /// Command codes of the library's motions, in its order; the first is SAFE.
     pub codes: Vec<u8>,
@@ -100,7 +98,6 @@ impl Subject {
 /// One run: everything in it follows from these values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Case {
-    /// The faults.
     pub scenario: Scenario,
     /// Lost frames of the link, per mille.
     pub loss_per_mille: u16,
@@ -111,13 +108,10 @@ pub struct Case {
 /// Reaction of the robot to the fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Outcome {
-    /// Continued.
     WentOn,
     /// Returned to SAFE along the motion graph and turned torque off.
     WentHome,
-    /// Was damped.
     LetDown,
-    /// Was stopped.
     Stopped,
     /// Transferred the library at the first attempt.
     Transferred,
@@ -136,7 +130,6 @@ impl Outcome {
         Self::TakenUp,
     ];
 
-    /// Name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::WentOn => "went on",
@@ -152,7 +145,6 @@ impl Outcome {
 /// Result of a run.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// The case.
     pub case: Case,
     /// Reaction of the robot.
     pub outcome: Outcome,

@@ -50,7 +50,6 @@ impl<C: Core> Operator<C> {
         Ok(self.session.as_mut().expect("just connected"))
     }
 
-    /// Lets time pass.
     pub fn wait(&mut self, span: SimTime) {
         match &mut self.session {
             Some(session) => drop(session.run_for(span.as_us())),

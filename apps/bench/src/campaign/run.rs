@@ -75,7 +75,6 @@ fn stopped_within(subject: &Subject) -> SimTime {
         + TORQUE_OFF_WITHIN
 }
 
-/// Runs one case.
 pub fn run<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogEntry>) {
     let mut random = Rng::with_seed(case.seed ^ u64::from(case.loss_per_mille) << 48);
     let mut rig = Rig::with_core(&subject.robot, core).expect("the robot is sound");

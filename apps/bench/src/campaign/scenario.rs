@@ -64,7 +64,6 @@ pub enum Scenario {
 /// An event of the host program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Host {
-    /// None.
     Stays,
     /// Ends at the first instant; another program starts at the second.
     Dies(SimTime, SimTime),

@@ -18,17 +18,14 @@ impl<C> Clone for SharedRig<C> {
 }
 
 impl<C: Core> SharedRig<C> {
-    /// Shares a rig.
     pub fn new(rig: Rig<C>) -> Self {
         Self(Rc::new(RefCell::new(rig)))
     }
 
-    /// Borrows the rig.
     pub fn borrow(&self) -> RefMut<'_, Rig<C>> {
         self.0.borrow_mut()
     }
 
-    /// The present instant.
     pub fn now(&self) -> SimTime {
         self.borrow().now()
     }

@@ -9,17 +9,13 @@ use std::collections::BTreeMap;
 /// The runs of a scenario with a loss. Sums are of whole numbers, so that they are the same in any order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// All runs.
     pub runs: u64,
-    /// Runs by outcome.
     pub outcomes: BTreeMap<Outcome, u64>,
     /// Runs with violations or errors.
     pub broken: u64,
     /// Frames lost, and disturbances by other faults.
     pub fired: [u64; 2],
-    /// Setpoints checked.
     pub setpoints: u64,
-    /// Commands checked.
     pub commands: u64,
     /// Longest time from the host's first emergency stop to motors without torque, ns.
     pub worst_stop_ns: Option<u64>,
@@ -36,7 +32,6 @@ pub struct Row {
 }
 
 impl Row {
-    /// Adds a run.
     pub fn add(&mut self, report: &Report) {
         self.runs += 1;
         *self.outcomes.entry(report.outcome).or_default() += 1;
@@ -79,7 +74,6 @@ impl Row {
     }
 }
 
-/// All runs.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
     rows: BTreeMap<(Scenario, u16), Row>,

@@ -17,7 +17,6 @@ const REST_M_S: f64 = 0.05;
 pub struct WorldReport {
     /// Slope of the ground, rad, rising ahead of the robot at the start.
     pub slope_rad: f64,
-    /// Falls.
     pub falls: Vec<Fall>,
     /// Greatest angle between the body's z axis and the vertical outside of the hoist, rad.
     pub tilt_max_rad: f64,

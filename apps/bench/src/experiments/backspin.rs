@@ -19,10 +19,8 @@ const START: [f64; 6] = [-0.5, 0.0, 0.3, 0.0, -4.0, 0.0];
 /// Spin that counts as much as 1 m/s: a turn a second, rad/s.
 const TURN_RAD_S: f64 = std::f64::consts::TAU;
 const LAYERS: usize = 2;
-/// Most simulations.
 const ROLLOUTS: usize = 100;
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let throw = thrown(LAYERS);
     let evaluate = |by: &[f64]| {

@@ -35,7 +35,6 @@ const ROLLOUTS: usize = 60;
 /// Simulations of CMA-ES for each of L-BFGS.
 const TIMES_MORE: usize = 10;
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let coarse = Throw::ball(LAYERS);
     let throw = coarse.clone().in_steps(FINE_S);

@@ -13,7 +13,6 @@ use std::sync::Arc;
 const MASS_KG: f64 = 1.0;
 const STIFFNESS_N_M: f64 = 1e3;
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let mut checks = Vec::new();
     for damping_n_s_m in [0.0, 2.0, 5.0, 10.0, 20.0, 40.0] {

@@ -42,7 +42,6 @@ const STAGES_N_M: [f64; 5] = [100.0, 200.0, 400.0, 800.0, 1000.0];
 /// Simulations of a stage, without a wall and with it.
 const ROLLOUTS: [usize; 2] = [20, 80];
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let aimed = |wall: bool| {
         let throw = thrown(CELLS, wall);

@@ -124,7 +124,6 @@ fn settled(solid: &Arc<dyn Ground>) -> Option<Vec<Motion>> {
     Some(system.motions().iter().map(still).collect())
 }
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let solid = bunny();
     let motions = settled(&solid)?;

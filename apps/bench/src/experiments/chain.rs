@@ -80,7 +80,6 @@ fn slope(points: &[(f64, f64)]) -> f64 {
     products.sum::<f64>() / squares.sum::<f64>()
 }
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let mut curve = Vec::new();
     let mut checks = Vec::new();

@@ -10,12 +10,10 @@ pub(crate) const STIFFNESS_N_M: f64 = 1000.0;
 /// Damping of springs, N·s/m.
 const DAMPING_N_S_M: f64 = 0.1;
 
-/// A square cloth.
 #[derive(Clone, Debug)]
 pub(crate) struct Cloth {
     /// Its particles, row by row.
     pub nodes: Range<usize>,
-    /// Along an edge.
     count: usize,
 }
 

@@ -9,7 +9,6 @@ use nalgebra::{DMatrix, DVector};
 /// What the strategy found.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// The best sample.
     pub parameters: Vec<f64>,
     /// Best objective after each sample.
     pub best: Vec<f64>,

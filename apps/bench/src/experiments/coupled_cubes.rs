@@ -51,7 +51,6 @@ fn task<'a>(effector: &'a Gripper, targets: Targets<'a>, steps: usize) -> Task<'
 
 type Targets<'a> = &'a dyn Fn(&Rollout) -> Vec<Residual>;
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let (target, turned) = (TARGET_M + Vector3::z() * rest_m(), about_z(PI));
     let (_, gripper) = scene();

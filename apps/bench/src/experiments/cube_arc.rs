@@ -54,7 +54,6 @@ fn task(gripper: &Gripper, steps: usize, shift: f64) -> Task<'_> {
     }
 }
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let (_, gripper) = scene();
     let usual = task(&gripper, STEPS, USUAL).solve_from_rest(watch)?;

@@ -37,7 +37,6 @@ pub(crate) fn system() -> System {
     System::new(settings(), scene().0)
 }
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let (mut checks, mut costs, mut ways) = (Vec::new(), Vec::new(), Vec::new());
     let (_, gripper) = scene();

@@ -110,7 +110,6 @@ fn later(gripper: &Gripper, parameters: &[f64]) -> Option<Motion> {
     Some(system.motions()[CUBE])
 }
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let (_, gripper) = hung(STRETCH);
     let targets = |rollout: &Rollout| lying(rollout, 1.0);

@@ -44,7 +44,6 @@ const COARSE: [usize; 3] = [4, 4, 2];
 /// Steps of which iterations are reported: sliding and sticking.
 const REPORTED: [usize; 2] = [60, 150];
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let cells = [7, 7, 3];
     let mut outcome = Outcome {

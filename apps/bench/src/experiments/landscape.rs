@@ -36,7 +36,6 @@ const LINE_FORWARD_M_S: f64 = 0.5055;
 const LINE_UPWARD_M_S: [f64; 2] = [0.14, 0.2];
 const ON_LINE: usize = 61;
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let ball = Throw::ball(LAYERS);
     let mut outcome = Outcome {

@@ -68,7 +68,6 @@ pub trait Watch {
     fn interrupted(&self) -> bool;
 }
 
-/// An experiment.
 #[derive(Clone, Copy)]
 pub struct Experiment {
     /// Name on the command line.

@@ -9,7 +9,6 @@ pub struct Outcome {
     pub setup: String,
     /// Numbers beside what they should be.
     pub checks: Vec<Check>,
-    /// Curves to draw.
     #[serde(skip)]
     pub charts: Vec<Chart>,
 }
@@ -24,7 +23,6 @@ pub struct Check {
     pub reference: String,
     /// What is asked of it, in words.
     pub asked: String,
-    /// What was found.
     pub found: String,
     /// Whether that is as asked; none of what is reported without a bound.
     pub holds: Option<bool>,
@@ -57,7 +55,6 @@ impl Check {
         Self::new(what, reference, "", &short(found), None)
     }
 
-    /// Anything else.
     pub fn new(what: &str, reference: &str, asked: &str, found: &str, holds: Option<bool>) -> Self {
         let [what, reference, asked, found] = [what, reference, asked, found].map(str::to_owned);
         Self { what, reference, asked, found, holds, why: String::new() }
@@ -92,7 +89,6 @@ pub fn short(value: f64) -> String {
 pub struct Chart {
     /// Ending of its file's name after the experiment's.
     pub name: String,
-    /// Title.
     pub title: String,
     /// Horizontal axis with unit.
     pub x: String,
@@ -100,7 +96,6 @@ pub struct Chart {
     pub y: String,
     /// Whether both axes are logarithmic; values of 0 and less are then left out.
     pub logarithmic: bool,
-    /// Names and points.
     pub curves: Vec<(String, Vec<(f64, f64)>)>,
 }
 

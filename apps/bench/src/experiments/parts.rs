@@ -47,7 +47,6 @@ impl Link {
         });
     }
 
-    /// Links two particles.
     pub fn add_between(&self, assembly: &mut Assembly, particles: [usize; 2]) {
         self.add(assembly, particles, [Vector3::zeros(); 2]);
     }

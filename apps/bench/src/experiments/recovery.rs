@@ -30,7 +30,6 @@ const NODES_BETWEEN: usize = 4;
 /// Residuals are in mm.
 const PER_M: f64 = 1e3;
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let mut outcome = Outcome {
         setup: format!(

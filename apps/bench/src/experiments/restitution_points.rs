@@ -17,7 +17,6 @@ const STIFFNESS_N_M: f64 = 1e3;
 const DAMPING_N_S_M: f64 = 5.0;
 const STEP_S: f64 = 1e-3;
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let [mut shared, mut alike] = [(); 2].map(|()| Vec::new());
     for points in 2..=10_usize {

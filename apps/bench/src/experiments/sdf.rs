@@ -115,7 +115,6 @@ fn fall(watch: &dyn Watch, what: Falls, steps: usize) -> Option<Lies> {
     })
 }
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let cells = [12, 24, 48, 96];
     let mut found = Vec::new();

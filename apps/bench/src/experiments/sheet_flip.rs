@@ -93,7 +93,6 @@ fn residuals(rollout: &Rollout, step: usize, targets: &[Vector3<f64>]) -> Vec<Re
     nodes.flat_map(|(node, target)| at_place(rollout, step, node, target)).collect()
 }
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let (assembly, cloth, handles) = scene();
     let targets = places(&assembly);

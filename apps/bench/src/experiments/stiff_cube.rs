@@ -29,7 +29,6 @@ const STEPS: usize = 200;
 /// Simulations of a stage.
 const ROLLOUTS: usize = 10;
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let throw = cube(CELLS);
     let aim = Aim { freedoms: &FREEDOMS[..3], residuals: &away, watch };

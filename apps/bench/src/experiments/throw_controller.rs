@@ -201,7 +201,6 @@ fn train(watch: &dyn Watch, samples: usize, epochs: usize, friction: f64) -> Opt
     Some(Trained { network, losses, epoch_s: spent_s / epochs as f64 })
 }
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let trained = train(watch, TRAINING, EPOCHS, FRICTION)?;
     watch.say("without friction");

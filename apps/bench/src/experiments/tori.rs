@@ -25,7 +25,6 @@ const CELLS: usize = 24;
 const MODELS: [(Model, &str); 3] =
     [(Model::Linear, "119.19 s"), (Model::Tanh, "178.5 s"), (Model::Hybrid, "180.75 s")];
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let mut outcome = Outcome {
         setup: format!(

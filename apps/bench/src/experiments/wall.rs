@@ -42,7 +42,6 @@ struct Found {
     side: Vec<(f64, f64)>,
 }
 
-/// Runs the experiment.
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let mut checks = Vec::new();
     let [mut above, mut side] = [Vec::new(), Vec::new()];

@@ -29,7 +29,6 @@ const JOINT_ERROR_MRAD: f64 = 0.5;
 pub struct PlannedLibrary {
     /// Name of the library.
     pub name: String,
-    /// Its robot.
     pub robot: Robot,
     /// Plans of its clips: motions, then transitions.
     pub plans: Vec<Plan>,
@@ -39,7 +38,6 @@ pub struct PlannedLibrary {
     pub with_torques: Vec<u8>,
 }
 
-/// One clip, measured.
 #[derive(Serialize)]
 struct Clip {
     name: String,
@@ -53,7 +51,6 @@ struct Clip {
     worst_wheel_error_rad_s: f64,
 }
 
-/// One library, measured.
 #[derive(Serialize)]
 struct Row {
     library: String,
@@ -74,7 +71,6 @@ struct Row {
     clips: Vec<Clip>,
 }
 
-/// Runs the benchmark.
 pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings>> {
     let mut rows = Vec::new();
     for file in only.choose(&LIBRARIES, |file| file)? {

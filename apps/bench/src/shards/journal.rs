@@ -20,7 +20,6 @@ pub struct Header {
     pub digest: String,
     /// Version of the program: another one may find something else.
     pub version: String,
-    /// Number of units.
     pub units: usize,
 }
 
@@ -28,7 +27,6 @@ pub struct Header {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Unit<R> {
-    /// Its number.
     pub unit: usize,
     /// What came of it.
     pub result: R,
@@ -63,7 +61,6 @@ fn parse<R: DeserializeOwned>(text: &str) -> Option<Read<R>> {
 
 /// The journals of one piece of work in a folder: `NAME.journal.jsonl`, `NAME.journal-2-of-5.jsonl`.
 pub struct Journals<'a> {
-    /// Where they are.
     pub folder: &'a Path,
     /// What their names begin with.
     pub name: &'a str,

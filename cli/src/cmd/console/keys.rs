@@ -17,11 +17,9 @@ pub enum Meaning {
     Want(Intent),
     /// Open or close the help.
     Help,
-    /// More joints.
     Scroll(isize),
 }
 
-/// The keyboard.
 #[derive(Clone, Debug, Default)]
 pub struct Keyboard {
     last: Option<(KeyCode, KeyModifiers, u64)>,

@@ -18,7 +18,6 @@ pub struct Scene<'a> {
     pub view: &'a View,
     /// The bus, as it was typed.
     pub bus: &'a str,
-    /// Names and limits.
     pub names: &'a Names,
     /// The gamepad in a few words, if there is one.
     pub gamepad: Option<&'a str>,
@@ -40,7 +39,6 @@ pub struct Range {
 /// Names and limits of the robot and library that the controller has.
 #[derive(Clone, Debug, Default)]
 pub struct Names {
-    /// Of the library.
     pub catalog: Option<Catalog>,
     /// The robot, if it is known.
     pub robot: Option<String>,
@@ -53,9 +51,7 @@ pub struct Names {
 /// A motion and the key that plays it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotionKey {
-    /// The key.
     pub key: char,
-    /// Its command code.
     pub code: u8,
 }
 

@@ -43,7 +43,6 @@ pub enum Phase {
     Playing,
     /// It goes to SAFE, and is disarmed.
     Homeward,
-    /// It is over.
     Over,
 }
 
@@ -164,7 +163,6 @@ impl<'p> Conductor<'p> {
         &self.tally
     }
 
-    /// The sequence.
     #[cfg(test)]
     pub fn sequence(&self) -> &Sequence<'p> {
         &self.sequence

@@ -101,7 +101,6 @@ struct Encoders {
 #[serde(deny_unknown_fields)]
 struct Base {
     position_m: [f64; 3],
-    /// World from body.
     orientation_wxyz: [f64; 4],
     velocity_m_s: [f64; 3],
     angular_velocity_rad_s: [f64; 3],
@@ -132,7 +131,6 @@ pub struct Measured<'a> {
 }
 
 impl Measured<'_> {
-    /// For the estimator.
     pub fn sensors(&self) -> Sensors<'_> {
         Sensors {
             gyro_rad_s: self.imu.gyro_rad_s.map(Vector3::from),
@@ -295,7 +293,6 @@ pub struct Setpoints {
 }
 
 impl Setpoints {
-    /// In channel order.
     pub fn new(time_s: f64, laws: &[Law], untracked: Option<Untracked>) -> Self {
         let each = |of: fn(&Law) -> f64| laws.iter().map(of).collect();
         Self {

@@ -19,7 +19,6 @@ const STANDS_S: f64 = 0.5;
 pub struct Play {
     /// Its name in the library.
     pub motion: String,
-    /// Its cycles.
     pub cycles: u32,
 }
 

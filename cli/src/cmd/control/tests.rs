@@ -63,7 +63,6 @@ enum Loses {
     Nothing,
     /// Ends of batches, so that it does not answer.
     Samples,
-    /// Gyro and accelerometer.
     Imu,
     /// What the contact switches say.
     Contacts,

@@ -23,12 +23,10 @@ const WAY_SHARE: f64 = 0.06;
 /// A bus above this load has no room left for repetitions.
 const BUS_LOAD: f64 = 0.7;
 
-/// All measurements.
 #[derive(Serialize)]
 pub struct Outcome {
     /// Name of the robot.
     pub robot: String,
-    /// Motions, then transitions.
     pub clips: Vec<Clip>,
     /// Bytes of the motion library.
     pub library_bytes: usize,
@@ -42,14 +40,12 @@ pub struct Outcome {
     pub stopped: Option<String>,
     /// Motions in the order in which they were played.
     pub tour: Vec<String>,
-    /// What must hold.
     pub bounds: Vec<Bound>,
 }
 
 /// Measurements of a motion or transition.
 #[derive(Serialize)]
 pub struct Clip {
-    /// Its name.
     pub name: String,
     /// Command code; null for a transition.
     pub code: Option<u8>,
@@ -86,15 +82,10 @@ pub struct Clip {
 /// The worst of a quantity over all clips against what it may be.
 #[derive(Serialize)]
 pub struct Bound {
-    /// What.
     pub name: &'static str,
-    /// Worst value.
     pub worst: f64,
-    /// Largest value allowed.
     pub bound: f64,
-    /// Unit of both.
     pub unit: &'static str,
-    /// Whether it holds.
     pub holds: bool,
 }
 

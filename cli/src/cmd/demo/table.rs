@@ -4,7 +4,6 @@ use super::outcome::{Bound, Clip, Outcome};
 use super::world::World;
 use rollwalk_terminal::output::Table;
 
-/// The whole outcome.
 pub fn render(outcome: &Outcome) -> String {
     let mut clips = Table::new([
         "motion", "code", "iter", "time", "dynamics", "", "slip", "size", "command", "error",

@@ -13,14 +13,12 @@ use serde::Serialize;
 pub struct World {
     /// Motions and transitions, in the order in which they were played.
     pub travels: Vec<Row>,
-    /// Falls.
     pub falls: usize,
 }
 
 /// A motion or transition that was played.
 #[derive(Serialize)]
 pub struct Row {
-    /// Its name.
     pub name: String,
     /// How long it was played, s.
     pub played_s: f64,

@@ -35,13 +35,11 @@ const SILENT_US: u64 = 5_000_000;
 
 /// How a drive ended.
 pub struct Ending {
-    /// In words.
     pub words: String,
     /// As scripts see it.
     pub exit: Exit,
 }
 
-/// A drive.
 pub struct App<'a> {
     operated: Operated<'a>,
     bus: String,

@@ -26,7 +26,6 @@ pub enum Meaning {
     Want(Intent),
 }
 
-/// The controls.
 #[derive(Clone, Copy, Debug)]
 pub struct Controls {
     fastest: Fastest,
@@ -41,12 +40,10 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// Controls at rest.
     pub fn new(fastest: Fastest, has_gait: bool) -> Self {
         Self { fastest, steps: [0.0; 3], has_gait, rolls: false, last: None }
     }
 
-    /// Lets go.
     pub fn rest(&mut self) {
         self.steps = [0.0; 3];
     }

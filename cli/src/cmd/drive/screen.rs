@@ -19,7 +19,6 @@ pub struct Scene<'a> {
     pub view: &'a View,
     /// The bus, as it was typed.
     pub bus: &'a str,
-    /// What is steered.
     pub pilot: &'a Pilot,
     /// The gamepad in a few words, if there is one.
     pub gamepad: Option<&'a str>,
@@ -29,7 +28,6 @@ pub struct Scene<'a> {
     pub took_ms: Option<f64>,
 }
 
-/// Draws everything.
 pub fn draw(frame: &mut Frame, scene: &Scene) {
     let mut lines = vec![state(scene), steering(scene), plans(scene), Line::from("")];
     let messages = &scene.view.messages;

@@ -8,9 +8,7 @@ use rollwalk_simulate::identify::{
 };
 use std::path::PathBuf;
 
-/// All of it.
 pub struct Outcome {
-    /// Each run.
     pub fits: Vec<Fit>,
     /// What they give together; of one run, what that gives.
     pub together: Together,
@@ -20,9 +18,7 @@ pub struct Outcome {
 
 /// A run, fitted alone.
 pub struct Fit {
-    /// Its name.
     pub run: String,
-    /// What it gives.
     pub found: Identified,
     /// Of several runs: this one after its first quarter, simulated with the numbers of the file, with its own and with those of all runs; `None`
     /// where the robot falls.
@@ -31,9 +27,7 @@ pub struct Fit {
 
 /// A run that cannot be fitted.
 pub struct Unfitted {
-    /// Its file.
     pub path: PathBuf,
-    /// Why not.
     pub reason: Unfit,
 }
 

@@ -19,7 +19,6 @@ Two runs hardly tell how far runs disagree, so that these deviations are rough: 
 const SEVERAL_RUNS: &str = "\
 These deviations contain what the runs disagree about. An error of the model that is the same in all of them is in none.";
 
-/// As text.
 pub fn describe(outcome: &Outcome) -> String {
     let mut parts: Vec<String> = Vec::new();
     let heads = outcome.fits.iter().map(head).collect::<Vec<_>>();

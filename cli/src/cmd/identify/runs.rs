@@ -6,13 +6,11 @@ use rollwalk_robot::Robot;
 use rollwalk_simulate::identify::{Recording, Wanted};
 use std::path::{Path, PathBuf};
 
-/// A run.
 pub struct Run {
     /// Where it was read from.
     pub path: PathBuf,
     /// Its file without the folders that it shares with the other runs: robot files, which name it, travel.
     pub name: String,
-    /// What was recorded.
     pub recording: Recording,
 }
 

@@ -7,7 +7,6 @@ use rollwalk_simulate::identify::{Found, Group, Kind, Model, Of, Quantity, Verdi
 use std::path::Path;
 use toml_edit::{ArrayOfTables, Decor, DocumentMut, Item, Table, TableLike, Value};
 
-/// A robot file.
 pub struct Source {
     document: DocumentMut,
     drives: Vec<Group>,
@@ -99,7 +98,6 @@ impl Source {
     }
 }
 
-/// A new number.
 struct Change<'a> {
     key: &'static str,
     /// By which it changes.

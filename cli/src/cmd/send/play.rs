@@ -153,7 +153,6 @@ impl Loop {
         }
     }
 
-    /// Time left.
     fn left_s(&self) -> f64 {
         self.end_s - self.position_s
     }

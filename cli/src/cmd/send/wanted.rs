@@ -46,7 +46,6 @@ impl FromStr for Wanted {
 
 /// A motion to be played.
 pub struct Chosen<'a> {
-    /// Its command code.
     pub code: u8,
     /// How long it is to be played, if that was said.
     pub seconds: Option<f64>,
@@ -55,7 +54,6 @@ pub struct Chosen<'a> {
 }
 
 impl Chosen<'_> {
-    /// In words.
     pub fn name(&self) -> String {
         self.motion.map_or_else(|| format!("code {}", self.code), |(_, motion)| motion.name.clone())
     }

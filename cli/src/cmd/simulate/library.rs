@@ -12,7 +12,6 @@ use rollwalk_terminal::packed::Packed;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 
-/// Everything that happened.
 #[derive(Serialize)]
 struct Document {
     robot: String,

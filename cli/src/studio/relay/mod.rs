@@ -45,7 +45,6 @@ pub struct Relay {
 
 /// Why a page has the bus no more.
 enum End {
-    /// It went away.
     Gone,
     /// It never had it, in words.
     Refused(String),

@@ -31,16 +31,13 @@ pub enum FileError {
         kind: Kind,
         /// Where it was looked for.
         path: PathBuf,
-        /// What to type.
         #[help]
         help: String,
     },
     /// The operating system refused.
     #[error("cannot {action} {}: {reason}", path.display())]
     Io {
-        /// "read" or "write".
         action: &'static str,
-        /// The file.
         path: PathBuf,
         /// What the operating system said. Not a `source`, which reports would print once more.
         reason: io::Error,
@@ -50,7 +47,6 @@ pub enum FileError {
     NotText {
         /// What was looked for.
         kind: Kind,
-        /// The file.
         path: PathBuf,
     },
     /// The file is larger than any of its kind.
@@ -64,7 +60,6 @@ pub enum FileError {
     TooLarge {
         /// What was looked for.
         kind: Kind,
-        /// The file.
         path: PathBuf,
         /// Its size, if it has one.
         bytes: Option<u64>,
@@ -76,14 +71,12 @@ pub enum FileError {
         kind: Kind,
         /// Where it was looked for.
         path: PathBuf,
-        /// What is there.
         found: &'static str,
     },
     /// A pipe or device that says nothing.
     #[error("cannot read {}: nothing came from it for {seconds} s", path.display())]
     #[diagnostic(help("a pipe needs a program that writes into it"))]
     Silent {
-        /// The pipe.
         path: PathBuf,
         /// How long it was silent.
         seconds: u64,
@@ -92,11 +85,9 @@ pub enum FileError {
     #[error("cannot write {}: it is {}, a {kind} that this run reads", output.display(), input.display())]
     #[diagnostic(help("write to a file of another name"))]
     OverInput {
-        /// Where to write.
         output: PathBuf,
         /// The same file, as it was read.
         input: PathBuf,
-        /// What it is.
         kind: Kind,
     },
     /// The output is a file such as people write.
@@ -106,25 +97,20 @@ pub enum FileError {
     )]
     #[diagnostic(help("write to a file of another name, or remove this one first"))]
     OverSource {
-        /// Where to write.
         output: PathBuf,
     },
     /// Two outputs are one file.
     #[error("cannot write {} and {}: they are the same file", first.display(), second.display())]
     #[diagnostic(help("give each its own file"))]
     SameOutput {
-        /// One output.
         first: PathBuf,
-        /// The other.
         second: PathBuf,
     },
     /// The folder of an output is not there.
     #[error("cannot write {}: there is no folder {}", path.display(), folder.display())]
     #[diagnostic(help("make it first: mkdir -p {}", folder.display()))]
     NoFolder {
-        /// The output.
         path: PathBuf,
-        /// The missing folder.
         folder: PathBuf,
     },
     /// Something else is where the folder of an output should be.
@@ -138,7 +124,6 @@ pub enum FileError {
     Ending {
         /// What is to be written.
         what: &'static str,
-        /// The output.
         path: PathBuf,
         /// Endings of the formats that there are.
         endings: &'static [&'static str],

@@ -8,7 +8,6 @@ use rollwalk_protocol::can::Frame;
 /// Interval between checks for Ctrl-C, µs.
 const CHECK_US: u64 = 50_000;
 
-/// A link.
 pub struct Interruptible {
     live: Live,
     /// Whether Ctrl-C is ignored, because the robot returns to SAFE.

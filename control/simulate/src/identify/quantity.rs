@@ -78,7 +78,6 @@ struct Facts {
     silence: &'static str,
 }
 
-/// The one list.
 const FACTS: [Facts; 10] = [
     Facts {
         kind: Kind::Friction,

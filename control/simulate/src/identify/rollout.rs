@@ -84,7 +84,6 @@ pub(super) struct Miss {
     pub residual: Residual,
 }
 
-/// A simulated run.
 #[derive(Debug)]
 pub(super) struct Played {
     rollout: Rollout,

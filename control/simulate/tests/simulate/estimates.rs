@@ -13,7 +13,6 @@ use rollwalk_tracking::{Estimator, Sensors, Untrusted};
 #[derive(Debug, Default)]
 struct Errors {
     count: u32,
-    /// Root mean squares.
     tilt_rad: f64,
     velocity_m_s: f64,
     /// Largest, horizontal and vertical.

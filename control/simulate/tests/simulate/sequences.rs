@@ -21,7 +21,6 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::sync::{Arc, LazyLock};
 
-/// The shipped files.
 struct Files;
 
 impl Shelf for Files {

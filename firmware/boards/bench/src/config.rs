@@ -60,7 +60,6 @@ pub fn module(name: &str, robot: &Robot) -> Result<String, String> {
                 ", in postcard; buses that are not named speak the Rollwalk profile:\n///\n{}\
                  #[rustfmt::skip]\n\
                  const BUSES: [u8; {}] = {bytes:?};\n\n\
-                 /// Its actuator buses.\n\
                  pub fn buses() -> Option<Buses> {{\n    \
                  bus::decode(&BUSES)\n}}\n",
                 speak.collect::<String>(),

@@ -9,7 +9,6 @@ use rollwalk_protocol::tunnel::{Answer, Deframer, Figures, Hello, Request, Step,
 use rollwalk_sim_host::core::Core;
 use std::io::{Read, Write};
 
-/// A board.
 pub struct Remote<T> {
     line: T,
     deframer: Deframer,

@@ -17,7 +17,6 @@ struct Replayed {
     /// Identity of the image, with the steps that it made: up to the first wrong answer, that one included.
     hello: Hello,
     figures: Figures,
-    /// The wrong answer.
     wrong: Option<Stepped>,
 }
 

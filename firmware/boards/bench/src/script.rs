@@ -13,7 +13,6 @@ pub struct Script {
 }
 
 impl Script {
-    /// Number of steps.
     pub fn len(&self) -> usize {
         self.steps.len()
     }

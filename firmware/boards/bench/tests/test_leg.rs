@@ -39,7 +39,6 @@ pub fn config() -> RobotConfig {
 #[rustfmt::skip]
 const BUSES: [u8; 31] = [2, 1, 6, 65, 75, 56, 48, 45, 57, 1, 192, 132, 61, 0, 0, 2, 0, 0, 0, 160, 192, 218, 172, 250, 60, 125, 192, 132, 61, 0, 0];
 
-/// Its actuator buses.
 pub fn buses() -> Option<Buses> {
     bus::decode(&BUSES)
 }

@@ -41,7 +41,6 @@ impl Board {
         Some(Self { controller, cost, steps: 0, start_stack_bytes })
     }
 
-    /// Answers a request.
     pub fn answer(&mut self, request: Request) -> Answer {
         match request {
             Request::Hello => Answer::Hello(Hello {

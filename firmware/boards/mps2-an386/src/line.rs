@@ -42,7 +42,6 @@ unsafe impl InterruptNumber for Sent {
     }
 }
 
-/// The line.
 pub struct Line {
     received: Consumer<'static, u8>,
     waiting: Deque<u8, SEND_BYTES>,

@@ -2,7 +2,6 @@
 
 use rollwalk_protocol::wire::authentication::{LINK_KEY_LEN, LinkKey};
 
-/// A link key.
 pub fn link() -> LinkKey {
     LinkKey::new(&[0x42; LINK_KEY_LEN])
 }

@@ -18,7 +18,6 @@ pub const INTERRUPT_RX: u32 = 1 << 1;
 /// The smallest divisor that the hardware takes: 25 MHz / 16.
 pub const DIVISOR: u32 = 16;
 
-/// Its receive interrupt.
 #[derive(Clone, Copy)]
 pub struct Received;
 

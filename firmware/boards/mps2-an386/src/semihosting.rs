@@ -14,7 +14,6 @@ pub fn write(byte: u8) {
     call(WRITE_BYTE, &raw const byte as usize);
 }
 
-/// Ends the emulator.
 pub fn exit(reason: usize) -> ! {
     call(EXIT, reason);
     loop {

@@ -12,7 +12,6 @@ const TRIAL_BOOTS: u8 = 3;
 /// Three erase units for the count of boots.
 const BOOTS: usize = 12 << 10;
 
-/// Flash in memory.
 pub type Flash<const N: usize> = RamFlash<&'static mut [u8; N]>;
 /// The board's store of libraries.
 pub type Libraries = FlashStore<Flash<CAPACITY>>;

@@ -90,7 +90,6 @@ impl Timing {
     }
 }
 
-/// A bus.
 pub struct Bus {
     port: Port,
     timing: Timing,

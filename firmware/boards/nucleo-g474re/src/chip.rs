@@ -9,7 +9,6 @@ use rollwalk_protocol::serial::Reset;
 
 /// The Nucleo's crystal X3. CAN needs a crystal: the RC oscillator is off by up to 1 %.
 pub const CRYSTAL_HZ: u32 = 24_000_000;
-/// Processor and buses.
 pub const CORE_HZ: u32 = 170_000_000;
 /// Threshold of the supply detector, in PWR_CR2: 5 is about 2.8 V.
 const SUPPLY_THRESHOLD: u8 = 5;

@@ -15,7 +15,6 @@ const LINE: usize = 10;
 
 static OPENED: AtomicBool = AtomicBool::new(false);
 
-/// The contact.
 pub struct Contact {
     pin: Input<'static>,
 }

@@ -16,7 +16,6 @@ const BAUD: u32 = 1_000_000;
 static RECEIVED: Received<512> = Received::new();
 static WRITER: Writer = Writer::new();
 
-/// The serial line.
 pub struct Serial(Consumer<'static, u8>);
 
 impl Serial {

@@ -9,7 +9,6 @@ use embassy_rp::pac::{IO_BANK0, SIO};
 /// GP22, at pin 29 of the board, next to ground at 28.
 const PIN: usize = 22;
 
-/// The contact.
 pub struct Contact(());
 
 impl Contact {

@@ -12,7 +12,6 @@ use cortex_m::peripheral::NVIC;
 use embassy_rp::pac::{Interrupt, PIO0, RESETS, interrupt};
 use embassy_rp::pio::program::pio_asm;
 
-/// Lines.
 pub const COUNT: usize = 2;
 
 /// Place of the receiver in the memory of the programs; the sender has the first.

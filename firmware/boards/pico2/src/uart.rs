@@ -19,7 +19,6 @@ const RX: usize = 1;
 static RECEIVED: Received<1024> = Received::new();
 static WRITER: Writer = Writer::new();
 
-/// The UART.
 pub struct Uart(Consumer<'static, u8>);
 
 impl Uart {

@@ -35,7 +35,6 @@ enum Pipe {
 enum Stage {
     /// Waits for a request.
     Idle,
-    /// Sends these bytes.
     Sends(Vec<u8, 80>),
     /// Receives bytes that are of no consequence.
     Receives,
@@ -43,7 +42,6 @@ enum Stage {
     Handshake(Option<u8>),
 }
 
-/// The port.
 pub struct Usb {
     device: UsbSerial,
     stage: Stage,

@@ -12,7 +12,6 @@ const MAP: [f64; 2] = [420.0, 320.0];
 const SCALE_WIDTH: f64 = 220.0;
 /// Colours that lines have before they repeat, dashed.
 const COLORS: usize = 7;
-/// Colour of crosses.
 const INK: usize = 6;
 /// Colours from the smallest value to the largest: light to dark in equal steps, also for colour-blind readers (after viridis).
 const RAMP: [[u8; 3]; 5] =

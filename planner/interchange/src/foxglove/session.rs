@@ -82,7 +82,6 @@ struct Subscription {
 /// Subscriptions of a client and the messages that wait for it.
 pub struct Session {
     channels: usize,
-    /// Subscription by channel.
     subscriptions: BTreeMap<usize, u32>,
     texts: VecDeque<String>,
     data: VecDeque<Vec<u8>>,

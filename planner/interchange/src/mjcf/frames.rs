@@ -16,7 +16,6 @@ pub struct Keyframe {
     time_s: f64,
     /// Generalised positions, in the order of MuJoCo.
     qpos: Vec<f64>,
-    /// Generalised velocities, likewise.
     qvel: Vec<f64>,
     /// Controls, in channel order.
     ctrl: Vec<f64>,

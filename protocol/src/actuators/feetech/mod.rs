@@ -52,13 +52,10 @@ const STATUS: [(u32, Faults); 4] = [
 /// Bytes from an address on, of which so many are written.
 type Range = (u8, u8);
 
-/// Torque switch.
 const SWITCH: Range = (table::TORQUE_ENABLE, 1);
-/// Torque limit.
 const LIMIT: Range = (table::TORQUE_LIMIT, 2);
 /// Acceleration, position, two bytes in between, velocity.
 const MOTION: Range = (table::ACCELERATION, 7);
-/// Acceleration alone.
 const ACCELERATION: Range = (table::ACCELERATION, 1);
 /// Goal of a joint.
 const POSITION: Range = (table::GOAL_POSITION, 2);

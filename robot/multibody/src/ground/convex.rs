@@ -5,7 +5,6 @@ use super::{Ground, Surface};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use std::sync::Arc;
 
-/// x and z.
 pub(super) type Flat = Vector2<f64>;
 
 /// How far the level ground before and after a profile is looked at for the place where a part comes out, and twice as far as a

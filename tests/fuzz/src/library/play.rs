@@ -8,7 +8,6 @@ use rollwalk_protocol::library::{ClipCursor, ClipId, ClipKind, Library, NodeId, 
 
 /// Bytes of commands: eight times after how many frames, and for which motion.
 pub const COMMANDS: usize = 16;
-/// Ten seconds.
 const FRAMES: u16 = 10 * RATE_HZ;
 
 type Frame = [f32; MAX_CHANNELS];

@@ -70,7 +70,6 @@ pub struct Commands {
 }
 
 impl Commands {
-    /// An empty history.
     pub fn new(codes: Vec<u8>, on_the_way: Vec<(u8, u8)>) -> Self {
         Self {
             codes,

@@ -59,14 +59,10 @@ pub enum Rule {
     NotExpired,
 }
 
-/// A broken rule.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    /// Time, µs.
     pub at_us: u64,
-    /// The rule.
     pub rule: Rule,
-    /// Description.
     pub what: String,
 }
 
@@ -118,13 +114,10 @@ pub struct Coverage {
 pub struct StatusChange {
     /// Time of the STATUS.
     pub at: SimTime,
-    /// New state.
     pub state: State,
-    /// New faults.
     pub faults: FaultBits,
 }
 
-/// The monitor.
 #[derive(Clone, Debug)]
 pub struct Monitor {
     config: MonitorConfig,
@@ -173,12 +166,10 @@ impl Monitor {
         }
     }
 
-    /// Violations so far.
     pub fn violations(&self) -> &[Violation] {
         &self.violations
     }
 
-    /// Checks so far.
     pub fn coverage(&self) -> Coverage {
         self.coverage
     }

@@ -21,7 +21,6 @@ pub struct Nonces {
 }
 
 impl Nonces {
-    /// Revokes the nonce.
     pub fn revoke(&mut self) {
         self.valid = None;
     }

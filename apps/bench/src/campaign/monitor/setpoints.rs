@@ -43,7 +43,6 @@ impl Setpoint {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Last {
     value: f32,
-    /// Its control period.
     tick: u64,
 }
 

@@ -17,7 +17,6 @@ pub struct Timing {
     pub notices_within: SimTime,
     /// Maximum time of the return to SAFE and of holding it.
     pub way_home: SimTime,
-    /// Time of damping.
     pub damping: SimTime,
 }
 
@@ -72,7 +71,6 @@ impl ShutdownCheck {
         self.heartbeat.is_none_or(|(_, last)| at.as_us() - last.as_us() > timeout_us)
     }
 
-    /// Follows the time.
     pub fn on_time(&mut self, at: SimTime) {
         if self.has_torque && self.lost_since.is_none() && self.is_silent(at) {
             self.lost_since = Some(at);

@@ -19,7 +19,6 @@ pub(crate) trait Effector {
     /// All coordinates of a knot of the curve that they follow.
     fn knot(&self, curve: &Arc<Curve>, knot: usize) -> Vec<Box<dyn Parameter>>;
 
-    /// Moves it.
     fn place(&self, system: &mut System, coordinates: &[f64]);
 }
 
@@ -51,7 +50,6 @@ impl Way {
         Self { steps, curve: Arc::new(curve), held }
     }
 
-    /// Free knots.
     pub fn knots(&self) -> usize {
         self.curve.knots - self.held
     }
@@ -73,14 +71,12 @@ pub(crate) struct Task<'a> {
     pub way: Way,
     /// A new system at its beginning.
     pub begin: &'a dyn Fn() -> System,
-    /// Target residuals.
     pub targets: &'a dyn Fn(&Rollout) -> Vec<Residual>,
     /// Weight of the smoothness: β Σ |p_{k+1} − p_k|², from where the effector begins.
     pub beta: f64,
     pub options: Options,
 }
 
-/// How it went.
 pub(crate) struct Solution {
     pub fit: Fit,
     /// With the parameters that were found.
@@ -196,7 +192,6 @@ impl Solution {
         ]
     }
 
-    /// Objective by iteration.
     pub fn convergence(&self) -> Vec<(f64, f64)> {
         self.fit.costs.iter().zip(0..).map(|(cost, k)| (f64::from(k), *cost)).collect()
     }

@@ -22,7 +22,6 @@ impl Pass {
     }
 }
 
-/// Exponential linear unit.
 fn elu(x: f64) -> f64 {
     if x > 0.0 { x } else { x.exp_m1() }
 }

@@ -14,7 +14,6 @@ pub const LEAST_WIDTH: u16 = 46;
 /// Age from which values are marked, µs: a robot of 24 channels reports each ten times a second.
 const OLD_US: u64 = 500_000;
 
-/// Draws them.
 pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     let (width, height) =
         (usize::from(area.width.saturating_sub(2)), usize::from(area.height.saturating_sub(2)));

@@ -18,7 +18,6 @@ use ratatui::widgets::Paragraph;
 /// Below this there is no room for anything but how to stop.
 const LEAST: (u16, u16) = (56, 16);
 
-/// Draws everything.
 pub fn draw(frame: &mut Frame, scene: &Scene) {
     let area = frame.area();
     if area.width < LEAST.0 || area.height < LEAST.1 {
