@@ -140,9 +140,7 @@ pub enum Unsigned {
     },
     /// It is by this key, and of something else.
     #[error("was changed after it was signed with key {ours}, or its signature was")]
-    Changed {
-        ours: Fingerprint,
-    },
+    Changed { ours: Fingerprint },
 }
 
 impl Unsigned {

@@ -202,13 +202,9 @@ pub enum Answer {
 #[serde(untagged)]
 pub enum Done {
     /// Of `examples`.
-    Examples {
-        examples: Vec<Listed>,
-    },
+    Examples { examples: Vec<Listed> },
     /// Of `example`, `plan_json`, `export` and `animation`.
-    Text {
-        text: String,
-    },
+    Text { text: String },
     /// Of `import`.
     Imported {
         /// A first motion, the robot file and the side file.

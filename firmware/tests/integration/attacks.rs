@@ -25,22 +25,46 @@ const CASES: u64 = 2000;
 #[derive(Clone, Debug)]
 enum Attack {
     /// A message with its authenticator, as they were.
-    Replay { back: usize },
+    Replay {
+        back: usize,
+    },
     /// A message with the authenticator of another.
-    Mix { back: usize, other: usize },
+    Mix {
+        back: usize,
+        other: usize,
+    },
     /// With a bit of the authenticator or of the message flipped.
-    Forge { back: usize, bit: usize },
+    Forge {
+        back: usize,
+        bit: usize,
+    },
     /// With the authenticator or the message cut short.
-    Cut { back: usize, len: usize, message: bool },
+    Cut {
+        back: usize,
+        len: usize,
+        message: bool,
+    },
     /// With a tag out of the air.
-    Guess { proof: [u8; 8], command: u8 },
-    Plain { back: usize },
+    Guess {
+        proof: [u8; 8],
+        command: u8,
+    },
+    Plain {
+        back: usize,
+    },
     /// A command that was held back, and passed on after the host's next one.
-    Overtaken { action: Action },
+    Overtaken {
+        action: Action,
+    },
     /// A command of another session with the same key: of the boot before or a later one, of another host, to another robot.
-    OtherSession { which: OtherSession, counter: u32 },
+    OtherSession {
+        which: OtherSession,
+        counter: u32,
+    },
     /// A session that no host uses.
-    Session { nonce: u64 },
+    Session {
+        nonce: u64,
+    },
 }
 
 /// What is another's.

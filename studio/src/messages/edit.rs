@@ -25,11 +25,7 @@ pub enum Edit {
         value: Option<String>,
     },
     /// A number wherever the document has it.
-    Everywhere {
-        key: String,
-        from: f64,
-        value: f64,
-    },
+    Everywhere { key: String, from: f64, value: f64 },
     Gait {
         /// Its name, or `stance`.
         gait: String,

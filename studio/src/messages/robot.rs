@@ -109,9 +109,7 @@ pub enum Seen {
     /// Its buttons and axes.
     There(Snapshot),
     /// It cannot be seen.
-    Gone {
-        gone: String,
-    },
+    Gone { gone: String },
 }
 
 /// A snapshot for the page.

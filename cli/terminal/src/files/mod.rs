@@ -96,23 +96,15 @@ pub enum FileError {
         output.display()
     )]
     #[diagnostic(help("write to a file of another name, or remove this one first"))]
-    OverSource {
-        output: PathBuf,
-    },
+    OverSource { output: PathBuf },
     /// Two outputs are one file.
     #[error("cannot write {} and {}: they are the same file", first.display(), second.display())]
     #[diagnostic(help("give each its own file"))]
-    SameOutput {
-        first: PathBuf,
-        second: PathBuf,
-    },
+    SameOutput { first: PathBuf, second: PathBuf },
     /// The folder of an output is not there.
     #[error("cannot write {}: there is no folder {}", path.display(), folder.display())]
     #[diagnostic(help("make it first: mkdir -p {}", folder.display()))]
-    NoFolder {
-        path: PathBuf,
-        folder: PathBuf,
-    },
+    NoFolder { path: PathBuf, folder: PathBuf },
     /// Something else is where the folder of an output should be.
     #[error("cannot write into {}: it is no folder", path.display())]
     NotAFolder {
