@@ -55,7 +55,7 @@ impl<'a> Recording<'a> {
     pub fn keep(&mut self) -> miette::Result<()> {
         if self.series.is_due() {
             self.telemetry.flush().map_err(failed)?;
-            if let Some(file) = self.series.next()? {
+            if let Some(file) = self.series.next_file()? {
                 let next = Telemetry::new(file, self.node, self.known).map_err(failed)?;
                 mem::replace(&mut self.telemetry, next).finish().map_err(failed)?;
             }

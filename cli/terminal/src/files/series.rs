@@ -133,7 +133,7 @@ impl Series {
     ///
     /// # Errors
     /// The operating system refuses.
-    pub fn next(&mut self) -> miette::Result<Option<BufWriter<File>>> {
+    pub fn next_file(&mut self) -> miette::Result<Option<BufWriter<File>>> {
         let named = self.named.clone();
         let failed = |error| cannot_write(&named, error);
         let found = self.file.metadata().map_err(failed)?;
@@ -234,7 +234,7 @@ impl Lines {
     pub fn keep(&mut self) -> miette::Result<()> {
         if self.series.is_due() {
             self.flush()?;
-            if let Some(next) = self.series.next()? {
+            if let Some(next) = self.series.next_file()? {
                 self.file = next;
                 self.head()?;
             }
@@ -265,10 +265,10 @@ mod tests {
     fn fill(series: &mut Series, mut file: BufWriter<File>, mark: u8) -> BufWriter<File> {
         file.write_all(&vec![mark; 999_999]).unwrap();
         file.flush().unwrap();
-        assert!(series.next().unwrap().is_none());
+        assert!(series.next_file().unwrap().is_none());
         file.write_all(&[mark]).unwrap();
         file.flush().unwrap();
-        series.next().unwrap().unwrap()
+        series.next_file().unwrap().unwrap()
     }
 
     fn files(folder: &Path) -> Vec<(String, Option<u8>)> {
