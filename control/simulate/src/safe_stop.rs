@@ -86,7 +86,7 @@ mod tests {
     const TICK_S: f64 = 0.002;
 
     fn plan(motion: &str) -> Plan {
-        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped");
         let read = |name: &str| fs::read_to_string(format!("{root}/{name}.toml")).unwrap();
         let robot = Robot::from_toml("agilebot", &read("robots/agilebot")).unwrap();
         let text = read(&format!("motions/{motion}"));

@@ -15,7 +15,7 @@ use std::fs;
 use std::ops::ControlFlow;
 
 fn read(path: &str) -> String {
-    fs::read_to_string(format!("{}/../{path}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
+    fs::read_to_string(format!("{}/../shipped/{path}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
 }
 
 fn robot(name: &str) -> Robot {

@@ -34,7 +34,7 @@ const MOTIONS: [(&str, &str); 16] = [
 ];
 
 fn text(folder: &str, name: &str) -> String {
-    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped"));
     fs::read_to_string(root.join(folder).join(format!("{name}.toml"))).unwrap()
 }
 

@@ -14,7 +14,7 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
   let folder, served, browser, studio;
   before(async () => {
     folder = await mkdtemp(join(tmpdir(), "studio-"));
-    for (const part of ["motions", "robots"]) await cp(join(root, part), join(folder, part), { recursive: true });
+    for (const part of ["motions", "robots"]) await cp(join(root, "shipped", part), join(folder, part), { recursive: true });
     served = await serveStudio(folder, ["motions/test_leg_library.toml"]);
     browser = await launch(name);
     studio = await Studio.open(browser, `${served.address}&quality=low`);

@@ -14,7 +14,7 @@ const ROBOT: &str = "ROLLWALK_ROBOT";
 const COMPACT_HASHES: &str = "--cfg sha2_backend_soft=\"compact\"";
 
 /// Robot of the boards with CAN.
-const AGILEBOT: &str = "robots/agilebot.toml";
+const AGILEBOT: &str = "shipped/robots/agilebot.toml";
 
 /// An image of a board: a program of the board's workspace.
 pub struct Image {
@@ -67,7 +67,7 @@ pub const NUCLEO_G474RE: Image = Image {
 pub const PICO2: Image = Image {
     folder: "firmware/boards/pico2",
     target: CORTEX_M33F,
-    robot: "robots/pup.toml",
+    robot: "shipped/robots/pup.toml",
     name: "rollwalk-pico2",
 };
 

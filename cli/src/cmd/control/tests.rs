@@ -34,7 +34,7 @@ struct Planned {
 
 impl Planned {
     fn agilebot() -> Self {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shipped");
         let library = Source::Disk.library(&root.join("motions/agilebot_library.toml"));
         let library = library.expect("it ships");
         let plans = planning::plan_all(&library, false).expect("files").expect("not interrupted");

@@ -36,7 +36,7 @@ struct Drive {
 impl Drive {
     /// AgileBot with its library, in the gait of a shipped motion.
     fn new(gait: &str) -> Self {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shipped");
         let library = root.join("motions/agilebot_library.toml");
         let library = Source::Disk.library(&library).expect("it ships");
         let plans =

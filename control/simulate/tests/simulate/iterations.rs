@@ -9,7 +9,7 @@ use rollwalk_simulate::{Control, Options, play};
 use std::fs;
 use std::ops::ControlFlow;
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped");
 
 #[test]
 #[ignore = "minutes: cargo xtask nightly --only long"]

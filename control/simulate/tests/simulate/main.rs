@@ -14,7 +14,7 @@ use rollwalk_robot::Robot;
 use std::fs;
 use std::ops::ControlFlow;
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped");
 
 /// A shipped motion of a shipped robot, planned.
 fn plan(robot: &str, motion: &str) -> Plan {

@@ -9,7 +9,7 @@ use rollwalk_simulate::{Control, Options as RunOptions, play};
 use std::fs;
 use std::ops::ControlFlow;
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped");
 /// Gains of the servos, as a share of those that the motion was planned for.
 const SOFT: f64 = 0.2;
 

@@ -34,7 +34,7 @@ use std::process::ExitCode;
 #[command(name = "rollwalk-board-bench")]
 struct Cli {
     /// The robot that the images are built for.
-    #[arg(long, default_value = "robots/agilebot.toml", global = true)]
+    #[arg(long, default_value = "shipped/robots/agilebot.toml", global = true)]
     robot: PathBuf,
     #[command(subcommand)]
     task: Task,

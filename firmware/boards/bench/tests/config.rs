@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// Robot with buses of two protocols, and its generated module.
-const TEST_LEG: (&str, &str) = ("robots/test_leg.toml", "firmware/boards/bench/tests/test_leg.rs");
+const TEST_LEG: (&str, &str) =
+    ("shipped/robots/test_leg.toml", "firmware/boards/bench/tests/test_leg.rs");
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..")
@@ -53,7 +54,7 @@ fn a_generated_module_holds_the_robot() {
 
 #[test]
 fn a_robot_without_buses_in_its_file_has_none_in_its_module() {
-    let module = module("robots/agilebot.toml");
+    let module = module("shipped/robots/agilebot.toml");
     assert!(module.contains("Some(Buses::new())") && !module.contains("BUSES"), "{module}");
     assert_eq!(module.matches("    channel(").count(), 20, "{module}");
 }
@@ -87,12 +88,12 @@ fn changed(file: &str, changes: &[(&str, &str)]) -> tempfile::NamedTempFile {
 
 #[test]
 fn wiring_names_every_motor_at_its_port() {
-    let text = image("robots/test_leg.toml", "nucleo-g474re").unwrap();
+    let text = image("shipped/robots/test_leg.toml", "nucleo-g474re").unwrap();
     let lines: Vec<_> = text.lines().collect();
     assert!(lines[0].starts_with("bus 0  AK80-9, 1000 kbit/s  FDCAN2: RX PB12"), "{text}");
     assert!(lines[3].starts_with("bus 1  ODrive"), "{text}");
     assert!(lines[3].contains("FDCAN3: RX PA8"), "{text}");
-    for channel in robot("robots/test_leg.toml").channels() {
+    for channel in robot("shipped/robots/test_leg.toml").channels() {
         let motor = format!("  id {:>3}  {}", channel.actuator().id, channel.name());
         assert_eq!(lines.iter().filter(|line| **line == motor).count(), 1, "{text}");
     }
@@ -101,7 +102,7 @@ fn wiring_names_every_motor_at_its_port() {
 
 #[test]
 fn every_shipped_robot_gets_an_image_or_is_refused_by_its_bus() {
-    for entry in std::fs::read_dir(root().join("robots")).unwrap() {
+    for entry in std::fs::read_dir(root().join("shipped/robots")).unwrap() {
         let path = entry.unwrap().path();
         if path.extension().is_none_or(|extension| extension != "toml") {
             continue;
@@ -129,7 +130,7 @@ fn a_bus_that_a_board_cannot_be_is_refused_with_what_it_offers() {
                   watchdog_ms = 100\nreturn_delay_us = 20\n# ";
     let odrive = "protocol = \"odrive\"\nfirmware = \"0.5\"\nreduction";
     let serial = changed(
-        "robots/test_leg.toml",
+        "shipped/robots/test_leg.toml",
         &[
             (odrive, servos),
             ("torque_constant_nm_a", "# "),
@@ -149,12 +150,13 @@ fn a_bus_that_a_board_cannot_be_is_refused_with_what_it_offers() {
         "bus 0 (AK80-9): pico2 has no port left for it; its ports for actuators on CAN: none";
     assert!(why.contains(expected), "{why}");
 
-    let slow = changed("robots/test_leg.toml", &[("estimates_hz = 125", "estimates_hz = 10")]);
+    let slow =
+        changed("shipped/robots/test_leg.toml", &[("estimates_hz = 125", "estimates_hz = 10")]);
     let why = image(slow.path().to_str().unwrap(), "nucleo-g474re").unwrap_err();
     assert!(why.contains("bus 1: no controller can drive its actuators"), "{why}");
 
-    let why = image("robots/test_leg.toml", "mps2-an386-slcan").unwrap_err();
+    let why = image("shipped/robots/test_leg.toml", "mps2-an386-slcan").unwrap_err();
     assert!(why.contains("bus 0 (AK80-9): mps2-an386-slcan has simulated servos"), "{why}");
-    let why = image("robots/agilebot.toml", "bluepill").unwrap_err();
+    let why = image("shipped/robots/agilebot.toml", "bluepill").unwrap_err();
     assert!(why.contains("boards are mps2-an386, mps2-an386-slcan, nucleo-g474re, pico2"), "{why}");
 }

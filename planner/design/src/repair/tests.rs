@@ -14,7 +14,8 @@ use std::path::Path;
 const HANGS_M: f64 = 0.05 * (1.0 - FRAC_1_SQRT_2);
 
 fn text(path: &str) -> String {
-    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)).unwrap()
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shipped").join(path))
+        .unwrap()
 }
 
 fn robot(name: &str) -> Robot {

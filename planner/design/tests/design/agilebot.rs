@@ -16,7 +16,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 fn read(path: &str) -> NamedText {
-    let at = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
+    let at = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shipped").join(path);
     NamedText { name: path.to_owned(), text: fs::read_to_string(at).unwrap() }
 }
 

@@ -11,7 +11,7 @@ use std::fs;
 use std::path::Path;
 
 fn text(path: &str) -> String {
-    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)).unwrap()
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../shipped").join(path)).unwrap()
 }
 
 fn robot(name: &str) -> Robot {
