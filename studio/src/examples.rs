@@ -13,6 +13,8 @@ fn entry(path: &'static str, text: &str) -> Option<Listed> {
         "robots" => Of::Robot,
         "motions" if path.ends_with("_library.toml") => Of::Library,
         "motions" => Of::Motion,
+        // Sweeps are for the command line.
+        "designs" if path.ends_with("_sweep.toml") => return None,
         "designs" => Of::Design,
         _ => return None,
     };

@@ -238,8 +238,8 @@ fn a_document_with_faults_is_opened_to_be_mended() {
 /// The README shows robot and motion files, and is none.
 #[test]
 fn what_is_no_document_is_refused_with_what_would_be() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shipped");
-    for file in ["README.md", "CHANGELOG.md", "Cargo.toml", "gamepads/xbox.toml"] {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for file in ["README.md", "CHANGELOG.md", "Cargo.toml", "host/gamepads/xbox.toml"] {
         let error = Desk::open(&[root.join(file)]).err().unwrap();
         let text = error.to_string();
         assert!(text.contains("robot, motion, library and design files"), "{text}");
