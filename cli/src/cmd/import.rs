@@ -1,6 +1,6 @@
 //! `rollwalk robot import`: converts a URDF, or an MJCF model, and a side file to a robot file.
 
-use super::robot::describe;
+use super::description::describe;
 use super::standing::StandingReport;
 use miette::{Report, miette};
 use rollwalk_robot::urdf::{self, Survey, Text};

@@ -6,6 +6,7 @@ mod console;
 mod control;
 mod dbc;
 mod demo;
+mod description;
 mod design;
 mod discover;
 mod doctor;

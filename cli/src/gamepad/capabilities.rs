@@ -1,9 +1,11 @@
 //! Buttons of a device according to sysfs, also without permission to read the device.
 
-use super::device::BUTTONS;
+use evdev::KeyCode;
 use std::fs;
 use std::path::Path;
 
+/// A device with one of these is a gamepad.
+pub(super) const BUTTONS: [KeyCode; 2] = [KeyCode::BTN_SOUTH, KeyCode::BTN_TRIGGER];
 /// Folder of input devices in sysfs.
 const FOLDER: &str = "/sys/class/input";
 

@@ -1,6 +1,6 @@
 //! Gamepads of this computer by Linux's evdev: discovery, and a reader thread that survives a disconnection.
 
-use super::capabilities;
+use super::capabilities::{self, BUTTONS};
 use evdev::{AbsoluteAxisCode, Device, EventSummary, KeyCode};
 use miette::miette;
 use rollwalk_bus::serial::join;
@@ -18,8 +18,6 @@ const RETRY: Duration = Duration::from_secs(1);
 /// Group of the users who may read them.
 pub const GROUP: &str = "input";
 const FOLDER: &str = "/dev/input";
-/// A device with one of these is a gamepad.
-pub(super) const BUTTONS: [KeyCode; 2] = [KeyCode::BTN_SOUTH, KeyCode::BTN_TRIGGER];
 
 #[derive(Clone, Debug)]
 pub struct Found {

@@ -1,7 +1,6 @@
 //! The kinds of files that are read: their names, their bounds, and what a text is. Giving one kind where another belongs
 //! is an easy slip, and deserves better than a list of unknown keys.
 
-use crate::problem;
 use miette::{Diagnostic, Report, miette};
 use rollwalk_multibody::ground::file as terrain;
 use rollwalk_planner::plan;
@@ -9,6 +8,9 @@ use rollwalk_robot::urdf;
 use std::fmt;
 use std::path::Path;
 use toml_edit::Document;
+
+/// Word in the field `format` of problem files.
+pub const PROBLEM_FORMAT: &str = "rollwalk-problem";
 
 /// The kinds of files that commands read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,7 +80,7 @@ impl Kind {
         if text.trim_start().starts_with('{') {
             // A problem may carry a plan; the quotes of that are escaped.
             let has = |format: &str| text.contains(&format!("\"{format}\""));
-            let marks = [(problem::FORMAT, Self::Problem), (plan::FORMAT, Self::Plan)];
+            let marks = [(PROBLEM_FORMAT, Self::Problem), (plan::FORMAT, Self::Plan)];
             return marks.into_iter().find(|(format, _)| has(format)).map(|(_, kind)| kind);
         }
         let beginning = text.trim_start().get(..5);

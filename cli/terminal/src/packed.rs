@@ -97,3 +97,14 @@ fn unsigned(file: &[u8]) -> &[u8] {
 fn check(file: &[u8], robot: &Robot) -> miette::Result<Result<Index, Reject>> {
     Ok(validate(unsigned(file), &robot.controller_config().into_diagnostic()?))
 }
+
+/// The shipped robot with this hash of its configuration.
+pub fn robot_of(config_hash: u32) -> Option<Robot> {
+    Source::Shipped.robot(file_of(config_hash)?).ok()
+}
+
+/// The file of the shipped robot with this hash of its configuration.
+pub fn file_of(config_hash: u32) -> Option<&'static Path> {
+    let fits = |robot: Robot| robot.controller_config().is_ok_and(|c| c.hash() == config_hash);
+    shipped::robots().find(|file| Source::Shipped.robot(file).is_ok_and(fits))
+}

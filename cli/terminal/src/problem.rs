@@ -6,7 +6,7 @@
 use crate::choices::Choices;
 use crate::files::FileError;
 use crate::inputs::{MotionTexts, TextFile};
-use crate::kind::Kind;
+use crate::kind::{Kind, PROBLEM_FORMAT};
 use rollwalk_planner::json::{Format, JsonError};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
@@ -14,8 +14,6 @@ use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// What `format` says.
-pub const FORMAT: &str = "rollwalk-problem";
 /// Version of the format that this program writes and reads.
 const VERSION: u32 = 1;
 const PROGRAM: &str = concat!("rollwalk ", env!("CARGO_PKG_VERSION"));
@@ -36,7 +34,7 @@ pub struct Problem {
 
 /// The format of problem files.
 const JSON: Format = Format {
-    name: FORMAT,
+    name: PROBLEM_FORMAT,
     version: VERSION,
     what: "problem",
     make_again: "dump it once more",
@@ -55,7 +53,7 @@ impl Problem {
     /// The problem of these files.
     pub fn new(texts: MotionTexts, from: Option<TextFile>, options: Choices) -> Self {
         let MotionTexts { motion, robot } = texts;
-        let (format, program) = (FORMAT.to_owned(), PROGRAM.to_owned());
+        let (format, program) = (PROBLEM_FORMAT.to_owned(), PROGRAM.to_owned());
         Self { format, version: VERSION, program, options, motion, robot, from }
     }
 

@@ -1,7 +1,5 @@
 //! The shipped robots and motions, read as files are.
 
-use crate::inputs::Source;
-use rollwalk_robot::Robot;
 use rollwalk_shipped::FILES;
 use std::path::Path;
 
@@ -16,17 +14,6 @@ pub fn text(path: &Path) -> Option<&'static str> {
 /// The shipped robot files.
 pub fn robots() -> impl Iterator<Item = &'static Path> {
     FILES.iter().map(|(path, _)| Path::new(path)).filter(|path| path.starts_with("robots"))
-}
-
-/// The shipped robot with this hash of its configuration.
-pub fn robot_of(config_hash: u32) -> Option<Robot> {
-    Source::Shipped.robot(file_of(config_hash)?).ok()
-}
-
-/// The file of the shipped robot with this hash of its configuration.
-pub fn file_of(config_hash: u32) -> Option<&'static Path> {
-    let fits = |robot: Robot| robot.controller_config().is_ok_and(|c| c.hash() == config_hash);
-    robots().find(|file| Source::Shipped.robot(file).is_ok_and(fits))
 }
 
 #[cfg(test)]

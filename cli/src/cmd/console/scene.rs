@@ -6,8 +6,7 @@ use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_robot::Robot;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::{self, NamesArgs};
-use rollwalk_terminal::packed::{Packed, channel_names};
-use rollwalk_terminal::shipped;
+use rollwalk_terminal::packed::{self, Packed, channel_names};
 
 /// Keys that play motions, beside the digits that are command codes; the others have a meaning of their own.
 const LETTERS: &str = "befghijklmnostuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
@@ -117,7 +116,7 @@ impl Lookup {
         let other = given.as_ref().is_some_and(|given| Some(given.library) != library);
         let catalog = given.filter(|_| !other).or_else(|| names::kept(library?));
         let fits = |robot: &Robot| config(robot).is_some_and(|c| c.hash() == config_hash);
-        let robot = self.robot.clone().filter(fits).or_else(|| shipped::robot_of(config_hash));
+        let robot = self.robot.clone().filter(fits).or_else(|| packed::robot_of(config_hash));
         let Some(robot) = robot else {
             let robot = catalog.as_ref().map(|catalog| catalog.robot.clone());
             let channels = catalog.as_ref().map(|catalog| catalog.channels.clone());

@@ -3,8 +3,8 @@
 
 use crate::inputs::Source;
 use crate::kind::Kind;
-use crate::packed::{Packed, channel_names};
-use crate::{files, output, shipped};
+use crate::packed::{self, Packed, channel_names};
+use crate::{files, output};
 use directories::ProjectDirs;
 use miette::IntoDiagnostic;
 use rollwalk_host::catalog::Catalog;
@@ -68,7 +68,7 @@ impl NamesArgs {
                 return Ok(Some((robot, parts)));
             }
         }
-        let shipped = shipped::file_of(config_hash);
+        let shipped = packed::file_of(config_hash);
         shipped.map(|file| Source::Shipped.robot_and_parts(file)).transpose()
     }
 
@@ -94,7 +94,7 @@ impl NamesArgs {
                 }
                 (robot, config_hash)
             }
-            (None, Some(hello)) => match shipped::robot_of(hello.config_hash) {
+            (None, Some(hello)) => match packed::robot_of(hello.config_hash) {
                 Some(robot) => (robot, hello.config_hash),
                 None => return Ok(None),
             },
