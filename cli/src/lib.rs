@@ -1,7 +1,7 @@
 //! The `rollwalk` command line: joins planner, library, bus and simulated robot, and owns what those
 //! must not touch: files, the terminal, the clock and Ctrl-C.
 //!
-//! One file per subcommand in `cli/src/cmd`, each with its arguments and a `run`; `apps` runs the programs that lie beside.
+//! `cli/src/cmd` has one file per subcommand, each with its arguments and a `run`; `apps` runs the programs that lie beside.
 //! [`sim`] is the other binary, `rollwalk-sim`. What programs share is in `rollwalk-terminal`.
 
 mod apps;

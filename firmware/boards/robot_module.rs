@@ -1,4 +1,4 @@
-//! Of the build scripts of all boards: which robot an image is for. `cargo xtask image` and `cargo xtask board` name its module,
+//! Robot of an image, for the build scripts of all boards. `cargo xtask image` and `cargo xtask board` name its module,
 //! which `firmware/boards/bench` has made of the robot file, in `ROLLWALK_ROBOT`.
 
 use std::path::Path;

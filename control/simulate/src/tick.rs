@@ -9,16 +9,16 @@ use thiserror::Error;
 /// Time without setpoints of the tracker after which the motion is ended, s.
 pub(crate) const LOST_S: f64 = 0.1;
 
-/// What is known of the robot at a tick.
+/// Knowledge of the robot at a tick.
 #[derive(Clone, Copy, Debug)]
 pub enum Measured<'a> {
-    /// Its state, in the world of the plan's placement, and whether each end effector touches the ground.
+    /// State in the world of the plan's placement, and whether each end effector touches the ground.
     State(&'a State, &'a [bool]),
-    /// What its sensors measured since the last tick.
+    /// Measurements of the sensors since the last tick.
     Sensors(&'a Sensors<'a>),
 }
 
-/// Why the motors got the plan as in open loop, or its stop.
+/// Reason for which the motors got the plan as in open loop, or its stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Untracked {
     /// The state is not known well enough.
@@ -27,15 +27,15 @@ pub enum Untracked {
     /// The tracker found no setpoints.
     #[error("{0}")]
     Setpoints(NoSetpoints),
-    /// It was pushed beyond the edge of its support: the steps of its plan go on under it.
+    /// Pushed beyond the edge of its support: the steps of its plan go on under it.
     #[error(
         "it was pushed beyond the edge of its support, and the steps of its plan are to catch it"
     )]
     CaughtBySteps,
-    /// It had to recover twice as soon as it had resumed its plan, which goes on in open loop until it ends.
+    /// Recovered twice right after resuming the plan, which goes on in open loop until it ends.
     #[error("it stumbled from one recovery into the next, and its plan goes on in open loop")]
     Stumbled,
-    /// It was not tracked for 0.1 s: it comes to rest, and stays so.
+    /// Untracked for 0.1 s: the robot comes to rest, and stays so.
     #[error(
         "it was not tracked for {LOST_S} s, and is brought to a stop for good: begin the motion anew"
     )]

@@ -1,4 +1,4 @@
-//! One bus: its transmit schedule, and the order for a channel.
+//! Transmit schedule of a bus, and the order for each channel.
 
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose};
