@@ -113,6 +113,8 @@ impl BusStatistics {
 struct Pending {
     frame: Frame,
     posted: SimTime,
+    /// [`Frame::exact_bits`], which every arbitration would count again.
+    bits: u32,
 }
 
 impl Pending {
@@ -184,7 +186,7 @@ impl CanBus {
             self.in_flight = Some(self.transmit(winner));
         }
         let Node { policy, pending } = &mut self.nodes[node.0];
-        let newer = Pending { frame, posted: now };
+        let newer = Pending { frame, posted: now, bits: frame.exact_bits() };
         match *policy {
             TxPolicy::Latest => {
                 if let Some(slot) = pending.iter_mut().find(|p| p.id() == newer.id()) {
@@ -247,8 +249,8 @@ impl CanBus {
                 self.transmit(winner)
             }
         };
-        let Flight { from, pending: Pending { frame, posted }, end } = flight;
-        let busy = self.bits(frame.exact_bits());
+        let Flight { from, pending: Pending { frame, posted, bits }, end } = flight;
+        let busy = self.bits(bits);
         let id = self.statistics.by_id.entry(frame.id()).or_default();
         id.frames += 1;
         id.busy = id.busy + busy;
@@ -275,7 +277,7 @@ impl CanBus {
         let (node, slot, pending) = waiting()
             .filter(|(_, _, p)| p.posted <= start)
             .min_by_key(|&(node, slot, p)| (p.id(), node, slot))?;
-        let end = start + self.bits(pending.frame.exact_bits() - INTERMISSION_BITS);
+        let end = start + self.bits(pending.bits - INTERMISSION_BITS);
         Some(Winner { node, slot, start, end })
     }
 
