@@ -1,5 +1,5 @@
 //! Robot of an image, for the build scripts of all boards. `cargo xtask image` and `cargo xtask board` name its module,
-//! which `firmware/boards/bench` has made of the robot file, in `ROLLWALK_ROBOT`.
+//! which `apps/board-bench` has made of the robot file, in `ROLLWALK_ROBOT`.
 
 use std::path::Path;
 use std::{env, fs, io};

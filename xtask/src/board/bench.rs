@@ -1,4 +1,4 @@
-//! The bench around a board (`firmware/boards/bench`), a program of the workspace: builds it, runs it, and hands it
+//! The bench around a board (`apps/board-bench`), a program of the workspace: builds it, runs it, and hands it
 //! images and the demo's library.
 
 use super::shown;
@@ -62,7 +62,7 @@ impl Bench {
     /// # Errors
     /// The compiler's verdict.
     pub fn program() -> Result<Self, String> {
-        Self::of(workspace::program("firmware/boards/bench", "rollwalk-board-bench")?)
+        Self::of(workspace::program("apps/board-bench", "rollwalk-board-bench")?)
     }
 
     /// The bench that a build of the workspace has left.
@@ -70,8 +70,7 @@ impl Bench {
     /// # Errors
     /// There is none.
     pub fn among(programs: &[Program]) -> Result<Self, String> {
-        let program =
-            workspace::find(programs, "firmware/boards/bench", "rollwalk-board-bench", false);
+        let program = workspace::find(programs, "apps/board-bench", "rollwalk-board-bench", false);
         Self::of(program?.clone())
     }
 

@@ -1,5 +1,5 @@
 //! `cargo xtask board`, `cargo xtask image` and `cargo xtask sizes`: builds the board images and measures them, and has the
-//! bench (`firmware/boards/bench`) compare the emulated one with the simulation.
+//! bench (`apps/board-bench`) compare the emulated one with the simulation.
 //!
 //! ```text
 //! host session ── simulated buses and motors ── firmware on the host ──> script ──> memory of the emulated board

@@ -75,7 +75,7 @@ impl Step for TestStep {
             Self::Crates => &["**/Cargo.toml", "docs/crates.md", "xtask/src/crates"],
             Self::Build => &workspace::APART,
             Self::Studio => &["studio", "cli/src/studio", "host/gamepads", "xtask/src/browsers.rs"],
-            Self::Board => &["firmware", "protocol", "xtask/src/board"],
+            Self::Board => &["firmware", "protocol", "apps/board-bench", "xtask/src/board"],
             Self::Multibody => &["robot/multibody", "shipped/robots", "xtask/src/mujoco.rs"],
             Self::Exports => &[
                 "planner/interchange",

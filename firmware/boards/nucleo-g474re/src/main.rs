@@ -77,7 +77,7 @@ fn main() -> ! {
     let Some(parts) = flash::parts() else { fault::halt() };
     let started = start::start(parts, settings);
     let Some(Started { controller, on_can, on_serial }) = started else { fault::halt() };
-    // No image is made for a robot with others: `firmware/boards/bench/src/wiring.rs`.
+    // No image is made for a robot with others: `apps/board-bench/src/wiring.rs`.
     if on_can.len() > ACTUATOR_PORTS || on_serial.len() > 1 {
         fault::halt();
     }

@@ -66,7 +66,7 @@ fn main() -> ! {
     let (settings, _) = start::settings(chip::uid());
     let started = start::start(flash::parts(), settings);
     let Some(Started { controller, on_can, on_serial }) = started else { fault::halt() };
-    // No image is made for a robot with others: `firmware/boards/bench/src/wiring.rs`.
+    // No image is made for a robot with others: `apps/board-bench/src/wiring.rs`.
     if on_serial.len() > lines::COUNT || !on_can.is_empty() {
         fault::halt();
     }

@@ -21,7 +21,7 @@ fn block(options: &[(&str, &Path)]) -> Result<(String, String), String> {
         .arg("key-block")
         .args(options.iter().flat_map(|(name, path)| [name.as_ref(), path.as_os_str()]));
     let output =
-        bench.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..")).output().unwrap();
+        bench.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")).output().unwrap();
     let [out, error] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
     if output.status.success() { Ok((out, error)) } else { Err(error) }
 }

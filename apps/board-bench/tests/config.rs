@@ -9,10 +9,10 @@ use std::process::{Command, Output};
 
 /// Robot with buses of two protocols, and its generated module.
 const TEST_LEG: (&str, &str) =
-    ("shipped/robots/test_leg.toml", "firmware/boards/bench/tests/test_leg.rs");
+    ("shipped/robots/test_leg.toml", "apps/board-bench/tests/test_leg.rs");
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 fn bench(robot: &str, arguments: &[&str]) -> Output {
