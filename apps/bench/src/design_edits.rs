@@ -2,7 +2,7 @@
 
 use crate::measure::{self, median};
 use crate::only::Only;
-use crate::{Block, Findings, Program, table, unless_interrupted};
+use crate::{Block, Findings, inputs, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::Plan;
@@ -10,6 +10,7 @@ use rollwalk_planner::report::Report;
 use rollwalk_planner::sensitivity::{Design, Objective, Optimal, Parameter};
 use rollwalk_planner::{Editing, Options, Solution};
 use rollwalk_robot::Robot;
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 use std::collections::BTreeSet;
 
@@ -46,18 +47,18 @@ struct Row {
     solved: bool,
 }
 
-pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings>> {
+pub fn run(only: &Only) -> miette::Result<Option<Findings>> {
     let files: Vec<String> = crate::motions().collect::<BTreeSet<_>>().into_iter().collect();
     let mut rows: Vec<Row> = Vec::new();
     for file in only.choose(&files, |file| file)? {
-        let (robot, motion) = program.motion(file)?;
+        let (robot, motion) = inputs::motion(file)?;
         let has_links = longer(&robot, EDIT_M) != robot;
         if motion.ends == Ends::Prescribed || !has_links {
             continue;
         }
-        program.say(&motion.name);
-        rows.extend(measured(program, &robot, &motion));
-        if program.interrupted() {
+        output::say(&motion.name);
+        rows.extend(measured(&robot, &motion));
+        if interrupt::requested() {
             return Ok(None);
         }
     }
@@ -127,19 +128,18 @@ fn summary(rows: &[Row]) -> String {
 }
 
 /// Measures one motion; `None` if it has no plan before the edit.
-fn measured(program: &dyn Program, robot: &Robot, motion: &Motion) -> Option<Row> {
+fn measured(robot: &Robot, motion: &Motion) -> Option<Row> {
     let options = Options { refine: false, ..Options::default() };
-    let before = measure::cold(program, robot, motion, &options);
+    let before = measure::cold(robot, motion, &options);
     if !before.solved() {
         return None;
     }
     let edited = longer(robot, EDIT_M);
-    let scratch =
-        least(|| Some(measure::cold(program, &edited, motion, &options)), |run| run.cpu_s)?;
-    let on = &mut |_: &_| unless_interrupted(program);
+    let scratch = least(|| Some(measure::cold(&edited, motion, &options)), |run| run.cpu_s)?;
+    let on = &mut |_: &_| unless_interrupted();
     let timed = |editing: &mut Editing, robot: &Robot| {
         let clock = ThreadTime::now();
-        let solution = editing.replan(robot, motion, &mut |_| unless_interrupted(program)).ok()?;
+        let solution = editing.replan(robot, motion, &mut |_| unless_interrupted()).ok()?;
         Some((solution, 1e3 * clock.elapsed().as_secs_f64()))
     };
     let begun = || Editing::new(before.solution.clone(), &options);

@@ -2,11 +2,13 @@
 
 use crate::campaign::scenario::Scenario;
 use crate::campaign::{self as campaign, Case, Outcome, Report, Subject, table};
+use crate::inputs::{self, PlannedLibrary};
 use crate::split::{self, Split};
-use crate::{Block, Findings, PlannedLibrary, Program, Verdict};
+use crate::{Block, Findings, Verdict};
 use miette::miette;
 use rollwalk_bus::candump;
 use rollwalk_sim_host::clock::SimTime;
+use rollwalk_terminal::{interrupt, output};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -123,8 +125,8 @@ struct Results {
 }
 
 /// Runs a single case.
-pub fn run_single(args: &Args, case: Case, program: &dyn Program) -> crate::Outcome {
-    let Some(subject) = subject(args.on, program)? else { return Ok(None) };
+pub fn run_single(args: &Args, case: Case) -> crate::Outcome {
+    let Some(subject) = subject(args.on)? else { return Ok(None) };
     Ok(Some(one(&subject, case, args.log.clone())))
 }
 
@@ -142,7 +144,7 @@ pub fn single(args: &Args) -> Option<Case> {
 ///
 /// # Errors
 /// Options that ask for no run, or for a log of several.
-pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
+pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     if args.log.is_some() {
         return Err(miette!("--log is for a single run: one scenario, one loss, one seed"));
     }
@@ -153,7 +155,7 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
             "no scenario that was asked for has this loss"
         ));
     }
-    Ok(Box::new(Campaign { args, program, blocks, subject: Mutex::default() }))
+    Ok(Box::new(Campaign { args, blocks, subject: Mutex::default() }))
 }
 
 /// A scenario with a loss and some seeds: a unit of a campaign.
@@ -173,7 +175,6 @@ struct Part {
 
 struct Campaign<'a> {
     args: &'a Args,
-    program: &'a dyn Program,
     blocks: Vec<Runs>,
     /// Made for the first unit: a program that has an engine do the work needs none.
     subject: Mutex<Option<Arc<Subject>>>,
@@ -183,7 +184,7 @@ impl Campaign<'_> {
     fn subject(&self) -> miette::Result<Option<Arc<Subject>>> {
         let mut made = self.subject.lock().map_err(|_| miette!("another thread failed"))?;
         if made.is_none() {
-            *made = subject(self.args.on, self.program)?.map(Arc::new);
+            *made = subject(self.args.on)?.map(Arc::new);
         }
         Ok(made.clone())
     }
@@ -220,7 +221,7 @@ impl Split for Campaign<'_> {
         let Runs { scenario, loss_per_mille, ref seeds } = self.blocks[index];
         let mut part = Part { row: table::Row::default(), broken: Vec::new() };
         for seed in seeds.clone() {
-            if self.program.interrupted() {
+            if interrupt::requested() {
                 return Ok(None);
             }
             let case = Case { scenario, loss_per_mille, seed };
@@ -235,7 +236,7 @@ impl Split for Campaign<'_> {
                 }
             };
             if !wrong.is_empty() {
-                self.program.say(&format!("broken: {}", again(case, self.args.on)));
+                output::say(format_args!("broken: {}", again(case, self.args.on)));
                 part.broken.push((seed, wrong));
             }
         }
@@ -260,11 +261,11 @@ impl Split for Campaign<'_> {
 }
 
 /// The robot and its library; `None` after an interrupt.
-fn subject(on: On, program: &dyn Program) -> miette::Result<Option<Subject>> {
+fn subject(on: On) -> miette::Result<Option<Subject>> {
     if on == On::Stand {
         return Ok(Some(Subject::one_leg()));
     }
-    let Some(PlannedLibrary { robot, plans, with_torques, .. }) = program.library(LIBRARY)? else {
+    let Some(PlannedLibrary { robot, plans, with_torques, .. }) = inputs::library(LIBRARY)? else {
         return Ok(None);
     };
     let longest_s = plans.iter().map(|plan| plan.motion.duration_s).fold(0.0, f64::max);

@@ -1,11 +1,12 @@
 //! Figure 2.3 of the thesis: how fast its Newton methods, L-BFGS and ours converge.
 
 use crate::only::Only;
-use crate::{Block, Findings, Program, table, unless_interrupted};
+use crate::{Block, Findings, inputs, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::plan::SolveSummary;
 use rollwalk_planner::plot::chart::{self, Curve, Labels};
 use rollwalk_planner::{Method, Options, candidates, optimise};
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
 const METHODS: [(Method, &str); 4] = [
@@ -41,10 +42,10 @@ struct Row {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
     let (mut blocks, mut rows, mut charts) = (Vec::new(), Vec::new(), Vec::new());
     for file in args.only.choose(&MOTIONS, |file| file)? {
-        let (robot, motion) = program.motion(file)?;
+        let (robot, motion) = inputs::motion(file)?;
         let mut table = table([
             "method",
             "iterations",
@@ -56,7 +57,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
         ]);
         let (mut by_iteration, mut by_time): (Vec<Curve>, Vec<Curve>) = (Vec::new(), Vec::new());
         for (method, name) in METHODS {
-            program.say(&format!("{} with {name}", motion.name));
+            output::say(format_args!("{} with {name}", motion.name));
             let mut options = Options { seed: 1, refine: false, ..Options::default() };
             options.settings.method = method;
             let factor = if method == Method::Lbfgs { 10 } else { 1 };
@@ -68,9 +69,9 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
             let plan = optimise(&robot, &motion, &options, &mut |progress| {
                 let cpu_s = clock.elapsed().as_secs_f64();
                 states.push((progress.iteration as f64, cpu_s, progress.worst_level));
-                unless_interrupted(program)
+                unless_interrupted()
             });
-            if program.interrupted() {
+            if interrupt::requested() {
                 return Ok(None);
             }
             let met = states.iter().find(|state| state.2 <= MET);

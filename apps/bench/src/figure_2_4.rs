@@ -1,12 +1,13 @@
 //! Figure 2.4 of the thesis: front legs get longer, by hand and with the other parts following so that the body stays level.
 
-use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
+use crate::{Block, Findings, Verdict, inputs, table, unless_interrupted};
 use miette::IntoDiagnostic;
 use rollwalk_design::keep::keep;
 use rollwalk_design::plans::Plans;
 use rollwalk_planner::Progress;
 use rollwalk_planner::plot::chart::{self, Curve, Labels};
 use rollwalk_planner::sensitivity::Feature;
+use rollwalk_terminal::interrupt;
 use serde::Serialize;
 
 /// Design file, its parameter that is given, and by how much it grows, m.
@@ -27,11 +28,11 @@ struct Row {
     max_deg: f64,
 }
 
-pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
-    let designed = program.design(DESIGN)?;
+pub fn run() -> miette::Result<Option<Findings>> {
+    let designed = inputs::design(DESIGN)?;
     let parameters = &designed.file.parameters;
     let given = parameters.iter().position(|of| of.name == GIVEN).unwrap_or(0);
-    let watch = &mut |_: &str, _: &Progress| unless_interrupted(program);
+    let watch = &mut |_: &str, _: &Progress| unless_interrupted();
     let worked = designed.plan(designed.original(), watch).and_then(|before| {
         let mut values = designed.original().to_vec();
         values[given] += LONGER_M;
@@ -39,7 +40,7 @@ pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
         let kept = keep(&designed, &before, &[(given, values[given])], Feature::Pitch, watch)?;
         Ok((before, by_hand, kept))
     });
-    if program.interrupted() {
+    if interrupt::requested() {
         return Ok(None);
     }
     let (before, by_hand, kept) = worked.into_diagnostic()?;

@@ -5,7 +5,7 @@
 //! robots and weights.
 
 use crate::only::Only;
-use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
+use crate::{Block, Findings, Verdict, inputs, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use miette::IntoDiagnostic;
 use rollwalk_design::repair::{Free, Made, Outcome, PULL, Shown, repair};
@@ -15,6 +15,7 @@ use rollwalk_planner::plot::chart::{self, Curve};
 use rollwalk_planner::sensitivity::Shortfall;
 use rollwalk_planner::{Method, Options, candidates, optimise};
 use rollwalk_robot::{Contact, Robot};
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 use std::convert::Infallible;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -79,12 +80,12 @@ struct Case {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
     let mut cases = Vec::new();
     for which in args.only.choose(&["car", "reach"], |name| name)? {
         let found = match *which {
-            "car" => vec![car(program)?],
-            _ => HEIGHTS_M.iter().map(|up_m| reach(*up_m, program)).collect::<Result<_, _>>()?,
+            "car" => vec![car()?],
+            _ => HEIGHTS_M.iter().map(|up_m| reach(*up_m)).collect::<Result<_, _>>()?,
         };
         let Some(found) = found.into_iter().collect::<Option<Vec<_>>>() else { return Ok(None) };
         cases.extend(found);
@@ -106,8 +107,8 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
 }
 
 /// The car with tilted front wheels, their height the only parameter.
-fn car(program: &dyn Program) -> miette::Result<Option<Case>> {
-    let (mut robot, motion) = program.motion(CAR)?;
+fn car() -> miette::Result<Option<Case>> {
+    let (mut robot, motion) = inputs::motion(CAR)?;
     for (wheel, side) in robot.end_effectors.iter_mut().zip([1.0, -1.0]) {
         if let Contact::ActuatedWheel { axis_in_link, .. } = &mut wheel.contact {
             *axis_in_link = [0.0, FRAC_1_SQRT_2, side * FRAC_1_SQRT_2].into();
@@ -122,12 +123,12 @@ fn car(program: &dyn Program) -> miette::Result<Option<Case>> {
         robot.end_effectors[..2].iter_mut().for_each(|ee| ee.center_in_link_m.z = values[0]);
         Made { robot, motions: vec![motion.clone()] }
     };
-    let Some(mut case) = work("car", &[free], &made, asked_m, displacement_m, program)? else {
+    let Some(mut case) = work("car", &[free], &made, asked_m, displacement_m)? else {
         return Ok(None);
     };
     for row in &mut case.rows {
         let Made { robot, motions } = made(&row.values);
-        row.thesis = as_the_thesis(&robot, &motions[0], program);
+        row.thesis = as_the_thesis(&robot, &motions[0]);
         if row.thesis.is_none() {
             return Ok(None);
         }
@@ -139,8 +140,8 @@ fn car(program: &dyn Program) -> miette::Result<Option<Case>> {
 
 /// A walker on point-like wheels, whose body is to be so high in the middle of its cycle; the lengths of its legs are the
 /// parameters, those of both sides together.
-fn reach(up_m: f64, program: &dyn Program) -> miette::Result<Option<Case>> {
-    let (robot, mut motion) = program.motion(WALK)?;
+fn reach(up_m: f64) -> miette::Result<Option<Case>> {
+    let (robot, mut motion) = inputs::motion(WALK)?;
     motion.targets.push(Target {
         of: Subject::Body,
         at_s: 0.5 * motion.duration_s,
@@ -162,7 +163,7 @@ fn reach(up_m: f64, program: &dyn Program) -> miette::Result<Option<Case>> {
     let names = ["front thigh", "front shank", "rear thigh", "rear shank"];
     let free = names.map(|name| Free { bounds: LEG_BOUNDS_M, ..length(name, LEG_M) });
     let name = format!("reach-{up_m}");
-    let case = work(&name, &free, &made, up_m, height_m, program)?;
+    let case = work(&name, &free, &made, up_m, height_m)?;
     Ok(case
         .map(|case| Case { holds: case.holds && (case.reached_m - up_m).abs() <= OFF[2], ..case }))
 }
@@ -179,14 +180,13 @@ fn work(
     made: &dyn Fn(&[f64]) -> Made,
     asked_m: f64,
     reached_m: fn(&Plan) -> f64,
-    program: &dyn Program,
 ) -> miette::Result<Option<Case>> {
     let clock = ThreadTime::now();
     let original: Vec<f64> = free.iter().map(|free| free.original).collect();
     let Made { robot, motions } = made(&original);
     let options = Options::default();
-    let plan = optimise(&robot, &motions[0], &options, &mut |_| unless_interrupted(program));
-    program.say(&format!("{name}: as designed {}", plan.solve.status));
+    let plan = optimise(&robot, &motions[0], &options, &mut |_| unless_interrupted());
+    output::say(format_args!("{name}: as designed {}", plan.solve.status));
     let mut rows: Vec<Row> = Vec::new();
     let mut blamed = Vec::new();
     let mut watch = |shown: Shown<'_>| -> ControlFlow<()> {
@@ -196,7 +196,7 @@ fn work(
                 let culprits = short.diagnosis().map(|diagnosis| diagnosis.culprits);
                 blamed = culprits.unwrap_or_default().iter().map(ToString::to_string).collect();
             }
-            program.say(&format!("{name}: step {}, energy {:.4}", rows.len(), step.energy));
+            output::say(format_args!("{name}: step {}, energy {:.4}", rows.len(), step.energy));
             rows.push(Row {
                 values: step.values.clone(),
                 energy: step.energy,
@@ -208,7 +208,7 @@ fn work(
                 thesis: None,
             });
         }
-        unless_interrupted(program)
+        unless_interrupted()
     };
     let make = |values: &[f64]| Ok::<_, Infallible>(made(values));
     let found = repair(free, &[plan], PULL, &make, &options, &mut watch).into_diagnostic()?;
@@ -238,13 +238,13 @@ fn work(
 
 /// Energy and displacement of a design by the thesis's own method: penalties of 10 000, goals as objectives of weight 50,
 /// Newton's method with the true Hessian. `None` after an interrupt.
-fn as_the_thesis(robot: &Robot, motion: &Motion, program: &dyn Program) -> Option<(f64, f64)> {
+fn as_the_thesis(robot: &Robot, motion: &Motion) -> Option<(f64, f64)> {
     let mut options = Options { refine: false, ..Options::default() };
     options.settings.method = Method::NewtonTrue;
     options.settings.iterations = THESIS_ITERATIONS;
     let options = candidates(robot, motion, &options).swap_remove(0);
-    let plan = optimise(robot, motion, &options, &mut |_| unless_interrupted(program));
-    (!program.interrupted()).then(|| (plan.solve.energy, displacement_m(&plan)))
+    let plan = optimise(robot, motion, &options, &mut |_| unless_interrupted());
+    (!interrupt::requested()).then(|| (plan.solve.energy, displacement_m(&plan)))
 }
 
 /// How far the centre of mass gets, m.

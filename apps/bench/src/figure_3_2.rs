@@ -1,12 +1,13 @@
 //! Figure 3.2 of the thesis: its warm start against none, on walking, trotting and harder gaits.
 
 use crate::only::Only;
-use crate::{Block, Findings, Program, table, unless_interrupted};
+use crate::{Block, Findings, inputs, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::plan::SolveSummary;
 use rollwalk_planner::plot::chart::{self, Curve, Labels};
 use rollwalk_planner::start::{Start, WarmStart};
 use rollwalk_planner::{Options, optimise};
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
 pub const GAITS: [&str; 6] = ["trot", "walk", "walk_held", "flying_trot", "pronk", "pace"];
@@ -25,12 +26,12 @@ struct Row {
     solve: SolveSummary,
 }
 
-pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings>> {
+pub fn run(only: &Only) -> miette::Result<Option<Findings>> {
     let mut table = table(["gait", "start", "status", "iterations", "CPU ms"]);
     let (mut rows, mut charts) = (Vec::new(), Vec::new());
     for gait in only.choose(&GAITS, |gait| gait)? {
-        let (robot, motion) = program.motion(&format!("motions/{gait}.toml"))?;
-        program.say(&motion.name);
+        let (robot, motion) = inputs::motion(&format!("motions/{gait}.toml"))?;
+        output::say(&motion.name);
         let mut curves: Vec<Curve> = Vec::new();
         for (name, start) in STARTS {
             let options = Options { start, refine: false, ..Options::default() };
@@ -38,9 +39,9 @@ pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings
             let mut states = Vec::new();
             let plan = optimise(&robot, &motion, &options, &mut |progress| {
                 states.push((1e3 * clock.elapsed().as_secs_f64(), progress.worst_level));
-                unless_interrupted(program)
+                unless_interrupted()
             });
-            if program.interrupted() {
+            if interrupt::requested() {
                 return Ok(None);
             }
             let cpu_ms = 1e3 * clock.elapsed().as_secs_f64();

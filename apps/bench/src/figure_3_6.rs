@@ -1,12 +1,13 @@
 //! Figure 3.6 of the thesis: the body's planned and simulated trajectories of ANYmal's forward duck, open loop.
 
-use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
+use crate::{Block, Findings, Verdict, inputs, table, unless_interrupted};
 use miette::IntoDiagnostic;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_planner::plan::Status;
 use rollwalk_planner::plot::chart::{self, Curve, Labels};
 use rollwalk_planner::{Options, optimise};
 use rollwalk_simulate::{Control, Script, play};
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
 pub const MOTION: &str = "motions/anymal_duck.toml";
@@ -27,14 +28,14 @@ struct Row {
     simulated: Place,
 }
 
-pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
-    let (robot, motion) = program.motion(MOTION)?;
-    let mut watch = |_: &_| unless_interrupted(program);
+pub fn run() -> miette::Result<Option<Findings>> {
+    let (robot, motion) = inputs::motion(MOTION)?;
+    let mut watch = |_: &_| unless_interrupted();
     let plan = optimise(&robot, &motion, &Options::default(), &mut watch);
-    if program.interrupted() {
+    if interrupt::requested() {
         return Ok(None);
     }
-    program.say(&format!("{}: {:?}", motion.name, plan.solve.status));
+    output::say(format_args!("{}: {:?}", motion.name, plan.solve.status));
     let script = Script::new(&plan, true);
     let options = rollwalk_simulate::Options {
         cycles: 1,
@@ -53,10 +54,10 @@ pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
                 simulated: place(simulated),
             });
         }
-        !program.interrupted()
+        !interrupt::requested()
     })
     .into_diagnostic()?;
-    if program.interrupted() {
+    if interrupt::requested() {
         return Ok(None);
     }
     let mut cells = table(["of the body", "unit", "worst difference", "at s", "RMS", "bound"]);

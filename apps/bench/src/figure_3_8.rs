@@ -1,6 +1,6 @@
 //! Figures 3.7 and 3.8 of the thesis: ANYmal ducks and turns in closed loop, and how near it keeps to its plans.
 
-use crate::{Block, Findings, Program, Verdict, table, unless_interrupted};
+use crate::{Block, Findings, Verdict, inputs, table, unless_interrupted};
 use miette::IntoDiagnostic;
 use nalgebra::{Isometry3, Rotation3, Vector3};
 use rollwalk_planner::plan::{Plan, Status};
@@ -9,6 +9,7 @@ use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_planner::{Options, optimise};
 use rollwalk_simulate::sensors::Noise;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Script, play};
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
 pub const MOTIONS: [&str; 2] = ["motions/anymal_duck.toml", "motions/anymal_turn.toml"];
@@ -40,17 +41,17 @@ struct Row {
     tracked: Pose,
 }
 
-pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
+pub fn run() -> miette::Result<Option<Findings>> {
     let mut cells = table(["motion", "of the body", "unit", "worst difference", "at s", "RMS"]);
     let (mut rows, mut charts, mut text) = (Vec::new(), Vec::new(), Vec::new());
     let mut holds = true;
     for file in MOTIONS {
-        let (robot, motion) = program.motion(file)?;
-        let mut watch = |_: &_| unless_interrupted(program);
+        let (robot, motion) = inputs::motion(file)?;
+        let mut watch = |_: &_| unless_interrupted();
         let plan = optimise(&robot, &motion, &Options::default(), &mut watch);
-        program.say(&format!("{}: {:?}", motion.name, plan.solve.status));
-        let (of_motion, stood) = track(&plan, program)?;
-        if program.interrupted() {
+        output::say(format_args!("{}: {:?}", motion.name, plan.solve.status));
+        let (of_motion, stood) = track(&plan)?;
+        if interrupt::requested() {
             return Ok(None);
         }
         for (of, (name, unit)) in OF_BODY.into_iter().enumerate() {
@@ -81,7 +82,7 @@ pub fn run(program: &dyn Program) -> miette::Result<Option<Findings>> {
 }
 
 /// Tracks a plan; the moments of its motion, and whether the robot stood and came where the plan says.
-fn track(plan: &Plan, program: &dyn Program) -> miette::Result<(Vec<Row>, bool)> {
+fn track(plan: &Plan) -> miette::Result<(Vec<Row>, bool)> {
     let script = Script::new(plan, true);
     let options = rollwalk_simulate::Options {
         cycles: CYCLES,
@@ -97,7 +98,7 @@ fn track(plan: &Plan, program: &dyn Program) -> miette::Result<(Vec<Row>, bool)>
         if moves && steps % STEPS == 0 {
             rows.push(row(plan, &mut planned, moment, time_s));
         }
-        !program.interrupted()
+        !interrupt::requested()
     })
     .into_diagnostic()?;
     Ok((rows, outcome.holds()))

@@ -1,9 +1,8 @@
 //! Benchmarks: the tables and figures of the thesis on this machine, the library format on real plans, the thesis's experiments
 //! with its differentiable simulator, and the fault campaign.
 //!
-//! A benchmark is a pure measurement. What it needs from outside (shipped motions, progress lines, Ctrl-C) comes
-//! through [`Program`]; what it finds is a value, [`Findings`], which [`program`] prints and writes. What each
-//! benchmark shows: `docs/benchmarks.md`.
+//! A benchmark reads its files, shows progress and heeds Ctrl-C itself; what it finds is a value, [`Findings`], which
+//! [`program`] prints and writes. What each benchmark shows: `docs/benchmarks.md`.
 
 pub mod campaign;
 mod design_edits;
@@ -15,6 +14,7 @@ mod figure_2_8;
 mod figure_3_2;
 mod figure_3_6;
 mod figure_3_8;
+mod inputs;
 mod library_format;
 mod measure;
 mod only;
@@ -30,15 +30,11 @@ mod table_3_2;
 mod table_3_3;
 mod tracking;
 
-pub use library_format::PlannedLibrary;
-
-use rollwalk_design::designed::Designed;
-use rollwalk_planner::motion::Motion;
-use rollwalk_robot::Robot;
+use rollwalk_terminal::interrupt;
 use serde::Serialize;
 use split::Split;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A benchmark with its options.
 #[derive(clap::Subcommand)]
@@ -107,73 +103,40 @@ impl Benchmark {
     /// The work that it is.
     ///
     /// # Errors
-    /// A row or case that does not exist. Later ones, and what `program` reports, come from the work.
-    pub fn work<'a>(&'a self, program: &'a dyn Program) -> miette::Result<Work<'a>> {
+    /// A row or case that does not exist. Later ones come from the work.
+    pub fn work(&self) -> miette::Result<Work<'_>> {
         fn whole<'a>(run: impl FnOnce() -> Outcome + 'a) -> Work<'a> {
             Work::Whole(Box::new(run))
         }
         Ok(match self {
-            Self::Table21(args) => whole(|| table_2_1::run(args, program)),
-            Self::Samples(args) => whole(|| samples::run(args, program)),
-            Self::Figure23(args) => whole(|| figure_2_3::run(args, program)),
-            Self::Figure28(args) => whole(|| figure_2_8::run(args, program)),
-            Self::Figure24 => whole(|| figure_2_4::run(program)),
-            Self::Figure32(only) => whole(|| figure_3_2::run(only, program)),
-            Self::Figure36 => whole(|| figure_3_6::run(program)),
-            Self::Figure38 => whole(|| figure_3_8::run(program)),
-            Self::Table32(args) => Work::Split(table_3_2::split(args, program)?),
-            Self::Table33(args) => Work::Split(table_3_3::split(args, program)?),
-            Self::LibraryFormat(only) => whole(|| library_format::run(only, program)),
-            Self::DesignEdits(only) => whole(|| design_edits::run(only, program)),
-            Self::Suggestions(args) if args.near => whole(|| suggestions::run_near(args, program)),
-            Self::Suggestions(args) => Work::Split(suggestions::split(args, program)),
-            Self::Tracking(args) => Work::Split(tracking::split(args, program)?),
-            Self::SensorFaults(args) => Work::Split(sensor_faults::split(args, program)?),
-            Self::Physics(args) => whole(|| physics::run(args, program)),
+            Self::Table21(args) => whole(|| table_2_1::run(args)),
+            Self::Samples(args) => whole(|| samples::run(args)),
+            Self::Figure23(args) => whole(|| figure_2_3::run(args)),
+            Self::Figure28(args) => whole(|| figure_2_8::run(args)),
+            Self::Figure24 => whole(figure_2_4::run),
+            Self::Figure32(only) => whole(|| figure_3_2::run(only)),
+            Self::Figure36 => whole(figure_3_6::run),
+            Self::Figure38 => whole(figure_3_8::run),
+            Self::Table32(args) => Work::Split(table_3_2::split(args)?),
+            Self::Table33(args) => Work::Split(table_3_3::split(args)?),
+            Self::LibraryFormat(only) => whole(|| library_format::run(only)),
+            Self::DesignEdits(only) => whole(|| design_edits::run(only)),
+            Self::Suggestions(args) if args.near => whole(|| suggestions::run_near(args)),
+            Self::Suggestions(args) => Work::Split(suggestions::split(args)),
+            Self::Tracking(args) => Work::Split(tracking::split(args)?),
+            Self::SensorFaults(args) => Work::Split(sensor_faults::split(args)?),
+            Self::Physics(args) => whole(|| physics::run(args)),
             Self::FaultCampaign(args) => match fault_campaign::single(args) {
-                Some(case) => whole(move || fault_campaign::run_single(args, case, program)),
-                None => Work::Split(fault_campaign::split(args, program)?),
+                Some(case) => whole(move || fault_campaign::run_single(args, case)),
+                None => Work::Split(fault_campaign::split(args)?),
             },
         })
     }
 }
 
-/// What a benchmark needs from the program that runs it.
-pub trait Program: Sync {
-    /// A shipped motion and its robot, by the motion file's path in the checkout.
-    ///
-    /// # Errors
-    /// There is no such file.
-    fn motion(&self, file: &str) -> miette::Result<(Robot, Motion)>;
-
-    /// A motion of the user's and its robot, by the path of the motion file.
-    ///
-    /// # Errors
-    /// There is no such file, or it or that of its robot cannot be used.
-    fn own_motion(&self, file: &Path) -> miette::Result<(Robot, Motion)>;
-
-    /// A shipped design with its robot and motions, by the design file's path in the checkout.
-    ///
-    /// # Errors
-    /// There is no such file.
-    fn design(&self, file: &str) -> miette::Result<Designed>;
-
-    /// A shipped library, planned and packed; `None` after an interrupt.
-    ///
-    /// # Errors
-    /// There is no such file, or a plan that did not converge.
-    fn library(&self, file: &str) -> miette::Result<Option<PlannedLibrary>>;
-
-    /// Whether the user wants the benchmark to end.
-    fn interrupted(&self) -> bool;
-
-    /// Shows a line of progress.
-    fn say(&self, line: &str);
-}
-
 /// Tells a solve to go on until the user interrupts it.
-fn unless_interrupted(program: &dyn Program) -> ControlFlow<()> {
-    if program.interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+fn unless_interrupted() -> ControlFlow<()> {
+    if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
 /// What a benchmark found.

@@ -1,6 +1,6 @@
 //! Solves on one thread, measured in its CPU time.
 
-use crate::{Program, unless_interrupted};
+use crate::unless_interrupted;
 use cpu_time::ThreadTime;
 use rollwalk_planner::motion::{Goal, Motion};
 use rollwalk_planner::plan::{Plan, Status};
@@ -33,12 +33,12 @@ fn at_samples_of_file(options: &Options) -> Options {
 }
 
 /// Plans from nothing: the candidate starts one after the other until one decides.
-pub fn cold(program: &dyn Program, robot: &Robot, motion: &Motion, options: &Options) -> Run {
+pub fn cold(robot: &Robot, motion: &Motion, options: &Options) -> Run {
     let clock = ThreadTime::now();
     let mut iterations = 0;
     let solution = optimise_solution(robot, motion, &at_samples_of_file(options), &mut |_| {
         iterations += 1;
-        unless_interrupted(program)
+        unless_interrupted()
     });
     Run { solution, iterations, cpu_s: clock.elapsed().as_secs_f64() }
 }
@@ -48,7 +48,6 @@ pub fn cold(program: &dyn Program, robot: &Robot, motion: &Motion, options: &Opt
 /// # Errors
 /// As [`Solution::replan`].
 pub fn again(
-    program: &dyn Program,
     solution: &Solution,
     robot: &Robot,
     motion: &Motion,
@@ -56,8 +55,7 @@ pub fn again(
 ) -> Result<Run, ReplanError> {
     let clock = ThreadTime::now();
     let options = at_samples_of_file(options);
-    let solution =
-        solution.replan(robot, motion, &options, &mut |_| unless_interrupted(program))?;
+    let solution = solution.replan(robot, motion, &options, &mut |_| unless_interrupted())?;
     let iterations = solution.plan.solve.iterations;
     Ok(Run { solution, iterations, cpu_s: clock.elapsed().as_secs_f64() })
 }

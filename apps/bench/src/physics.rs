@@ -1,10 +1,11 @@
 //! `bench physics`: runs the experiments of the thesis's differentiable simulator (ch. 4) and compares their numbers with the thesis's.
 
 use crate::experiments::{ALL, Chart, Experiment, Outcome, Watch};
-use crate::{Block, Findings, Program, Verdict, table};
+use crate::{Block, Findings, Verdict, table};
 use cpu_time::ProcessTime;
 use miette::miette;
 use rollwalk_planner::plot::chart::{self, Labels};
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
 /// Options.
@@ -35,20 +36,20 @@ struct Row {
     outcome: Outcome,
 }
 
-struct Watching<'a>(&'a dyn Program);
+struct Watching;
 
-impl Watch for Watching<'_> {
+impl Watch for Watching {
     fn say(&self, line: &str) {
-        self.0.say(line);
+        output::say(line);
     }
 
     fn interrupted(&self) -> bool {
-        self.0.interrupted()
+        interrupt::requested()
     }
 }
 
 /// Runs the experiments.
-pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
     let mut chosen: Vec<&Experiment> = ALL.iter().collect();
     if !args.names.is_empty() {
         if let Some(name) = args.names.iter().find(|name| ALL.iter().all(|of| of.name != **name)) {
@@ -61,9 +62,9 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
     let mut verdict = Verdict::Passed;
     for experiment in chosen {
         let Experiment { name, source, about, run } = *experiment;
-        program.say(&format!("{name}: {about}"));
+        output::say(format_args!("{name}: {about}"));
         let begin = ProcessTime::now();
-        let Some(outcome) = run(&Watching(program)) else {
+        let Some(outcome) = run(&Watching) else {
             verdict = Verdict::Interrupted;
             break;
         };

@@ -1,8 +1,9 @@
 //! Cost against the number of samples: the same drive, sampled 12 to 240 times.
 
-use crate::{Block, Findings, Program, measure, table};
+use crate::{Block, Findings, inputs, measure, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::plot::chart::{self, Labels};
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
 pub const MOTION: &str = "motions/walk.toml";
@@ -36,8 +37,8 @@ struct Row {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
-    let (robot, stride) = program.motion(MOTION)?;
+pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
+    let (robot, stride) = inputs::motion(MOTION)?;
     let mut table = table(["samples", "iterations", "CPU ms", "ms/iteration", "µs/sample"]);
     let mut rows = Vec::new();
     let (mut whole, mut single) = (Vec::new(), Vec::new());
@@ -49,11 +50,11 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
         motion.stance =
             (0..samples).map(|i| pattern[(i % STRIDE) * pattern.len() / STRIDE].clone()).collect();
         motion.duration_s = stride.duration_s * strides;
-        let run = measure::cold(program, &robot, &motion, &Options::default());
-        if program.interrupted() {
+        let run = measure::cold(&robot, &motion, &Options::default());
+        if interrupt::requested() {
             return Ok(None);
         }
-        program.say(&format!("{samples} samples: {:?}", run.plan().solve.status));
+        output::say(format_args!("{samples} samples: {:?}", run.plan().solve.status));
         let per_iteration = 1e3 * run.cpu_s / run.iterations as f64;
         table.push(vec![
             samples.to_string(),

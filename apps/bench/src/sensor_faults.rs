@@ -4,7 +4,7 @@
 use crate::only::Only;
 use crate::split::{Rows, Split};
 use crate::tracking::{MOTIONS, RATE_HZ};
-use crate::{Block, Findings, Program, Table, Verdict, unless_interrupted};
+use crate::{Block, Findings, Table, Verdict, inputs, unless_interrupted};
 use miette::IntoDiagnostic;
 use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
@@ -16,6 +16,7 @@ use rollwalk_simulate::SensorFaultKind::{
 use rollwalk_simulate::{
     Control, Feedback, Mismatch, Noise, Options, SensorFault, SensorFaultKind, play,
 };
+use rollwalk_terminal::{interrupt, output};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -79,7 +80,7 @@ struct Counts {
 ///
 /// # Errors
 /// A row that does not exist.
-pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
+pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     let mut words = vec!["sensor-faults".to_owned()];
     words.extend(args.only.words());
     Ok(Box::new(Rows {
@@ -87,21 +88,21 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
         inputs: Vec::new(),
         is_timed: false,
         rows: args.only.choose(&MOTIONS[..COUNT], |row| row)?,
-        row: Box::new(|file| row(file, program)),
+        row: Box::new(|file| row(file)),
         findings: Box::new(findings),
     }))
 }
 
-fn row(file: &str, program: &dyn Program) -> miette::Result<Option<Row>> {
-    let (robot, motion) = program.motion(file)?;
-    let mut watch = |_: &_| unless_interrupted(program);
+fn row(file: &str) -> miette::Result<Option<Row>> {
+    let (robot, motion) = inputs::motion(file)?;
+    let mut watch = |_: &_| unless_interrupted();
     let plan = optimise(&robot, &motion, &SolverOptions::default(), &mut watch);
     let mut outcomes = Vec::new();
     for (name, kind) in KINDS {
-        program.say(&format!("{}, {name}", motion.name));
+        output::say(format_args!("{}, {name}", motion.name));
         let mut counts = Counts::default();
         for phase in 0..PHASES {
-            if program.interrupted() {
+            if interrupt::requested() {
                 return Ok(None);
             }
             counts.add(&plan, kind, phase)?;

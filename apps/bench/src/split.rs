@@ -23,7 +23,7 @@ pub trait Split: Sync {
     /// Computes a unit; `None` after an interrupt.
     ///
     /// # Errors
-    /// What the program reports.
+    /// An input that cannot be used, or what the computation reports.
     fn unit(&self, index: usize) -> miette::Result<Option<Value>>;
     /// What units came to, by their numbers: all of them, or those that there are after an interrupt.
     ///

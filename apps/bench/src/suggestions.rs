@@ -4,11 +4,12 @@
 //! How much too much is drawn at random, so that some requests miss by little and a few are possible after all.
 
 use crate::split::{Rows, Split};
-use crate::{Block, Findings, Outcome, Program, Verdict, measure, table};
+use crate::{Block, Findings, Outcome, Verdict, inputs, measure, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Culprit;
 use rollwalk_robot::Robot;
+use rollwalk_terminal::{interrupt, output};
 use serde::{Deserialize, Serialize};
 
 /// What a case asks for: the change, and the smallest and largest number that it is made with.
@@ -209,7 +210,7 @@ struct Row {
 }
 
 /// The benchmark, a unit for each request.
-pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> Box<dyn Split + 'a> {
+pub fn split(args: &Args) -> Box<dyn Split + '_> {
     let mut words = vec!["suggestions".to_owned()];
     words.extend(["--harder".to_owned(), args.harder.to_string()]);
     words.extend(["--seed".to_owned(), args.seed.to_string()]);
@@ -220,11 +221,11 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> Box<dyn Split + 'a
         is_timed: true,
         rows: requests(args),
         row: Box::new(|asked: &Asked| {
-            let (robot, motion) = program.motion(&asked.file())?;
+            let (robot, motion) = inputs::motion(&asked.file())?;
             let (robot, motion) = asked.change.apply(&robot, &motion, asked.number);
-            let row = follow(program, args, asked, &robot, &motion);
+            let row = follow(args, asked, &robot, &motion);
             if let Some(row) = &row {
-                program.say(&line(row).join("  "));
+                output::say(line(row).join("  "));
             }
             Ok(row)
         }),
@@ -233,16 +234,16 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> Box<dyn Split + 'a
 }
 
 /// Requests that miss by little, beside some that are just possible.
-pub fn run_near(args: &Args, program: &dyn Program) -> Outcome {
+pub fn run_near(args: &Args) -> Outcome {
     let mut rows = Vec::new();
     for asked in requests(args) {
-        let (robot, motion) = program.motion(&asked.file())?;
+        let (robot, motion) = inputs::motion(&asked.file())?;
         let Asked { name, change, number, .. } = asked;
-        if let Some(row) = near(program, &Request { name, change, robot, motion }, number) {
-            program.say(&near_line(&row).join("  "));
+        if let Some(row) = near(&Request { name, change, robot, motion }, number) {
+            output::say(near_line(&row).join("  "));
             rows.push(row);
         }
-        if program.interrupted() {
+        if interrupt::requested() {
             return Ok(None);
         }
     }
@@ -307,18 +308,18 @@ impl Near {
 
 /// Bisects between a number with which a request is possible and one with which it is not; `None` if that is possible
 /// too, or no request nearer than the first is, or the user wants no more.
-fn near(program: &dyn Program, request: &Request, number: f64) -> Option<Near> {
+fn near(request: &Request, number: f64) -> Option<Near> {
     let Request { name, change, robot, motion } = request;
     let solve = |number: f64| {
         let (robot, motion) = change.apply(robot, motion, number);
-        measure::cold(program, &robot, &motion, &Options::default())
+        measure::cold(&robot, &motion, &Options::default())
     };
     let (mut possible, mut beyond) = ((change.none(), None), (number, solve(number)));
     if beyond.1.solved() {
         return None;
     }
     for _ in 0..BISECTIONS {
-        if program.interrupted() {
+        if interrupt::requested() {
             return None;
         }
         if (beyond.0 - possible.0).abs() <= LITTLE * beyond.0.abs().max(possible.0.abs()) {
@@ -337,7 +338,7 @@ fn near(program: &dyn Program, request: &Request, number: f64) -> Option<Near> {
     }
     let [feasible, missed] = [possible.1?, beyond.1];
     let (robot, motion) = change.apply(robot, motion, beyond.0);
-    let tried = try_all(program, &missed, &robot, &motion);
+    let tried = try_all(&missed, &robot, &motion);
     Some(Near {
         request: name.clone(),
         number: [possible.0, beyond.0],
@@ -389,36 +390,25 @@ fn tally<'a>(tried: impl Iterator<Item = &'a Tried> + Clone) -> (String, bool) {
 }
 
 /// Plans every request that the diagnosis of another one suggests.
-fn try_all(
-    program: &dyn Program,
-    run: &measure::Run,
-    robot: &Robot,
-    motion: &Motion,
-) -> Vec<Tried> {
+fn try_all(run: &measure::Run, robot: &Robot, motion: &Motion) -> Vec<Tried> {
     let diagnosis = run.plan().solve.diagnosis.as_ref();
     let culprits: &[Culprit] = diagnosis.map_or(&[], |why| &why.culprits);
     let tried = culprits.iter().filter_map(|culprit| {
         let suggested = culprit.would_do?;
         let (robot, motion) = culprit.with_number(robot, motion, suggested)?;
-        let works = measure::cold(program, &robot, &motion, &Options::default()).solved();
+        let works = measure::cold(&robot, &motion, &Options::default()).solved();
         Some(Tried { field: culprit.field.clone()?, given: culprit.given?, suggested, works })
     });
     tried.collect()
 }
 
 /// Plans a request, then every request that its diagnosis suggests; `None` after an interrupt.
-fn follow(
-    program: &dyn Program,
-    args: &Args,
-    asked: &Asked,
-    robot: &Robot,
-    motion: &Motion,
-) -> Option<Row> {
-    let run = measure::cold(program, robot, motion, &Options::default());
+fn follow(args: &Args, asked: &Asked, robot: &Robot, motion: &Motion) -> Option<Row> {
+    let run = measure::cold(robot, motion, &Options::default());
     let solve = &run.plan().solve;
     let from_seed = |seed: &u64| {
         let options = Options { seed: *seed, ..Options::default() };
-        measure::cold(program, robot, motion, &options).solved()
+        measure::cold(robot, motion, &options).solved()
     };
     let seeds = if run.solved() { 0 } else { args.harder };
     let row = Row {
@@ -434,10 +424,10 @@ fn follow(
             .collect(),
         iterations: run.iterations,
         cpu_s: run.cpu_s,
-        tried: try_all(program, &run, robot, motion),
+        tried: try_all(&run, robot, motion),
         false_verdict: (1..=seeds).find(from_seed),
     };
-    (!program.interrupted()).then_some(row)
+    (!interrupt::requested()).then_some(row)
 }
 
 fn tried_line(tried: &[Tried]) -> String {

@@ -2,8 +2,9 @@
 
 use crate::measure::{self, Run, median};
 use crate::only::Only;
-use crate::{Block, Findings, Program, Table, Verdict, verdicts};
+use crate::{Block, Findings, Table, Verdict, inputs, verdicts};
 use rollwalk_planner::{ACCEPTED_LEVEL, Options};
+use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
 /// Re-plans follow a goal that is this much of the first one.
@@ -62,14 +63,14 @@ struct Row {
 }
 
 /// Runs the benchmark.
-pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings>> {
+pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
     let mut rows = Vec::new();
     for (file, thesis_s) in args.only.choose(ROWS, |row| row.0)? {
-        if program.interrupted() {
+        if interrupt::requested() {
             break;
         }
-        program.say(&format!("{file}: {} seeds", args.seeds));
-        rows.push(row(program, file, *thesis_s, args.seeds)?);
+        output::say(format_args!("{file}: {} seeds", args.seeds));
+        rows.push(row(file, *thesis_s, args.seeds)?);
     }
     if rows.is_empty() {
         return Ok(None);
@@ -81,7 +82,7 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
     );
     let (targets, passed) = verdicts(targets(&rows));
     let blocks = vec![Block::Table(table(&rows)), Block::Text(legend), Block::Text(targets)];
-    let verdict = match (program.interrupted(), passed) {
+    let verdict = match (interrupt::requested(), passed) {
         (true, _) => Verdict::Interrupted,
         (false, true) => Verdict::Passed,
         (false, false) => Verdict::OutOfBounds,
@@ -89,23 +90,18 @@ pub fn run(args: &Args, program: &dyn Program) -> miette::Result<Option<Findings
     Ok(Some(Findings { verdict, ..Findings::new("table-2-1", blocks, &rows) }))
 }
 
-fn row(
-    program: &dyn Program,
-    file: &str,
-    thesis_s: Option<f64>,
-    seeds: u64,
-) -> miette::Result<Row> {
-    let (robot, motion) = program.motion(file)?;
+fn row(file: &str, thesis_s: Option<f64>, seeds: u64) -> miette::Result<Row> {
+    let (robot, motion) = inputs::motion(file)?;
     let edited = measure::goal_times(&motion, EDIT);
     let mut cold: Vec<Run> = Vec::new();
     let mut again: Vec<Run> = Vec::new();
     for seed in 0..seeds {
-        if program.interrupted() {
+        if interrupt::requested() {
             break;
         }
         let options = Options { seed, ..Options::default() };
-        let run = measure::cold(program, &robot, &motion, &options);
-        let replanned = measure::again(program, &run.solution, &robot, &edited, &options);
+        let run = measure::cold(&robot, &motion, &options);
+        let replanned = measure::again(&run.solution, &robot, &edited, &options);
         again.push(replanned.map_err(|error| miette::miette!("{error}"))?);
         cold.push(run);
     }

@@ -2,9 +2,10 @@
 
 use crate::only::Only;
 use crate::split::{Rows, Split};
-use crate::{Block, Findings, Program, Verdict, measure, table};
+use crate::{Block, Findings, Verdict, inputs, measure, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::plan::Plan;
+use rollwalk_terminal::interrupt;
 use serde::{Deserialize, Serialize};
 
 /// Motion file, motors a leg, and the thesis's mean joint speed, rad/s, and acceleration, rad/s².
@@ -42,7 +43,7 @@ struct Row {
 ///
 /// # Errors
 /// A row that does not exist.
-pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
+pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     let mut words = ["table-3-2", "--seeds"].map(str::to_owned).to_vec();
     words.push(args.seeds.to_string());
     words.extend(args.only.words());
@@ -51,7 +52,7 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
         inputs: Vec::new(),
         is_timed: false,
         rows: args.only.choose(&ROWS, |row| row.0)?,
-        row: Box::new(|of| row(of, args.seeds, program)),
+        row: Box::new(|of| row(of, args.seeds)),
         findings: Box::new(|rows| findings(rows, args.seeds)),
     }))
 }
@@ -59,13 +60,12 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
 fn row(
     &(file, motors, [thesis_speed, thesis_acceleration]): &(&str, usize, [f64; 2]),
     seeds: u64,
-    program: &dyn Program,
 ) -> miette::Result<Option<Row>> {
-    let (robot, motion) = program.motion(file)?;
+    let (robot, motion) = inputs::motion(file)?;
     let options = |seed| Options { seed, ..Options::default() };
     let runs: Vec<_> =
-        (0..seeds).map(|seed| measure::cold(program, &robot, &motion, &options(seed))).collect();
-    if program.interrupted() {
+        (0..seeds).map(|seed| measure::cold(&robot, &motion, &options(seed))).collect();
+    if interrupt::requested() {
         return Ok(None);
     }
     let solved: Vec<_> = runs.iter().filter(|run| run.solved()).collect();

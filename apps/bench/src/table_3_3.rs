@@ -3,12 +3,13 @@
 use crate::measure::{self, Run};
 use crate::only::Only;
 use crate::split::{Rows, Split};
-use crate::{Block, Findings, Program, table};
+use crate::{Block, Findings, inputs, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::families::Family;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::report::{self, Grid, Report};
 use rollwalk_robot::{EndEffector, Robot};
+use rollwalk_terminal::{interrupt, output};
 use serde::{Deserialize, Serialize};
 
 /// Motion file, name and measured speed in the thesis, m/s.
@@ -57,7 +58,7 @@ struct Row {
 ///
 /// # Errors
 /// A row that does not exist.
-pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
+pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     let mut words = ["table-3-3", "--steps"].map(str::to_owned).to_vec();
     words.push(args.steps.to_string());
     words.extend(args.only.words());
@@ -66,22 +67,18 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
         inputs: Vec::new(),
         is_timed: false,
         rows: args.only.choose(&ROWS, |row| row.0)?,
-        row: Box::new(|of| row(of, args.steps, program)),
+        row: Box::new(|of| row(of, args.steps)),
         findings: Box::new(findings),
     }))
 }
 
-fn row(
-    &(file, name, thesis): &(&str, &str, f64),
-    steps: usize,
-    program: &dyn Program,
-) -> miette::Result<Option<Row>> {
-    let (mut robot, motion) = program.motion(file)?;
+fn row(&(file, name, thesis): &(&str, &str, f64), steps: usize) -> miette::Result<Option<Row>> {
+    let (mut robot, motion) = inputs::motion(file)?;
     robot.end_effectors.iter_mut().for_each(drag_that_grows);
     let motion = refined(motion);
-    program.say(name);
-    let (speed, stopped) = top_speed(program, &robot, &motion, steps);
-    Ok((!program.interrupted()).then(|| Row {
+    output::say(name);
+    let (speed, stopped) = top_speed(&robot, &motion, steps);
+    Ok((!interrupt::requested()).then(|| Row {
         motion: name.to_owned(),
         top_speed_m_s: speed,
         thesis_m_s: thesis,
@@ -136,26 +133,27 @@ fn drag_that_grows(end_effector: &mut EndEffector) {
 }
 
 /// Top speed, m/s, and the worst constraint of the first distance that failed.
-fn top_speed(program: &dyn Program, robot: &Robot, motion: &Motion, steps: usize) -> (f64, String) {
+fn top_speed(robot: &Robot, motion: &Motion, steps: usize) -> (f64, String) {
     let speed = |factor: f64| {
         let distance_m = motion.goal.forward_m.unwrap_or(0.0);
         factor * distance_m / motion.duration_s
     };
-    let first = measure::cold(program, robot, motion, &Options::default());
+    let first = measure::cold(robot, motion, &Options::default());
     if !holds(&first) {
         return (0.0, first.plan().solve.worst_constraint.to_string());
     }
     let (mut best, mut factor, mut step) = (first.solution, 1.0, STEP);
     let mut stopped = "-".to_owned();
     for _ in 0..steps {
-        if step <= FINEST || speed(factor) >= ENOUGH_M_S || program.interrupted() {
+        if step <= FINEST || speed(factor) >= ENOUGH_M_S || interrupt::requested() {
             break;
         }
         let faster = measure::goal_times(motion, factor * step);
-        let again = measure::again(program, &best, robot, &faster, &Options::default()).ok();
-        let runs = again.into_iter().chain((0..SEEDS).map(|seed| {
-            measure::cold(program, robot, &faster, &Options { seed, ..Options::default() })
-        }));
+        let again = measure::again(&best, robot, &faster, &Options::default()).ok();
+        let runs =
+            again.into_iter().chain((0..SEEDS).map(|seed| {
+                measure::cold(robot, &faster, &Options { seed, ..Options::default() })
+            }));
         let mut failed = None;
         let mut solved = None;
         for run in runs {

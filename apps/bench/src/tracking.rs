@@ -3,7 +3,7 @@
 
 use crate::only::Only;
 use crate::split::{Rows, Split};
-use crate::{Block, Findings, Program, Table, table, unless_interrupted};
+use crate::{Block, Findings, Table, inputs, table, unless_interrupted};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::push::Shove;
@@ -13,6 +13,7 @@ use rollwalk_planner::{Options as SolverOptions, optimise};
 use rollwalk_robot::{GRAVITY_M_S2, Robot};
 use rollwalk_simulate::sensors::Noise;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Options, Outcome, play};
+use rollwalk_terminal::{interrupt, output};
 use serde::{Deserialize, Serialize};
 use std::path::{self, PathBuf};
 use std::sync::Arc;
@@ -119,7 +120,7 @@ struct Played {
 ///
 /// # Errors
 /// A row that does not exist, or a motion that cannot be read.
-pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box<dyn Split + 'a>> {
+pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     let mut words = ["tracking", "--cycles"].map(str::to_owned).to_vec();
     words.extend([args.cycles.to_string(), "--phases".into(), args.phases.to_string()]);
     words.extend(args.only.words());
@@ -134,13 +135,13 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
         })?;
         words.push(path.to_owned());
     }
-    let own = args.motions.iter().map(|file| program.own_motion(file));
+    let own = args.motions.iter().map(|file| inputs::own_motion(file));
     let own: Vec<(Robot, Motion)> = own.collect::<miette::Result<_>>()?;
     let inputs = own.iter().map(serde_json::to_string).collect::<Result<_, _>>();
     let rows = match own.is_empty() {
         true => {
             let shipped = args.only.choose(&MOTIONS, |row| row)?.into_iter();
-            shipped.map(|file| program.motion(file)).collect::<miette::Result<_>>()?
+            shipped.map(|file| inputs::motion(file)).collect::<miette::Result<_>>()?
         }
         false => own,
     };
@@ -149,26 +150,21 @@ pub fn split<'a>(args: &'a Args, program: &'a dyn Program) -> miette::Result<Box
         inputs: inputs.into_diagnostic()?,
         is_timed: false,
         rows,
-        row: Box::new(|(robot, motion)| self::rows(robot, motion, args, program)),
+        row: Box::new(|(robot, motion)| self::rows(robot, motion, args)),
         findings: Box::new(|rows: &[Vec<Row>]| findings(rows.iter().flatten())),
     }))
 }
 
-fn rows(
-    robot: &Robot,
-    motion: &Motion,
-    args: &Args,
-    program: &dyn Program,
-) -> miette::Result<Option<Vec<Row>>> {
-    let mut watch = |_: &_| unless_interrupted(program);
+fn rows(robot: &Robot, motion: &Motion, args: &Args) -> miette::Result<Option<Vec<Row>>> {
+    let mut watch = |_: &_| unless_interrupted();
     let plan = optimise(robot, motion, &SolverOptions::default(), &mut watch);
     let mut rows = Vec::new();
     for (name, control) in CONTROLS {
-        program.say(&format!("{}, {name}", motion.name));
-        let bench = Bench { plan: &plan, control, cycles: args.cycles as usize, program };
+        output::say(format_args!("{}, {name}", motion.name));
+        let bench = Bench { plan: &plan, control, cycles: args.cycles as usize };
         let runs = worlds().iter().map(|world| bench.played(world)).collect();
         let pushes = bench.pushes(args.phases);
-        if program.interrupted() {
+        if interrupt::requested() {
             return Ok(None);
         }
         rows.push(Row {
@@ -187,7 +183,6 @@ struct Bench<'a> {
     plan: &'a Plan,
     control: Control,
     cycles: usize,
-    program: &'a dyn Program,
 }
 
 impl Bench<'_> {
@@ -199,7 +194,7 @@ impl Bench<'_> {
             mismatch: world.mismatch,
             ..Options::new(self.control, RATE_HZ)
         };
-        play(self.plan, &options, |_| !self.program.interrupted()).into_diagnostic()
+        play(self.plan, &options, |_| !interrupt::requested()).into_diagnostic()
     }
 
     fn played(&self, world: &World) -> Played {
@@ -235,7 +230,7 @@ impl Bench<'_> {
                     self.play(&as_planned, shoves).is_ok_and(|of| of.fell_at_s.is_none())
                 };
                 let (mut low, mut high) = (0.0, PUSH_MOST);
-                while high - low > 1.01 * PUSH_STEP && !self.program.interrupted() {
+                while high - low > 1.01 * PUSH_STEP && !interrupt::requested() {
                     let middle = 0.5 * (low + high);
                     if survives(middle) { low = middle } else { high = middle }
                 }

@@ -2,14 +2,15 @@
 
 mod packing;
 
+use crate::inputs::{self, PlannedLibrary};
 use crate::only::Only;
-use crate::{Block, Findings, Program, Table, Verdict, verdicts};
+use crate::{Block, Findings, Table, Verdict, verdicts};
 use miette::{IntoDiagnostic, miette};
 use packing::Bytes;
-use rollwalk_planner::library::{BuiltLibrary, ClipStats, frames};
+use rollwalk_planner::library::{ClipStats, frames};
 use rollwalk_planner::plan::Plan;
 use rollwalk_protocol::library::{ClipId, Library, RATE_HZ, validate};
-use rollwalk_robot::Robot;
+use rollwalk_terminal::output;
 use serde::Serialize;
 
 pub const LIBRARIES: [&str; 5] = [
@@ -24,19 +25,6 @@ const CHANNELS: f64 = 16.0;
 /// How many times smaller than raw `f32` a library must be, and its worst joint error, mrad.
 const TIMES: f64 = 5.0;
 const JOINT_ERROR_MRAD: f64 = 0.5;
-
-/// A library with the plans that it was packed from.
-pub struct PlannedLibrary {
-    /// Name of the library.
-    pub name: String,
-    pub robot: Robot,
-    /// Plans of its clips: motions, then transitions.
-    pub plans: Vec<Plan>,
-    /// The plans, packed without their torques: frames are what the format is compared by.
-    pub built: BuiltLibrary,
-    /// Bytes of the packed library with its torques: what a controller is flashed with.
-    pub with_torques: Vec<u8>,
-}
 
 #[derive(Serialize)]
 struct Clip {
@@ -71,11 +59,11 @@ struct Row {
     clips: Vec<Clip>,
 }
 
-pub fn run(only: &Only, program: &dyn Program) -> miette::Result<Option<Findings>> {
+pub fn run(only: &Only) -> miette::Result<Option<Findings>> {
     let mut rows = Vec::new();
     for file in only.choose(&LIBRARIES, |file| file)? {
-        program.say(file);
-        match program.library(file)? {
+        output::say(file);
+        match inputs::library(file)? {
             Some(library) => rows.push(measure(&library)?),
             None => return Ok(None),
         }

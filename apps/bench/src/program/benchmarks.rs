@@ -2,14 +2,9 @@
 
 use crate::shards::{self, Done};
 use crate::split::Split;
-use crate::{Benchmark, Block, Findings, PlannedLibrary, Program, Verdict, Work};
+use crate::{Benchmark, Block, Findings, Verdict, Work};
 use miette::miette;
-use rollwalk_design::designed::Designed;
-use rollwalk_planner::motion::Motion;
-use rollwalk_robot::Robot;
-use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::output::{self, Table};
-use rollwalk_terminal::planning::plan_all;
 use rollwalk_terminal::{Exit, files, interrupt};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -60,7 +55,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     files::make_folder(&args.out)?;
     interrupt::listen();
-    let findings = match which.work(&Rollwalk)? {
+    let findings = match which.work()? {
         Work::Whole(_) if args.shards.is_given() => {
             return Err(miette!(
                 help = "leave out --shard, --shards and --cores; what can be split: fault-campaign, table-3-2, table-3-3, tracking, sensor-faults, suggestions",
@@ -149,46 +144,6 @@ impl shards::Work for Units<'_> {
     }
 }
 
-/// Access of benchmarks to the files in this binary.
-struct Rollwalk;
-
-impl Program for Rollwalk {
-    fn motion(&self, file: &str) -> miette::Result<(Robot, Motion)> {
-        Source::Shipped.motion(Path::new(file))
-    }
-
-    fn own_motion(&self, file: &Path) -> miette::Result<(Robot, Motion)> {
-        Source::Disk.motion(file)
-    }
-
-    fn design(&self, file: &str) -> miette::Result<Designed> {
-        Source::Shipped.design(Path::new(file))
-    }
-
-    fn library(&self, file: &str) -> miette::Result<Option<PlannedLibrary>> {
-        let mut library = Source::Shipped.library(Path::new(file))?;
-        let Some(plans) = plan_all(&library, false)? else { return Ok(None) };
-        if let Some(failure) = plans.failures().first() {
-            return Err(miette!("{file}: {failure}"));
-        }
-        let with_torques = plans.pack(&library)?.bytes;
-        library.file.torques = false;
-        let built = plans.pack(&library)?;
-        let plans = plans.all().map(|planned| planned.plan.clone()).collect();
-        let name = library.file.name.clone();
-        let robot = library.robot;
-        Ok(Some(PlannedLibrary { name, robot, plans, built, with_torques }))
-    }
-
-    fn interrupted(&self) -> bool {
-        interrupt::requested()
-    }
-
-    fn say(&self, line: &str) {
-        output::say(line);
-    }
-}
-
 /// Prints the findings of a benchmark and writes them to the output folder as Markdown, JSON and charts.
 fn publish(findings: &Findings, out: &Path) -> miette::Result<Exit> {
     let block = |block: &Block| match block {
@@ -215,23 +170,4 @@ fn publish(findings: &Findings, out: &Path) -> miette::Result<Exit> {
         Verdict::OutOfBounds => Exit::OutOfBounds,
         Verdict::Interrupted => Exit::Interrupted,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Source;
-    use std::path::Path;
-
-    #[test]
-    fn the_binary_carries_every_motion_design_and_library() {
-        for file in crate::motions() {
-            Source::Shipped.motion(Path::new(&file)).unwrap();
-        }
-        for file in crate::designs() {
-            Source::Shipped.design(Path::new(file)).unwrap();
-        }
-        for file in crate::libraries() {
-            Source::Shipped.library(Path::new(file)).unwrap();
-        }
-    }
 }
