@@ -14,6 +14,7 @@
 mod as_played;
 mod choreography;
 mod clearance;
+mod conclusion;
 mod grid;
 mod judgement;
 mod motors;
@@ -28,7 +29,8 @@ mod table;
 
 pub use crate::growth::Growth;
 pub use as_played::{LargestTorque, MotorKind};
-pub use judgement::{Conclusion, Judgement};
+pub use conclusion::Conclusion;
+pub use judgement::Judgement;
 pub use residual::{Grid, Place, Row};
 pub use room::{Least, Room};
 pub use sag::Sag;
@@ -127,11 +129,6 @@ impl Report {
     pub fn worst_of(&self, played: bool) -> Option<&Row> {
         let rows = self.rows.iter().filter(|row| row.is_as_played() == played);
         rows.max_by(|a, b| a.part_of_level().total_cmp(&b.part_of_level()))
-    }
-
-    /// The judgement in words, with the residual that decides. `solve` is the summary of the plan.
-    pub fn conclusion<'a>(&'a self, solve: &'a SolveSummary) -> Conclusion<'a> {
-        Conclusion { report: self, solve }
     }
 
     /// What a plan is worth, in the words of every program: verdict, diagnosis, grids that were too coarse, and a warning where

@@ -7,12 +7,14 @@ mod choreography_check;
 mod choreography_file;
 pub(crate) mod file;
 mod footfall;
+mod moment;
 mod phases;
 pub(crate) mod swing;
 mod wheels;
 
-pub use choreography::{HeightLimit, Moment, Subject, Target};
+pub use choreography::{HeightLimit, Subject, Target};
 pub use footfall::gaits;
+pub use moment::Moment;
 
 use rollwalk_multibody::ground::ElevationMap;
 use serde::{Deserialize, Serialize};

@@ -2,6 +2,7 @@
 
 mod convex;
 mod elevation;
+mod elevation_map;
 pub mod file;
 mod grid;
 mod shapes;
@@ -12,7 +13,8 @@ mod turned;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
-pub use elevation::{Elevation, ElevationMap};
+pub use elevation::Elevation;
+pub use elevation_map::ElevationMap;
 pub use grid::Grid;
 pub use shapes::{Capsule, Cuboid, Plane, Rounded, Sphere, Union};
 pub use spline::FieldError;

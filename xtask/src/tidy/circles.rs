@@ -1,18 +1,30 @@
 //! Modules of a folder use one another one way, and so do the folder's own file and they.
 //!
 //! The check reads text: imports, and paths that begin with `crate`, `super`, `self` or a module of the folder. A path
-//! through a re-export leads to the item's own module. A folder's file does not use what it only re-exports.
+//! through a re-export leads to the item's own module. A folder's file uses a type that it re-exports where it names it again.
 
 use crate::checkout::TextFile;
-use std::collections::BTreeMap;
-
-/// Folders of the crates that are checked.
-const CRATES: [&str; 4] = ["firmware", "physics", "planner", "protocol"];
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Names from the crate's root to a module or an item.
 type Path = Vec<String>;
 /// Uses of one module of a folder by another, an example each.
 type Uses = BTreeMap<[String; 2], String>;
+
+/// Folders of the crates that are checked. In others a folder's own file shares helpers with the files in it.
+const CRATES: [&str; 11] = [
+    "cli/terminal",
+    "control/pilot",
+    "control/simulate",
+    "firmware",
+    "host/bus",
+    "host/gamepads",
+    "physics",
+    "planner",
+    "planner/interchange",
+    "protocol",
+    "robot/multibody",
+];
 
 /// Circles of all checked crates, one line each folder.
 pub fn violations(files: &[TextFile]) -> Vec<String> {
@@ -26,7 +38,7 @@ fn of_crate(folder: &str, files: &[TextFile]) -> Vec<String> {
             "{folder}/src: no sources; correct CRATES in xtask/src/tidy/circles.rs"
         )];
     }
-    let (mut imports, mut uses) = (BTreeMap::new(), Vec::new());
+    let (mut imports, mut uses, mut named) = (BTreeMap::new(), Vec::new(), BTreeSet::new());
     for (from, code) in &modules {
         for statement in code.split(';') {
             let (mut inline, mut tree, mut line) = (statement, "", "");
@@ -44,6 +56,8 @@ fn of_crate(folder: &str, files: &[TextFile]) -> Vec<String> {
             for word in inline.split(|c: char| !c.is_alphanumeric() && c != '_' && c != ':') {
                 let path = absolute(&modules, from, word).filter(|_| word.contains("::"));
                 uses.extend(path.map(|path| (from, path, false)));
+                let of_type = |name: &&str| name.starts_with(char::is_uppercase);
+                named.extend(word.split(':').filter(of_type).map(|name| (from, name)));
             }
         }
     }
@@ -51,7 +65,9 @@ fn of_crate(folder: &str, files: &[TextFile]) -> Vec<String> {
     for (from, path, is_public) in uses {
         let to = home(&modules, &imports, path.clone());
         let shared = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
-        if *from != to && !(is_public && from.len() == shared) {
+        let item = path.last().map_or("", String::as_str);
+        let hands_on = is_public && from.len() == shared && !named.contains(&(from, item));
+        if *from != to && !hands_on {
             let ends = [from, &to].map(|end| end.get(shared).cloned().unwrap_or_default());
             let example = format!("{} -> {}", from.join("::"), path.join("::"));
             folders.entry(to[..shared].to_vec()).or_default().insert(ends, example);

@@ -35,7 +35,10 @@ fn starts_a_path(line: &str, root: &str) -> bool {
     })
 }
 
-/// Code spans in Markdown files that name a file or folder of this checkout which does not exist.
+/// Endings of sources, which lie in this checkout wherever they are mentioned.
+const SOURCES: [&str; 4] = [".rs", ".py", ".ts", ".mjs"];
+
+/// Code spans in Markdown files that name a source, or a file or folder in one of this checkout, which does not exist.
 pub fn dead_references(files: &[TextFile], exists: impl Fn(&str) -> bool) -> Vec<String> {
     let folders: BTreeSet<&str> =
         files.iter().filter_map(|file| Some(file.path.split_once('/')?.0)).collect();
@@ -46,13 +49,20 @@ pub fn dead_references(files: &[TextFile], exists: impl Fn(&str) -> bool) -> Vec
             for span in line.split('`').skip(1).step_by(2) {
                 let Some((folder, _)) = span.split_once('/') else { continue };
                 let is_pattern = span.contains(|c: char| "*<>{} ".contains(c) || c.is_uppercase());
-                if folders.contains(folder) && !is_pattern && !exists(span) {
+                let is_ours =
+                    folders.contains(folder) || SOURCES.iter().any(|end| span.ends_with(end));
+                if is_ours && !is_pattern && !exists(span) && !exists(&beside(&file.path, span)) {
                     found.push(format!("{}:{}: `{span}` does not exist", file.path, number + 1));
                 }
             }
         }
     }
     found
+}
+
+/// Path of a file that a page names relative to its own folder.
+fn beside(page: &str, named: &str) -> String {
+    page.rsplit_once('/').map_or_else(String::new, |(folder, _)| format!("{folder}/{named}"))
 }
 
 #[cfg(test)]
@@ -70,10 +80,10 @@ mod tests {
 
     #[test]
     fn references_to_missing_files_are_named() {
-        let text =
-            "See `robot/src/lib.rs`, `robot/src/gone.rs`, `robots/*.toml`, `N/A` and `and/or`.\n";
+        let text = "See `robot/src/lib.rs`, `robot/src/gone.rs`, `moved/src/lib.rs`, `robots/*.toml`, `N/A` and `and/or`.\n";
         let files = [file("README.md", text), file("robot/src/lib.rs", "")];
         let found = super::dead_references(&files, |path| path == "robot/src/lib.rs");
-        assert_eq!(found, ["README.md:1: `robot/src/gone.rs` does not exist"]);
+        let gone = ["robot/src/gone.rs", "moved/src/lib.rs"];
+        assert_eq!(found, gone.map(|path| format!("README.md:1: `{path}` does not exist")));
     }
 }

@@ -3,8 +3,8 @@
 //! Clients can neither command nor change anything ([`session`](super::session)). One thread serves all of them without waiting
 //! for any; a slow client loses messages and delays no other client.
 
+use super::figure::nanoseconds;
 use super::messages::{FrameTransforms, JointStates, SceneUpdate, Schema};
-use super::nanoseconds;
 use super::session::{Message, Offer, Session, greeting, subprotocol};
 use std::collections::BTreeMap;
 use std::io::ErrorKind;

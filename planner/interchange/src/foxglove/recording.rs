@@ -10,8 +10,8 @@
 //!
 //! Times begin at 0.
 
+use super::figure::{Figure, Posture, nanoseconds, timestamp};
 use super::messages::{FrameTransforms, JointStates, Point3, Point3InFrame, SceneUpdate, Schema};
-use super::{Figure, Posture, nanoseconds, timestamp};
 use crate::bodies::WORLD;
 use mcap::records::MessageHeader;
 use mcap::{McapError, McapResult, WriteOptions, Writer};

@@ -1,0 +1,82 @@
+//! The judgement of a plan in words.
+
+use super::residual::Row;
+use super::{Judgement, Report};
+use crate::plan::{SolveSummary, Status};
+use crate::solve::ACCEPTED_LEVEL;
+use std::fmt;
+
+impl Report {
+    /// The judgement in words, with the residual that decides. `solve` is the summary of the plan.
+    pub fn conclusion<'a>(&'a self, solve: &'a SolveSummary) -> Conclusion<'a> {
+        Conclusion { report: self, solve }
+    }
+}
+
+/// [`Report::conclusion`] in words.
+pub struct Conclusion<'a> {
+    report: &'a Report,
+    solve: &'a SolveSummary,
+}
+
+impl fmt::Display for Conclusion<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { report, solve } = self;
+        let SolveSummary { status, worst_constraint, worst_level, .. } = solve;
+        let worst = |f: &mut fmt::Formatter<'_>, played| match report.worst_of(played) {
+            Some(row) => write!(f, "{row}"),
+            None => Ok(()),
+        };
+        match report.judgement {
+            Judgement::Holds => f.write_str(
+                "holds: every residual that has a tolerance is within it, at the samples and as played",
+            ),
+            Judgement::NeedsFeedback => {
+                let reason = report.needs_feedback.as_deref().unwrap_or_default();
+                write!(f, "needs feedback when it is played: {reason}\nwithout: ")?;
+                worst(f, true)
+            }
+            Judgement::FailsAsPlayed => {
+                f.write_str("does not hold as it is played: ")?;
+                worst(f, true)
+            }
+            Judgement::BeyondTolerance => {
+                f.write_str("does not hold, the plan was changed since it converged: ")?;
+                worst(f, false)
+            }
+            // The point is that of the feasibility probe.
+            Judgement::NotConverged
+                if matches!(status, Status::Infeasible | Status::Stalled)
+                    && *worst_level <= ACCEPTED_LEVEL =>
+            write!(
+                f,
+                "did not converge ({status}): without costs all constraints can be met, and with them the solver gets stuck"
+            ),
+            Judgement::NotConverged => write!(
+                f,
+                "did not converge ({status}): {worst_constraint} is off by {} times its tolerance; \
+                 plans are accepted at {ACCEPTED_LEVEL} times",
+                super::table::number(*worst_level)
+            ),
+        }
+    }
+}
+
+impl fmt::Display for Row {
+    /// Residual, worst value, tolerance, place.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let number = super::table::number;
+        write!(f, "{}", self.family)?;
+        if let Some(place) = &self.place {
+            if let Some(subject) = &place.subject {
+                write!(f, " of {subject}")?;
+            }
+            write!(f, " at {:.3} s", place.time_s)?;
+        }
+        write!(f, " is {} {}", number(self.worst), self.unit)?;
+        if let Some(level) = self.level {
+            write!(f, ", tolerance {}", number(level))?;
+        }
+        write!(f, " ({})", self.grid)
+    }
+}
