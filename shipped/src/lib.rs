@@ -99,6 +99,7 @@ shipped!(
 
 /// Text of a shipped file, by its path: `robots/agilebot.toml`.
 pub fn text(path: &str) -> Option<&'static str> {
+    let path = path.strip_prefix("./").unwrap_or(path);
     FILES.iter().find(|(shipped, _)| *shipped == path).map(|(_, text)| *text)
 }
 

@@ -1,7 +1,7 @@
 //! Files as a hostile or careless user gives them: outputs over inputs, devices and links, names with terminal escapes,
 //! inputs without end.
 
-use crate::{desk, desk_with_shipped_files};
+use crate::{checkout, desk, desk_with_shipped_files};
 use rollwalk_tests::Desk;
 use rollwalk_tests::program::{self, LONG, PLANNED, PLAYED};
 use std::fmt::Write;
@@ -48,6 +48,29 @@ fn no_input_is_ever_an_output() {
         assert_eq!(desk.run(args).code, 1, "{args:?}");
         assert_eq!(desk.read("plan.json"), plan);
     }
+}
+
+/// A file of the user's, whatever it is, goes before the shipped one of its path.
+#[test]
+fn shipped_files_stand_in_for_missing_ones_alone() {
+    let desk = desk();
+    desk.run(&["robot", "check", "robots/agilebot.toml"]).succeeds();
+    let shipped = fs::read_to_string(checkout().join("shipped/motions/stand.toml")).unwrap();
+    desk.write("own/stand.toml", shipped.replace("duration_s", "# as shipped\nduration_s"));
+    desk.run(&["plan", "own/stand.toml", "-o", "stand.json"]).succeeds();
+    desk.run(&["control", "motions/agilebot_library.toml", "--play", "no-such-motion"])
+        .fails(1, &["no bus is given"]);
+    fs::create_dir(desk.path("robots")).unwrap();
+    desk.run(&["robot", "check", "robots/agilebot.toml"]).succeeds();
+    #[cfg(unix)]
+    {
+        let link = desk.path("robots/agilebot.toml");
+        std::os::unix::fs::symlink("elsewhere.toml", &link).unwrap();
+        desk.run(&["robot", "check", "robots/agilebot.toml"]).fails(1, &["robots/agilebot.toml"]);
+        fs::remove_file(link).unwrap();
+    }
+    desk.write("robots/agilebot.toml", "name = 1");
+    desk.run(&["plan", "motions/stand.toml", "-o", "x.json"]).fails(1, &["robots/agilebot.toml"]);
 }
 
 #[test]
@@ -183,12 +206,12 @@ fn what_has_no_end_is_no_input() {
         ("../pipe", "it is a pipe"),
         ("../robots", "it is a folder"),
     ] {
-        desk.copy_folder(&rollwalk_tests::checkout().join("shipped/motions"), "motions");
+        desk.copy_folder(&checkout().join("shipped/motions"), "motions");
         desk.edit(STAND, "../robots/agilebot.toml", robot);
         fails_soon(&desk, &["plan", STAND, "-o", "x"], &[words]);
     }
     // A shell's `<(program)` is a pipe, too.
-    desk.copy_folder(&rollwalk_tests::checkout().join("shipped/motions"), "motions");
+    desk.copy_folder(&checkout().join("shipped/motions"), "motions");
     let program = env!("CARGO_BIN_EXE_rollwalk-under-test");
     let line = format!("cat robots/agilebot.toml | {program} robot check /dev/stdin");
     let mut shell = Command::new("sh");

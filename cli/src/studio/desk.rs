@@ -5,7 +5,6 @@
 use rollwalk_terminal::files::{self, Named};
 use rollwalk_terminal::inputs::beside;
 use rollwalk_terminal::kind::Kind;
-use rollwalk_terminal::shipped;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -49,10 +48,6 @@ impl Desk {
             }
             let text = match files::read_by(&path, named, |_| Kind::Motion) {
                 Ok(read) => files::text(read, &path)?,
-                // The path of a file that ships names it in every folder.
-                Err(_) if shipped::text(&path).is_some() => {
-                    shipped::text(&path).unwrap_or_default().to_owned()
-                }
                 Err(error) if named == Named::ByUser => return Err(error.into()),
                 // The engine says what is missing, and who names it.
                 Err(_) => continue,

@@ -26,7 +26,7 @@ use std::sync::Arc;
 /// Where input files come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// The file system; where it has no file of this path, one that ships with it.
+    /// The file system; where it has nothing at a path, the shipped file of that path ([`files`]).
     Disk,
     /// The files inside the binary, by their path in the checkout.
     Shipped,
@@ -172,8 +172,7 @@ impl Source {
     /// # Errors
     /// As [`robot`](Self::robot).
     pub fn robot_and_text(self, path: &Path) -> miette::Result<(Robot, TextFile)> {
-        let source = self.of(path);
-        let text = source.text(path, Named::ByUser, Kind::Robot)?;
+        let text = self.text(path, Named::ByUser, Kind::Robot)?;
         Ok((robot(&text)?, text))
     }
 
@@ -182,7 +181,7 @@ impl Source {
     /// # Errors
     /// As [`robot`](Self::robot).
     pub fn robot_and_parts(self, path: &Path) -> miette::Result<(Robot, Vec<Vec<Solid>>)> {
-        let TextFile { path: name, text } = self.of(path).text(path, Named::ByUser, Kind::Robot)?;
+        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Robot)?;
         let explain = Kind::Robot.explain(Path::new(&name), &text);
         Robot::with_parts_from_toml(&name, &text).map_err(explain)
     }
@@ -192,8 +191,7 @@ impl Source {
     /// # Errors
     /// A file is missing, or everything that is wrong in it.
     pub fn motion(self, path: &Path) -> miette::Result<(Robot, Motion)> {
-        let source = self.of(path);
-        source.beside_motion(source.text(path, Named::ByUser, Kind::Motion)?)?.parse()
+        self.beside_motion(self.text(path, Named::ByUser, Kind::Motion)?)?.parse()
     }
 
     /// A motion file's text with that of the robot file that it names.
@@ -204,8 +202,7 @@ impl Source {
         let TextFile { path, text } = &motion;
         let explain = Kind::Motion.explain(Path::new(path), text);
         let robot = Motion::robot_path_in_toml(path, text).map_err(explain)?;
-        let source = self.of(Path::new(path));
-        let text = source.text(&beside(Path::new(path), &robot), Named::InFile, Kind::Robot);
+        let text = self.text(&beside(Path::new(path), &robot), Named::InFile, Kind::Robot);
         let robot = text.wrap_err_with(|| names(Path::new(path), &robot))?;
         Ok(MotionTexts { motion, robot })
     }
@@ -215,9 +212,8 @@ impl Source {
     /// # Errors
     /// A file is missing, or everything that is wrong in it, or motions that do not fit together.
     pub fn library(self, path: &Path) -> miette::Result<Library> {
-        let source = self.of(path);
-        let text = source.text(path, Named::ByUser, Kind::Library)?;
-        let mut beside = Beside { source, path, text: &text.text, robot: None };
+        let text = self.text(path, Named::ByUser, Kind::Library)?;
+        let mut beside = Beside { source: self, path, text: &text.text, robot: None };
         let Contents { robot, file, motions, plans } =
             Contents::read(&text.path, &text.text, &mut beside)?;
         let robot_text = beside.robot.expect("its contents have a robot");
@@ -229,7 +225,7 @@ impl Source {
     /// # Errors
     /// A file is missing, or everything that is wrong in it, or parameters that do not fit the robot.
     pub fn design(self, path: &Path) -> miette::Result<Designed> {
-        Ok(self.of(path).design_and_texts(path, Named::ByUser)?.0)
+        Ok(self.design_and_texts(path, Named::ByUser)?.0)
     }
 
     /// Reads and validates a design file with what it names; the texts of all come, too.
@@ -242,7 +238,8 @@ impl Source {
         let explain = || Kind::Design.explain(path, &design.text);
         let file = DesignFile::from_toml(&design.path, &design.text).map_err(explain())?;
         let beside = |named: &str, kind: Kind| {
-            self.text(&beside(path, named), Named::InFile, kind).map(NamedText::from)
+            let text = self.text(&beside(path, named), Named::InFile, kind);
+            text.map(NamedText::from).wrap_err_with(|| names(path, named))
         };
         let robot = beside(&file.robot, Kind::Robot)?;
         let motions = file.motions.iter().map(|motion| beside(&motion.file, Kind::Motion));
@@ -258,15 +255,13 @@ impl Source {
     /// # Errors
     /// A file is missing, or everything that is wrong in it, or axes that do not fit.
     pub fn sweep(self, path: &Path, servos: Option<&Path>) -> miette::Result<(Ready, Vec<String>)> {
-        let source = self.of(path);
-        let file = source.text(path, Named::ByUser, Kind::Sweep)?;
+        let file = self.text(path, Named::ByUser, Kind::Sweep)?;
         let sweep = Sweep::from_toml(&file.path, &file.text)
             .map_err(Kind::Sweep.explain(path, &file.text))?;
         let mut texts = vec![file.text.clone()];
         let design = match &sweep.design {
             Some(design) => {
-                let (design, more) =
-                    source.design_and_texts(&beside(path, design), Named::InFile)?;
+                let (design, more) = self.design_and_texts(&beside(path, design), Named::InFile)?;
                 texts.extend(more);
                 Some(design)
             }
@@ -277,7 +272,8 @@ impl Source {
         let named = named.chain(motions.into_iter().map(|motion| (motion, Kind::Motion)));
         let mut files = Files::new();
         for (name, kind) in named {
-            let text = source.text(&beside(path, name), Named::InFile, kind)?;
+            let text = self.text(&beside(path, name), Named::InFile, kind);
+            let text = text.wrap_err_with(|| names(path, name))?;
             texts.push(text.text.clone());
             files.insert(name.clone(), text.into());
         }
@@ -306,14 +302,6 @@ impl Source {
     pub fn terrain(self, path: &Path) -> miette::Result<Arc<dyn Ground>> {
         let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Terrain)?;
         ground::file::from_toml(&name, &text).map_err(Kind::Terrain.explain(path, &text))
-    }
-
-    /// Source of a file that the user names: the path of a shipped file names that file wherever no other has it.
-    fn of(self, path: &Path) -> Self {
-        match self {
-            Source::Disk if !path.exists() && shipped::text(path).is_some() => Source::Shipped,
-            source => source,
-        }
     }
 
     fn text(self, path: &Path, named: Named, kind: Kind) -> miette::Result<TextFile> {
@@ -350,10 +338,7 @@ fn text(path: &Path, named: Named, kind_of: impl Fn(&[u8]) -> Kind) -> miette::R
 /// # Errors
 /// The file is missing, too large or no text.
 pub fn motion_or_problem(path: &Path) -> miette::Result<TextFile> {
-    match Source::Disk.of(path) {
-        Source::Shipped => Source::Shipped.text(path, Named::ByUser, Kind::Motion),
-        Source::Disk => text(path, Named::ByUser, Kind::of_motion_or_problem),
-    }
+    text(path, Named::ByUser, Kind::of_motion_or_problem)
 }
 
 /// Reads and validates a plan.

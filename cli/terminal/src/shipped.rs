@@ -1,7 +1,9 @@
 //! The shipped robots and motions, read as files are.
 
 use rollwalk_shipped::FILES;
+use std::ffi::OsStr;
 use std::path::Path;
+use std::{fs, io};
 
 /// The library file that the demo plays.
 pub const DEMO_LIBRARY: &str = "motions/agilebot_library.toml";
@@ -9,6 +11,22 @@ pub const DEMO_LIBRARY: &str = "motions/agilebot_library.toml";
 /// The text of a shipped file.
 pub fn text(path: &Path) -> Option<&'static str> {
     rollwalk_shipped::text(path.to_str()?)
+}
+
+/// Text of the shipped file that a path names where nothing lies at it.
+pub fn instead_of(path: &Path) -> Option<&'static str> {
+    // A dangling link is something: what it should lead to is meant.
+    let missing = fs::symlink_metadata(path).is_err_and(|e| e.kind() == io::ErrorKind::NotFound);
+    if missing { text(path) } else { None }
+}
+
+/// Names of the shipped files in a folder, with this extension.
+pub fn names_in(folder: &Path, extension: Option<&OsStr>) -> impl Iterator<Item = &'static str> {
+    let files = FILES.iter().map(|(path, _)| Path::new(path));
+    let there = files.filter(move |path| path.parent() == Some(folder));
+    there
+        .filter(move |path| path.extension() == extension)
+        .filter_map(|path| path.file_name()?.to_str())
 }
 
 /// The shipped robot files.

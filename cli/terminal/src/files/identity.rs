@@ -21,6 +21,18 @@ fn inputs() -> MutexGuard<'static, Vec<Input>> {
     INPUTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// The shipped files that were read, by the paths that they stand in for.
+static STOOD_IN: Mutex<Vec<(PathBuf, Kind)>> = Mutex::new(Vec::new());
+
+fn stood_in() -> MutexGuard<'static, Vec<(PathBuf, Kind)>> {
+    STOOD_IN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Notes that a shipped file is read in place of one that is not there: an output there would take its place in the next run.
+pub fn note_shipped(path: &Path, kind: Kind) {
+    stood_in().push((path.to_owned(), kind));
+}
+
 /// Notes that a regular file is read.
 pub fn note_input(file: File, path: &Path, kind: Kind) {
     // The cache of names is ours, and is brought up to date.
@@ -40,8 +52,17 @@ pub fn note_input(file: File, path: &Path, kind: Kind) {
 /// # Errors
 /// It is, under this or another name.
 pub fn check_output(output: &Path) -> Result<(), FileError> {
-    // What is not there yet was not read.
-    let Ok(handle) = Handle::from_path(output) else { return Ok(()) };
+    // What is not there yet was not read, unless a shipped file stood in for it.
+    let Ok(handle) = Handle::from_path(output) else {
+        return match stood_in().iter().find(|(path, _)| path == output) {
+            Some((input, kind)) => Err(FileError::OverInput {
+                output: output.to_owned(),
+                input: input.clone(),
+                kind: *kind,
+            }),
+            None => Ok(()),
+        };
+    };
     match inputs().iter().find(|input| input.handle == handle) {
         None => Ok(()),
         Some(Input { path, kind, .. }) => Err(FileError::OverInput {

@@ -2,6 +2,7 @@
 
 use super::{FileError, folder, identity};
 use crate::kind::Kind;
+use crate::shipped;
 use rollwalk_host::key_file;
 use std::fs::{self, File, FileType};
 use std::io::{self, Read};
@@ -42,7 +43,8 @@ pub fn text((bytes, kind): (Vec<u8>, Kind), path: &Path) -> Result<String, FileE
     String::from_utf8(bytes).map_err(|_| FileError::NotText { kind, path: path.to_owned() })
 }
 
-/// The bytes of a file, no more than its kind has, and the kind, which `kind_of` tells from the beginning.
+/// The bytes of a file, no more than its kind has, and the kind, which `kind_of` tells from the beginning. The path of a shipped file
+/// names that file wherever nothing else lies at it.
 ///
 /// # Errors
 /// There is no such file, it is too large, or the operating system refuses.
@@ -58,6 +60,11 @@ pub fn read_by(
             _ => FileError::Io { action: "read", path, reason },
         }
     };
+    if let Some(text) = shipped::instead_of(path) {
+        let kind = kind_of(text.as_bytes());
+        identity::note_shipped(path, kind);
+        return Ok((text.into(), kind));
+    }
     let found = fs::metadata(path).map_err(refused)?;
     if found.is_file() {
         let mut file = File::open(path).map_err(refused)?;
@@ -194,14 +201,16 @@ fn help(path: &Path, kind: Kind) -> String {
         .take(NEIGHBOURS_MAX)
         .filter(|found| found.is_file() && may_be(found, path, kind))
         .filter_map(|found| Some(found.file_name()?.to_str()?.to_owned()))
+        .chain(shipped::names_in(folder, path.extension()).map(str::to_owned))
         .collect();
     // The nearest name first: a slip in typing is the likeliest reason.
     let given = path.file_name().unwrap_or_default().to_string_lossy();
     let similarity = |name: &String| strsim::normalized_damerau_levenshtein(&given, name);
     beside.sort();
+    beside.dedup();
     beside.sort_by(|a, b| similarity(b).total_cmp(&similarity(a)));
     beside.truncate(8);
-    if !folder.exists() {
+    if beside.is_empty() && !folder.exists() {
         format!("the folder {} does not exist either; {hint}", folder.display())
     } else if beside.is_empty() {
         hint.to_owned()
@@ -225,6 +234,16 @@ mod tests {
         let help = report.help().unwrap().to_string();
         assert!(help.contains("walk.toml") && !help.contains("walk.json"), "{help}");
         assert!(help.contains("docs/motion-files.md"), "{help}");
+    }
+
+    /// In the folder of these tests there is none of those that ship.
+    #[test]
+    fn the_path_of_a_shipped_file_names_it_where_nothing_else_lies() {
+        let text = read_text(Path::new("robots/agilebot.toml"), Kind::Robot).unwrap();
+        assert_eq!(Some(&*text), rollwalk_shipped::text("robots/agilebot.toml"));
+        let report = read(Path::new("robots/agilbot.toml"), Kind::Robot).unwrap_err();
+        let help = report.help().unwrap().to_string();
+        assert!(help.starts_with("robots has agilebot.toml, "), "{help}");
     }
 
     /// All of them end with `.pem`; a list of public keys is no help to those who need the private one.

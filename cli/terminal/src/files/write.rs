@@ -310,7 +310,8 @@ fn end_of_links(path: &Path) -> PathBuf {
 /// Replaces a file by another that was written beside it.
 fn replace(path: &Path, permissions: Option<&Permissions>, content: &[u8]) -> io::Result<()> {
     let mut temporary = temporary_in(folder(path))?;
-    temporary.write_all(content)?;
+    // The file's own errors leave out its random name.
+    temporary.as_file_mut().write_all(content)?;
     if let Some(permissions) = permissions {
         keep_owner(path, temporary.as_file());
         temporary.as_file().set_permissions(permissions.clone())?;
