@@ -1,9 +1,10 @@
-//! Programs of their own that lie beside this one, as those of git and cargo do: `rollwalk bench` runs `rollwalk-bench`.
+//! Programs of their own, beside this one or on the path, as those of git and cargo: `rollwalk bench` runs `rollwalk-bench`.
 
 use miette::{IntoDiagnostic, miette};
 use rollwalk_terminal::Exit;
 use std::env::consts::EXE_SUFFIX;
 use std::ffi::OsString;
+use std::io;
 use std::path::Path;
 use std::process::Command;
 
@@ -34,20 +35,23 @@ impl App {
     /// Runs the program in place of this one.
     ///
     /// # Errors
-    /// The program does not lie beside this one (names the command that builds it), or does not start.
+    /// There is no such program (names the command that builds it), or it does not start.
     pub fn run(&self, words: impl IntoIterator<Item = OsString>) -> miette::Result<Exit> {
         let this = std::env::current_exe().into_diagnostic()?;
-        let path = this.with_file_name(format!("{}{EXE_SUFFIX}", self.name));
-        if !path.exists() {
-            return Err(miette!(
-                help = format!("from the source folder of Rollwalk: {}", self.install(&this)),
-                "this command is in a program of its own, and there is no {}",
-                path.display()
-            ));
-        }
-        let mut command = Command::new(&path);
+        let file = format!("{}{EXE_SUFFIX}", self.name);
+        let beside = this.with_file_name(&file);
+        let path = if beside.exists() { beside.as_path() } else { Path::new(&file) };
+        let mut command = Command::new(path);
         command.args(words);
-        replace(command, &path)
+        let error = replace(command);
+        let help = format!("from the source folder of Rollwalk: {}", self.install(&this));
+        let why = match error.kind() {
+            io::ErrorKind::NotFound => {
+                format!("which is neither beside {} nor on the path", this.display())
+            }
+            _ => format!("and {} cannot be run: {error}", path.display()),
+        };
+        Err(miette!(help = help, "this command is in a program of its own, {}, {why}", self.name))
     }
 
     /// Command that puts the program beside `this` one.
@@ -58,24 +62,24 @@ impl App {
         match (target.as_deref(), profile.as_deref()) {
             (Some("target"), Some("debug")) => format!("cargo build -p {}", self.name),
             (Some("target"), Some("release")) => format!("cargo build --release -p {}", self.name),
-            _ => format!("cargo install --path {}", self.folder),
+            _ => format!("cargo install --locked --path {}", self.folder),
         }
     }
 }
 
-/// Becomes the program, so that signals and its exit code need no messenger.
+/// Becomes the program, so that signals and its exit code need no messenger; returns if that fails.
 #[cfg(unix)]
-fn replace(mut command: Command, path: &Path) -> miette::Result<Exit> {
+fn replace(mut command: Command) -> io::Error {
     use std::os::unix::process::CommandExt;
-    let error = command.exec();
-    Err(miette!("cannot run {}: {error}", path.display()))
+    command.exec()
 }
 
 #[cfg(not(unix))]
-fn replace(mut command: Command, path: &Path) -> miette::Result<Exit> {
-    let status =
-        command.status().map_err(|error| miette!("cannot run {}: {error}", path.display()))?;
-    std::process::exit(status.code().unwrap_or(1));
+fn replace(mut command: Command) -> io::Error {
+    match command.status() {
+        Ok(status) => std::process::exit(status.code().unwrap_or(1)),
+        Err(error) => error,
+    }
 }
 
 #[cfg(test)]
@@ -87,11 +91,10 @@ mod tests {
         for (this, expected) in [
             ("/src/target/release/rollwalk", "cargo build --release -p rollwalk-bench"),
             ("/src/target/debug/rollwalk", "cargo build -p rollwalk-bench"),
-            ("/usr/local/bin/rollwalk", "cargo install --path apps/bench"),
+            ("/usr/local/bin/rollwalk", "cargo install --locked --path apps/bench"),
         ] {
             assert_eq!(BENCH.install(Path::new(this)), expected);
         }
-        // Beside the program of these tests lies none.
         let missing = App { name: "rollwalk-nothing", folder: "apps/nothing" };
         let report = format!("{:?}", missing.run([]).unwrap_err());
         assert!(report.contains("rollwalk-nothing"), "{report}");

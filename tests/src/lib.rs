@@ -49,17 +49,21 @@ impl Desk {
 
     /// An empty folder, where `rollwalk` will run with `bench`, its program for benchmarks, beside it, as they are installed.
     pub fn with_programs(rollwalk: &str, bench: &str) -> Self {
-        static FOLDER: OnceLock<TempDir> = OnceLock::new();
+        static FOLDER: OnceLock<PathBuf> = OnceLock::new();
         let folder = FOLDER.get_or_init(|| {
             // On the file system of the programs, for hard links.
-            let beside = Path::new(rollwalk).parent().expect("a program lies in a folder");
-            let folder = tempfile::tempdir_in(beside).expect("temporary folder");
+            let folder = Path::new(rollwalk).with_file_name("beside-each-other");
+            fs::create_dir_all(&folder).expect("a folder beside the programs");
             for (program, name) in [(rollwalk, "rollwalk"), (bench, "rollwalk-bench")] {
-                fs::hard_link(program, folder.path().join(name)).expect("a link to a program");
+                // Other runs of the tests may be using what was there.
+                let new = folder.join(format!("{name}.{}", std::process::id()));
+                fs::hard_link(program, &new).expect("a link to a program");
+                fs::rename(&new, folder.join(name)).expect("a link in place of an older one");
+                let _ = fs::remove_file(new);
             }
             folder
         });
-        Self::new(&folder.path().join("rollwalk").to_string_lossy())
+        Self::new(&folder.join("rollwalk").to_string_lossy())
     }
 
     /// The path of a file in the folder.

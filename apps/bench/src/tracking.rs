@@ -3,8 +3,8 @@
 
 use crate::only::Only;
 use crate::split::{Rows, Split};
-use crate::{Block, Findings, Table, inputs, table, unless_interrupted};
-use miette::{IntoDiagnostic, miette};
+use crate::{Block, Findings, Table, inputs, shards, table, unless_interrupted};
+use miette::IntoDiagnostic;
 use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::push::Shove;
 use rollwalk_planner::motion::{Ends, Motion};
@@ -15,7 +15,7 @@ use rollwalk_simulate::sensors::Noise;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Options, Outcome, play};
 use rollwalk_terminal::{interrupt, output};
 use serde::{Deserialize, Serialize};
-use std::path::{self, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Motion files.
@@ -125,15 +125,7 @@ pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     words.extend([args.cycles.to_string(), "--phases".into(), args.phases.to_string()]);
     words.extend(args.only.words());
     for file in &args.motions {
-        // A part of the work may be done in another folder.
-        let path = path::absolute(file).into_diagnostic()?;
-        let path = path.to_str().ok_or_else(|| {
-            miette!(
-                "{}: the path is not UTF-8, and cannot be an argument of a part",
-                path.display()
-            )
-        })?;
-        words.push(path.to_owned());
+        words.push(shards::anywhere(file)?);
     }
     let own = args.motions.iter().map(|file| inputs::own_motion(file));
     let own: Vec<(Robot, Motion)> = own.collect::<miette::Result<_>>()?;

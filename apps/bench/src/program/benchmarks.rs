@@ -40,7 +40,7 @@ Examples:
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    which: Option<Benchmark>,
+    pub which: Option<Benchmark>,
     /// Folder to write to; made if it is missing, in a folder that exists.
     #[arg(long, value_name = "DIR", global = true, default_value = "bench-out")]
     out: PathBuf,
@@ -49,10 +49,7 @@ pub struct Args {
 }
 
 /// Runs the subcommand.
-pub fn run(args: &Args) -> miette::Result<Exit> {
-    let Some(which) = &args.which else {
-        return Err(miette!(help = "`rollwalk bench --help` lists them", "name a benchmark"));
-    };
+pub fn run(which: &Benchmark, args: &Args) -> miette::Result<Exit> {
     files::make_folder(&args.out)?;
     interrupt::listen();
     let findings = match which.work()? {

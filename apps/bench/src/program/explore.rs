@@ -10,7 +10,7 @@ use rollwalk_planner::Progress;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::{Exit, files, interrupt, output};
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Names in the folder.
 const CSV: &str = "results.csv";
@@ -89,13 +89,10 @@ impl Work for Chains<'_> {
     }
 
     fn words(&self) -> miette::Result<Vec<String>> {
-        let absolute = |path: &Path| -> miette::Result<String> {
-            Ok(std::path::absolute(path).into_diagnostic()?.to_string_lossy().into_owned())
-        };
         let mut words = vec![super::EXPLORE.to_owned()];
-        words.push(absolute(&self.args.sweep)?);
+        words.push(shards::anywhere(&self.args.sweep)?);
         if let Some(servos) = &self.args.servos {
-            words.extend(["--servos".to_owned(), absolute(servos)?]);
+            words.extend(["--servos".to_owned(), shards::anywhere(servos)?]);
         }
         if let Some(quantity) = &self.args.plot {
             words.extend(["--plot", quantity.bound].map(str::to_owned));

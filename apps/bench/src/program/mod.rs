@@ -3,6 +3,7 @@
 mod benchmarks;
 mod explore;
 
+use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use rollwalk_terminal::generated::{self, Shell};
 use rollwalk_terminal::{Exit, end, with_common_help};
@@ -37,7 +38,6 @@ struct Bench {
     completions: Option<Shell>,
 }
 
-/// Plan every point of a sweep: parameters, gaits, robots, servos.
 #[derive(Parser)]
 #[command(
     name = "rollwalk-design-explore",
@@ -81,7 +81,10 @@ fn run(bench: &Bench) -> miette::Result<Exit> {
         generated::completions(&mut command, shell)?;
         return Ok(Exit::Ok);
     }
-    benchmarks::run(&bench.args)
+    match &bench.args.which {
+        Some(which) => benchmarks::run(which, &bench.args),
+        None => command.error(ErrorKind::MissingSubcommand, "name a benchmark").exit(),
+    }
 }
 
 #[cfg(test)]

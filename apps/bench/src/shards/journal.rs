@@ -36,7 +36,7 @@ pub struct Unit<R> {
 struct Read<R> {
     header: Header,
     results: BTreeMap<usize, R>,
-    /// Length of the lines that are whole, bytes.
+    /// Length of the lines up to the first that is no result of this work, bytes.
     whole: usize,
 }
 
@@ -49,10 +49,14 @@ fn line(value: &impl Serialize) -> String {
 fn parse<R: DeserializeOwned>(text: &str) -> Option<Read<R>> {
     let mut lines = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
     let first = lines.next()?;
-    let header = serde_json::from_str(first).ok()?;
+    let header: Header = serde_json::from_str(first).ok()?;
+    let units = header.units;
     let mut read = Read { header, results: BTreeMap::new(), whole: first.len() };
     for line in lines {
         let Ok(Unit { unit, result }) = serde_json::from_str(line) else { break };
+        if unit >= units {
+            break;
+        }
         read.results.insert(unit, result);
         read.whole += line.len();
     }
@@ -126,14 +130,14 @@ impl Journals<'_> {
         }
     }
 
-    /// The journal of a part, to add to: a torn last line is cut off.
+    /// The journal of a part, to add to: what follows its last result is cut off.
     ///
     /// # Errors
     /// It is of other work, or the operating system refuses.
-    pub fn open(&self, part: [usize; 2]) -> miette::Result<Open> {
+    pub fn open<R: DeserializeOwned>(&self, part: [usize; 2]) -> miette::Result<Open> {
         let path = self.path(part);
         let refused = |error| cannot_write(&path, error);
-        let before = if path.exists() { self.read::<serde::de::IgnoredAny>(&path)? } else { None };
+        let before = if path.exists() { self.read::<R>(&path)? } else { None };
         let file = OpenOptions::new().create(true).append(true).open(&path).map_err(refused)?;
         match before {
             Some(read) => file.set_len(read.whole as u64).map_err(refused)?,
@@ -178,7 +182,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let journals = |header| Journals { folder: folder.path(), name: "w", header };
         let results = || journals(header()).results::<f64>().unwrap();
-        let mut open = journals(header()).open([1, 2]).unwrap();
+        let mut open = journals(header()).open::<f64>([1, 2]).unwrap();
         open.add(&Unit { unit: 2, result: 0.1 + 0.2 }).unwrap();
         open.add(&Unit { unit: 0, result: 1.0 }).unwrap();
         // To the bit.
@@ -187,8 +191,16 @@ mod tests {
         let text = fs::read_to_string(&path).unwrap();
         fs::write(&path, &text[..text.len() - 4]).unwrap();
         assert_eq!(results(), BTreeMap::from([(2, 0.1 + 0.2)]));
-        journals(header()).open([1, 2]).unwrap().add(&Unit { unit: 0, result: 1.0 }).unwrap();
+        journals(header()).open::<f64>([1, 2]).unwrap().add(&Unit { unit: 0, result: 1.0 }).unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        // Lines of another shape, or of units that there are not, are written over too.
+        for foreign in [r#"{"unit":0,"result":"x"}"#, r#"{"unit":3,"result":1.0}"#] {
+            fs::write(&path, text.replace(r#"{"unit":0,"result":1.0}"#, foreign)).unwrap();
+            assert_eq!(results().len(), 1, "{foreign}");
+            let mut open = journals(header()).open::<f64>([1, 2]).unwrap();
+            open.add(&Unit { unit: 0, result: 1.0 }).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        }
         // Of another name, and ended within its first line.
         fs::write(folder.path().join("x.journal.jsonl"), "{}\n").unwrap();
         fs::write(folder.path().join("w.journal-2-of-2.jsonl"), "{\"wor").unwrap();

@@ -7,8 +7,8 @@ mod journal;
 use engine::{Engine, Job};
 use indicatif::{ProgressBar, ProgressStyle};
 use journal::{Header, Journals, Unit};
-use miette::miette;
-use rollwalk_terminal::{interrupt, output};
+use miette::{IntoDiagnostic, miette};
+use rollwalk_terminal::{interrupt, output, shipped};
 use serde::Serialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 use sha2::{Digest, Sha256};
@@ -54,6 +54,19 @@ fn shard(text: &str) -> Result<[usize; 2], String> {
         (1..=n).contains(&k).then_some([k, n])
     };
     read().ok_or_else(|| format!("`{text}` is no shard: give 2/5 for the second of five"))
+}
+
+/// Word that names a file from whatever folder a shard works in. The path of a shipped file does so already.
+///
+/// # Errors
+/// The path is not UTF-8, or relative where there is no working folder.
+pub fn anywhere(path: &Path) -> miette::Result<String> {
+    let anywhere = match shipped::instead_of(path) {
+        Some(_) => path.to_owned(),
+        None => std::path::absolute(path).into_diagnostic()?,
+    };
+    let refused = || miette!("{}: the path is not UTF-8, and cannot go to a shard", path.display());
+    Ok(anywhere.to_str().ok_or_else(refused)?.to_owned())
 }
 
 /// Work in units.
@@ -183,11 +196,11 @@ pub fn run<W: Work>(work: &W, folder: &Path, options: &Options) -> miette::Resul
         };
     }
     let part @ [k, n] = options.part()?;
-    let done = journals.results::<IgnoredAny>()?;
+    let done = journals.results::<W::Result>()?;
     let mine = |unit: &usize| unit % n == k - 1 && !done.contains_key(unit);
     let wanted: Vec<usize> = (0..work.units()).filter(mine).collect();
     if !wanted.is_empty() {
-        let journal = Mutex::new(journals.open(part)?);
+        let journal = Mutex::new(journals.open::<W::Result>(part)?);
         compute(work, options.cores(work), &wanted, |unit| match journal.lock() {
             Ok(mut journal) => journal.add(&unit),
             Err(_) => Err(miette!("another thread failed")),
