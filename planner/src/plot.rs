@@ -15,6 +15,7 @@ mod limbs;
 mod page;
 mod panels;
 mod robot;
+mod scale;
 mod still;
 mod strip;
 mod style;

@@ -1,6 +1,8 @@
 //! Charts of any numbers as text of SVG files: of benchmarks, of runs and of sweeps.
 
-pub use super::axes::{Axis, Cell, Content, Mark, Panel, Scale, Series};
+pub use super::axes::{Axis, Cell, Content, Mark, Panel, Series};
+pub use super::scale::Scale;
+pub use super::style::COLORS;
 
 /// Curve: name and points.
 pub type Curve = (String, Vec<(f64, f64)>);
@@ -87,6 +89,7 @@ fn panel(title: &str, axis: Axis, curves: &[Curve], moments: Vec<(f64, String)>)
         series: curves.iter().enumerate().map(series).collect(),
         limits: Vec::new(),
         include: Vec::new(),
+        margin: 0.0,
         marks: Vec::new(),
         scale: axis.scale.clone(),
     };

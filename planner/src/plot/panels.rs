@@ -1,7 +1,8 @@
 //! Panels of the figure in columns, from the motion as played and the planned samples: those of the body and of the ground's forces.
 
-use super::axes::{Axis, Scale, Series};
+use super::axes::{Axis, Series};
 pub(super) use super::axes::{Content, Panel};
+use super::scale::Scale;
 use crate::motion::{Ends, Subject};
 use crate::plan::{EndEffectorSample, Plan, Sample};
 use crate::sample::{PlanSpline, Setpoints, driven_wheels};
@@ -18,6 +19,8 @@ pub enum JointPanels {
 }
 
 const POINTS: usize = 240;
+/// Values of a plan that differ by less are equal, m, rad and all other units.
+const EQUAL: f64 = 1e-3;
 
 /// A plan with its motion evaluated along the time axis.
 pub(super) struct Played<'a> {
@@ -106,7 +109,8 @@ impl Played<'_> {
         include: Vec<f64>,
     ) -> Panel {
         let scale = Scale::Linear;
-        let content = Content::Curves { series, limits, include, marks: Vec::new(), scale };
+        let (marks, margin) = (Vec::new(), EQUAL);
+        let content = Content::Curves { series, limits, include, margin, marks, scale };
         Panel {
             title: title.into(),
             axis: Axis::time(self.plan.motion.duration_s),

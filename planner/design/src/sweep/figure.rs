@@ -1,7 +1,9 @@
 //! Figure of a [`Picture`] as SVG. A cross is a point that does not hold.
 
 use super::picture::{Field, Kind, Picture, Values};
-use rollwalk_planner::plot::chart::{Axis, Cell, Content, Mark, Panel, Scale, Series, page};
+use rollwalk_planner::plot::chart::{
+    Axis, COLORS, Cell, Content, Mark, Panel, Scale, Series, page,
+};
 
 /// Largest number of lines and of maps of a figure. More look alike.
 const LINES_MAX: usize = 12;
@@ -10,9 +12,8 @@ const MAPS_MAX: usize = 9;
 const LINES: [f64; 2] = [720.0, 380.0];
 const MAP: [f64; 2] = [420.0, 320.0];
 const SCALE_WIDTH: f64 = 220.0;
-/// Colours that lines have before they repeat, dashed.
-const COLORS: usize = 7;
-const INK: usize = 6;
+/// The darkest of [`COLORS`].
+const INK: usize = COLORS.len() - 1;
 /// Colours from the smallest value to the largest: light to dark in equal steps, also for colour-blind readers (after viridis).
 const RAMP: [[u8; 3]; 5] =
     [[253, 231, 37], [94, 201, 98], [33, 145, 140], [59, 82, 139], [68, 1, 84]];
@@ -84,7 +85,7 @@ fn lines(
         let all: Vec<[f64; 2]> = points.iter().map(value).collect();
         let dots = all.iter().copied().filter(|[_, value]| !value.is_nan()).collect();
         let line = if axis.scale == Scale::Linear { all } else { Vec::new() };
-        let dash = if number < COLORS { "" } else { "3 3" };
+        let dash = if number < COLORS.len() { "" } else { "3 3" };
         series.push(Series { name: name.clone(), color: number, line, dots, dash });
         let lost = points.iter().filter(|(_, field)| *field == Field::Lost);
         let lost: Vec<f64> = lost.map(|(at, _)| *at).collect();
@@ -100,6 +101,7 @@ fn lines(
         series,
         limits: Vec::new(),
         include: vec![low, high],
+        margin: 0.0,
         marks,
         scale: Scale::Linear,
     };
