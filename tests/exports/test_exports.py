@@ -18,9 +18,9 @@ from mcap.reader import make_reader
 import replay
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-# Motions with a goal: one that drives, one that walks, one that turns, one on wheels without motors.
 # Longest run of a command, on a busy computer.
 COMMAND_S = 600.0
+# Motions with a goal: one that drives, one that walks, one that turns, one on wheels without motors.
 MOTIONS = ("drive_1m", "walk", "turn_in_place", "swizzlebot_forward")
 
 

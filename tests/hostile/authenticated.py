@@ -35,7 +35,7 @@ OK, REQUIRED = 0, {"command": 14, "parameter": 9, "transfer": 11}
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--simulator", type=pathlib.Path, required=True, help="the program rollwalk-sim")
-    parser.add_argument("--robot", type=pathlib.Path, default="robots/agilebot.toml")
+    parser.add_argument("--robot", type=pathlib.Path, default="shipped/robots/agilebot.toml")
     parser.add_argument("--library", type=pathlib.Path, required=True, help="a library of the robot (.rwl)")
     parser.add_argument("--frames", type=int, default=20_000, help="attacks in all (%(default)s)")
     parser.add_argument("--seed", type=int, default=0)

@@ -55,8 +55,8 @@ class World:
 class Drive(bench.Bench):
     """AgileBot and its node."""
 
-    ROBOT = "robots/agilebot.toml"
-    LIBRARY = "motions/agilebot_library.toml"
+    ROBOT = "shipped/robots/agilebot.toml"
+    LIBRARY = "shipped/motions/agilebot_library.toml"
 
     @classmethod
     def simulator_args(cls):

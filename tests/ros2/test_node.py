@@ -22,8 +22,8 @@ from bench import PLAYED_S, plain
 class Node(bench.Bench):
     """Pup and its node."""
 
-    ROBOT = "robots/pup.toml"
-    LIBRARY = "motions/pup_library.toml"
+    ROBOT = "shipped/robots/pup.toml"
+    LIBRARY = "shipped/motions/pup_library.toml"
 
     def test_1_joints_and_urdf_have_the_same_names(self):
         description = self.client.reader("/robot_description", ros.String, ros.LATCHED)
@@ -161,7 +161,7 @@ class Node(bench.Bench):
 class Feet(bench.Bench):
     """LegBot, whose wheels are fixed to its links, and its node without a gait."""
 
-    ROBOT = "robots/legbot.toml"
+    ROBOT = "shipped/robots/legbot.toml"
 
     @classmethod
     def setUpClass(cls):

@@ -11,7 +11,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Crates whose tests read files that lie in no crate.
+/// Crates whose tests read files of another.
 const READERS: [(&str, &str); 3] = [
     ("shipped/robots", "rollwalk-robot"),
     ("shipped/motions", "rollwalk-planner"),
@@ -91,13 +91,13 @@ fn packages(metadata: &Value) -> Option<Vec<Package>> {
 /// Packages with changed files, or whose tests read some.
 fn changed<'a>(packages: &'a [Package], files: &[PathBuf]) -> Vec<&'a Package> {
     let root = shell::workspace_root();
-    let name = |file: &PathBuf| {
+    let names = |file: &PathBuf| {
         let owners = packages.iter().filter(|package| file.starts_with(&package.folder));
         let owner = owners.max_by_key(|package| package.folder.as_os_str().len());
-        let reader = || READERS.iter().find(|(folder, _)| file.starts_with(root.join(folder)));
-        owner.map(|owner| owner.name.as_str()).or_else(|| reader().map(|(_, name)| *name))
+        let reader = READERS.iter().find(|(folder, _)| file.starts_with(root.join(folder)));
+        owner.map(|owner| owner.name.as_str()).into_iter().chain(reader.map(|(_, name)| *name))
     };
-    let names: BTreeSet<_> = files.iter().filter_map(name).collect();
+    let names: BTreeSet<_> = files.iter().flat_map(names).collect();
     packages.iter().filter(|package| names.contains(package.name.as_str())).collect()
 }
 
@@ -163,6 +163,7 @@ mod tests {
             package("drives", json!([normal("protocol")])),
             package("simulator", json!([normal("firmware")])),
             package("firmware/boards", json!([])),
+            package("shipped", json!([])),
             package("rollwalk-robot", json!([])),
         ]});
         packages(&metadata).expect("metadata")
@@ -190,7 +191,7 @@ mod tests {
 
     #[test]
     fn a_robot_file_is_read_by_the_tests_of_robots() {
-        assert_eq!(changed_by("shipped/robots/agilebot.toml"), ["rollwalk-robot"]);
+        assert_eq!(changed_by("shipped/robots/agilebot.toml"), ["shipped", "rollwalk-robot"]);
     }
 
     #[test]

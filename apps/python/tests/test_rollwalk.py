@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 import rollwalk
 
-ROOT = Path(__file__).resolve().parents[2]
 # Some seconds of work.
 LONG = "table_2_1/creature3_fast_walk"
 

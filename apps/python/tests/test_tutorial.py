@@ -10,7 +10,7 @@ from pathlib import Path
 
 import rollwalk
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "python.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "python.md"
 
 
 class Tutorial(unittest.TestCase):

@@ -6,9 +6,8 @@ use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// The programs that users run.
-const PROGRAMS: [(&str, &str); 3] =
-    [("cli", "rollwalk"), ("cli", "rollwalk-sim"), ("apps/bench", "rollwalk-bench")];
+/// The programs that users run. `rollwalk` runs a third one, which has to lie beside it.
+const PROGRAMS: [&str; 2] = ["rollwalk", "rollwalk-sim"];
 
 /// Characters that a line of a chapter has room for.
 const WIDTH: &str = "84";
@@ -19,8 +18,9 @@ const WIDTH: &str = "84";
 /// The programs cannot be built.
 pub fn chapters() -> Result<Vec<(&'static str, String)>, String> {
     let mut helps = String::new();
-    for (folder, name) in PROGRAMS {
-        let program = workspace::program(folder, name)?.path.to_string_lossy().into_owned();
+    workspace::program("apps/bench", "rollwalk-bench")?;
+    for name in PROGRAMS {
+        let program = workspace::program("cli", name)?.path.to_string_lossy().into_owned();
         commands(&program, &mut vec![name.to_owned()], &mut helps)?;
     }
     let metadata =
