@@ -5,6 +5,7 @@ import { mkdtemp } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
+import published from "@foxglove/schemas/jsonschema";
 import protocol from "@foxglove/ws-protocol";
 import WebSocket from "ws";
 import { Program, program, simulator } from "./programs.mjs";
@@ -15,14 +16,15 @@ const { FoxgloveClient } = protocol;
 const TOPICS = ["/tf", "/robot", "/joint_states", "/planned_joint_states", "/forces"];
 const SCHEMAS = ["foxglove.FrameTransforms", "foxglove.SceneUpdate", "foxglove.JointStates", "foxglove.JointStates", "foxglove.SceneUpdate"];
 
-/** Asserts that a message has fields of its JSON schema alone, of the types that the schema names. */
+/** Asserts that a message has the fields of its JSON schema and no others, of the types that the schema names. */
 function conforms(value, schema) {
   if (schema.type === "array") return value.forEach((item) => conforms(item, schema.items));
   if (schema.type !== "object") return assert.equal(typeof value, schema.type === "integer" ? "number" : schema.type);
+  for (const name of schema.required ?? []) assert.ok(name in value, `${schema.title} has ${name}`);
   for (const [name, field] of Object.entries(value)) conforms(field, schema.properties[name] ?? assert.fail(`${schema.title} has no ${name}`));
 }
 
-/** A client with the messages of all topics, which must conform to the schemas that the server sends. */
+/** A client with the messages of all topics, which must conform to the schemas that the server sends, and to Foxglove's own. */
 class Client {
   channels = new Map();
   messages = new Map();
@@ -48,6 +50,7 @@ class Client {
       const all = client.messages.get(topic) ?? [];
       const message = JSON.parse(decoder.decode(data));
       conforms(message, schema);
+      conforms(message, published[schema.title.replace("foxglove.", "")]);
       client.messages.set(topic, [...all, message]);
     });
     const open = new Promise((resolve, reject) => {
