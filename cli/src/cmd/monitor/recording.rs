@@ -6,21 +6,25 @@ use rollwalk_host::telemetry::Telemetry;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
 use rollwalk_terminal::files::{Output, Rotation, Series};
-use std::fmt::Display;
+use std::error::Error;
 use std::fs::File;
 use std::io::BufWriter;
-use std::mem;
+use std::path::{Path, PathBuf};
+use std::{iter, mem};
 
 /// Telemetry that is being written.
 pub struct Recording<'a> {
     node: Node,
     known: Option<Known<'a>>,
+    path: PathBuf,
     series: Series,
     telemetry: Telemetry<'a, BufWriter<File>>,
 }
 
-fn failed(error: impl Display) -> Report {
-    miette!("the telemetry: {error}")
+/// Why the telemetry cannot be written: the operating system's reason, behind those of the format.
+fn cannot_write(path: &Path, error: &(dyn Error + 'static)) -> Report {
+    let reason = iter::successors(Some(error), |&error| error.source()).last().unwrap_or(error);
+    miette!("cannot write the telemetry to {}: {reason}", path.display())
 }
 
 impl<'a> Recording<'a> {
@@ -35,8 +39,9 @@ impl<'a> Recording<'a> {
         known: Option<Known<'a>>,
     ) -> miette::Result<Self> {
         let (series, file) = Series::begin(output, rotation)?;
-        let telemetry = Telemetry::new(file, node, known).map_err(failed)?;
-        Ok(Self { node, known, series, telemetry })
+        let path = output.path().to_owned();
+        let telemetry = Telemetry::new(file, node, known).map_err(|e| cannot_write(&path, &e))?;
+        Ok(Self { node, known, path, series, telemetry })
     }
 
     /// Takes a frame of the link, received at `at_us` microseconds since 1970.
@@ -44,7 +49,7 @@ impl<'a> Recording<'a> {
     /// # Errors
     /// The operating system refuses.
     pub fn take(&mut self, at_us: u64, frame: &Frame) -> miette::Result<()> {
-        self.telemetry.on_frame(at_us, frame).map_err(failed)?;
+        self.telemetry.on_frame(at_us, frame).map_err(|e| cannot_write(&self.path, &e))?;
         self.keep()
     }
 
@@ -53,6 +58,7 @@ impl<'a> Recording<'a> {
     /// # Errors
     /// The operating system refuses.
     pub fn keep(&mut self) -> miette::Result<()> {
+        let failed = |e| cannot_write(&self.path, &e);
         if self.series.is_due() {
             self.telemetry.flush().map_err(failed)?;
             if let Some(file) = self.series.next_file()? {
@@ -68,6 +74,6 @@ impl<'a> Recording<'a> {
     /// # Errors
     /// The operating system refuses.
     pub fn finish(self) -> miette::Result<()> {
-        self.telemetry.finish().map_err(failed)
+        self.telemetry.finish().map_err(|e| cannot_write(&self.path, &e))
     }
 }
