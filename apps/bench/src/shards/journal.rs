@@ -191,7 +191,11 @@ mod tests {
         let text = fs::read_to_string(&path).unwrap();
         fs::write(&path, &text[..text.len() - 4]).unwrap();
         assert_eq!(results(), BTreeMap::from([(2, 0.1 + 0.2)]));
-        journals(header()).open::<f64>([1, 2]).unwrap().add(&Unit { unit: 0, result: 1.0 }).unwrap();
+        journals(header())
+            .open::<f64>([1, 2])
+            .unwrap()
+            .add(&Unit { unit: 0, result: 1.0 })
+            .unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), text);
         // Lines of another shape, or of units that there are not, are written over too.
         for foreign in [r#"{"unit":0,"result":"x"}"#, r#"{"unit":3,"result":1.0}"#] {
