@@ -377,6 +377,8 @@ const _: () = assert!(Family::ALL.len() <= 64, "a set holds 64 families");
 impl FamilySet {
     /// Every family.
     pub const ALL: Self = Self(u64::MAX);
+    /// Limits of shapes that are in the way; no stronger motor removes them.
+    pub const OBSTACLES: Self = Self::of(&[Family::LinkClearance, Family::GroundClearance]);
 
     /// The set of these families.
     pub const fn of(families: &[Family]) -> Self {

@@ -25,8 +25,6 @@ const LEAST_OF_FOOTFALLS: f64 = 0.3;
 /// Constraints that are violated if the footfalls are infeasible.
 const FOOTFALLS: [Family; 3] =
     [Family::AngularDynamics, Family::LinearDynamics, Family::SwingForce];
-/// Limits in the way that no stronger motor removes.
-const OBSTACLES: FamilySet = FamilySet::of(&[Family::LinkClearance, Family::GroundClearance]);
 /// Relative change of a motor limit up to which weak motors are a likely cause.
 const LIKELY_CHANGE: f64 = 2.0;
 /// Relative change of a goal beyond which the goal is not the cause.
@@ -258,7 +256,7 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
     requests.truncate(REQUESTS);
     if !requests.is_empty() {
         // Where a changed request would be feasible, motors that are far too weak are not the cause.
-        let obstacle = |group: &Group| OBSTACLES.contains(group.family);
+        let obstacle = |group: &Group| FamilySet::OBSTACLES.contains(group.family);
         limits.retain(|(change, _, group, _)| *change < 1.0 || obstacle(group));
     }
     limits.truncate(1);

@@ -43,15 +43,13 @@ const STANDING: FamilySet = FamilySet::of(&[
 ]);
 const SWAYING_LITERAL: FamilySet = STANDING.with(&[Family::SwingForce, Family::Anchor]);
 const SWAYING: FamilySet = SWAYING_LITERAL.with(&[Family::Posture, Family::Smoothness]);
-const STEPPING: FamilySet = FamilySet::of(&[
+const STEPPING: FamilySet = FamilySet::OBSTACLES.with(&[
     Family::ContactPoint,
     Family::WheelAxis,
     Family::ContactHeight,
     Family::Slip,
     Family::HeldWheel,
     Family::EndEffectorClearance,
-    Family::LinkClearance,
-    Family::GroundClearance,
     Family::JointLimit,
     Family::BladeContact,
     Family::Posture,

@@ -20,7 +20,6 @@ const STEP: f64 = 1e-5;
 const TOLERANCE: f64 = 2e-6;
 
 /// Families whose rows end where there is room.
-const CLEARANCES: FamilySet = FamilySet::of(&[Family::LinkClearance, Family::GroundClearance]);
 
 fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
     let system = System::new(problem);
@@ -46,7 +45,7 @@ fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
         for (index, row) in base.rows.iter().enumerate() {
             // Where rows of clearances end, they have a kink.
             let values = [row, &plus.rows[index], &minus.rows[index]].map(|row| row.value);
-            if CLEARANCES.contains(row.family) && values.contains(&-FAR_M) {
+            if FamilySet::OBSTACLES.contains(row.family) && values.contains(&-FAR_M) {
                 continue;
             }
             let numeric = (plus.rows[index].value - minus.rows[index].value) / (2.0 * STEP);
