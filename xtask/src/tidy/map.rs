@@ -9,6 +9,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const PAGE: &str = "ARCHITECTURE.md";
 const PREFIX: &str = "rollwalk-";
+/// Crate that checks the plans of another, and so knows nothing of it although it stands below it.
+const INDEPENDENT: [&str; 2] = ["rollwalk-physics", "rollwalk-planner"];
 
 /// Row of the map.
 struct Row<'a> {
@@ -62,6 +64,12 @@ fn arrows(row: &Row, above: &[Row], package: &Value, ours: &BTreeMap<&str, &Valu
         let list = of_library.into_iter().collect::<Vec<_>>().join(", ");
         found.push(format!("{PAGE}: `{}` depends on: {list}", row.name));
     }
+    if all.iter().any(|(on, _)| [row.name, on] == INDEPENDENT) {
+        found.push(format!(
+            "{} must not depend on {}, whose plans it checks",
+            row.name, INDEPENDENT[1]
+        ));
+    }
     for (on, _) in all.iter().filter(|(on, _)| above.iter().all(|above| above.name != *on)) {
         found
             .push(format!("{} must not depend on {on}, which stands below it in {PAGE}", row.name));
@@ -101,6 +109,10 @@ mod tests {
 
     /// A map of two crates and a folder, and a manifest of `rollwalk-b` with these dependencies.
     fn found(map: &str, dependencies: &serde_json::Value) -> Vec<String> {
+        found_of(["rollwalk-a", "rollwalk-b"], map, dependencies)
+    }
+
+    fn found_of(names: [&str; 2], map: &str, dependencies: &serde_json::Value) -> Vec<String> {
         let files = [
             file("ARCHITECTURE.md", map),
             file("a/Cargo.toml", ""),
@@ -115,8 +127,8 @@ mod tests {
                 "dependencies": dependencies,
             })
         };
-        let a = package("rollwalk-a", "a", &json!([]));
-        let packages = [a, package("rollwalk-b", "x/b", dependencies)];
+        let a = package(names[0], "a", &json!([]));
+        let packages = [a, package(names[1], "x/b", dependencies)];
         let metadata = json!({ "workspace_root": "/w", "packages": packages });
         super::violations(&files, &metadata.to_string()).unwrap()
     }
@@ -131,6 +143,16 @@ mod tests {
         assert_eq!(found(&[A, B, DOCS].concat(), &on), [""; 0]);
         let more = json!([{ "name": "rollwalk-a" }, { "name": "rollwalk-a", "kind": "dev" }]);
         assert_eq!(found(&[A, B, DOCS].concat(), &more), [""; 0]);
+    }
+
+    #[test]
+    fn the_simulator_knows_nothing_of_the_planner_not_even_in_tests() {
+        let on = json!([{ "name": "rollwalk-planner", "kind": "dev" }]);
+        let map = [A, &B.replace("| a |", "|  |")[..], DOCS].concat();
+        let map =
+            map.replace("rollwalk-a", "rollwalk-planner").replace("rollwalk-b", "rollwalk-physics");
+        let found = found_of(["rollwalk-planner", "rollwalk-physics"], &map, &on);
+        assert!(found[0].contains("must not depend on rollwalk-planner"), "{found:?}");
     }
 
     #[test]
