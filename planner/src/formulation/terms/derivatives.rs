@@ -19,8 +19,6 @@ const STEP: f64 = 1e-5;
 /// Both of the above with a margin, relative to the size of the row's derivatives.
 const TOLERANCE: f64 = 2e-6;
 
-/// Families whose rows end where there is room.
-
 fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
     let system = System::new(problem);
     let columns = system.columns();
