@@ -58,6 +58,9 @@ fn shipped_files_stand_in_for_missing_ones_alone() {
     let shipped = fs::read_to_string(checkout().join("shipped/motions/stand.toml")).unwrap();
     desk.write("own/stand.toml", shipped.replace("duration_s", "# as shipped\nduration_s"));
     desk.run(&["plan", "own/stand.toml", "-o", "stand.json"]).succeeds();
+    fs::create_dir(desk.path("motions")).unwrap();
+    desk.run(&["plan", "motions/stand.toml", "-o", "./motions/stand.toml"])
+        .fails(1, &["./motions/stand.toml", "that this run reads"]);
     desk.run(&["control", "motions/agilebot_library.toml", "--play", "no-such-motion"])
         .fails(1, &["no bus is given"]);
     fs::create_dir(desk.path("robots")).unwrap();

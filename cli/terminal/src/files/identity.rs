@@ -54,7 +54,8 @@ pub fn note_input(file: File, path: &Path, kind: Kind) {
 pub fn check_output(output: &Path) -> Result<(), FileError> {
     // What is not there yet was not read, unless a shipped file stood in for it.
     let Ok(handle) = Handle::from_path(output) else {
-        return match stood_in().iter().find(|(path, _)| path == output) {
+        let absolute = |path: &Path| std::path::absolute(path).ok();
+        return match stood_in().iter().find(|(path, _)| absolute(path) == absolute(output)) {
             Some((input, kind)) => Err(FileError::OverInput {
                 output: output.to_owned(),
                 input: input.clone(),

@@ -87,6 +87,7 @@ impl Output {
                     io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
                 ) =>
             {
+                identity::check_output(path)?;
                 Place::File { path: end_of_links(path), permissions: None }
             }
             Err(reason) => return Err(refused(reason)),
