@@ -1,6 +1,6 @@
 //! A simulated robot that obeys only hosts with its link key.
 
-use crate::simulated::{Robot, command_on, desk_with_library_file, on};
+use crate::simulated::{Robot, command_on, desk_with_library_file, on, once_more_when_late};
 use rollwalk_tests::program::{self, PLAYED};
 
 #[test]
@@ -29,7 +29,8 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
         program::run(&mut command, PLAYED)
     };
     with_key(&["flash", "legbot.rwl"]).succeeds();
-    with_key(&["send", "--arm", "rest"]).succeeds();
+    let send = || with_key(&["send", "--arm", "rest"]);
+    once_more_when_late(send, || with_key(&["clear"])).succeeds();
     with_key(&["gains", "set", "all", "--kd", "1"]).succeeds();
     // What needs no key takes none amiss.
     for command in ["discover", "doctor", "estop"] {

@@ -1,7 +1,7 @@
 //! Robots at serial lines, and adapters that speak SLCAN: at pseudo terminals, which to a program are devices.
 
 use crate::desk;
-use crate::simulated::{Robot, desk_with_library_file, on};
+use crate::simulated::{Robot, desk_with_library_file, in_time, on};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::port::Live;
 use rollwalk_bus::sim;
@@ -55,7 +55,7 @@ pub fn cable(mut from: TTYPort, mut to: TTYPort) {
 fn flash_and_play(desk: &Desk, bus: &str) {
     assert!(on(desk, bus, &["discover"]).succeeds().contains("none"));
     on(desk, bus, &["flash", "legbot.rwl"]).succeeds();
-    on(desk, bus, &["send", "--arm", "rest", "1"]).succeeds();
+    in_time(desk, bus, &["send", "--arm", "rest", "1"]).succeeds();
     on(desk, bus, &["doctor"]).succeeds_with(0, &["it can be armed"]);
     on(desk, bus, &["estop"]).succeeds();
 }

@@ -1,7 +1,7 @@
 //! The tools and a simulated robot on this computer's socket: what a maker without CAN does first.
 
 use crate::desk_with_shipped_files;
-use crate::simulated::{Robot, command_on, desk_with_library_file, on};
+use crate::simulated::{Robot, command_on, desk_with_library_file, in_time, on};
 use rollwalk_tests::program::{self, PLAYED, Program, within};
 use std::process::{Command, Stdio};
 use std::thread::sleep;
@@ -26,7 +26,7 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
     run(&["send", "rest"]).fails(5, &["torque is off; arm first", "rollwalk doctor"]);
     run(&["send", "--arm", "run"]).fails(1, &["no motion `run`", "it has stand, rest"]);
     run(&["send", "--arm", "rest", "--speed", "2"]).fails(2, &["from 0.016 (1/64) to 1"]);
-    run(&["send", "--arm", "rest", "1"]).succeeds();
+    in_time(&desk, &socket, &["send", "--arm", "rest", "1"]).succeeds();
     run(&["doctor"]).succeeds_with(0, &["it can be armed"]);
 
     run(&["gains", "set", "all", "--kp", "12.5"]).succeeds();
@@ -49,7 +49,7 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
         .succeeds_with(5, &["stopped by an emergency stop", "rollwalk clear --bus sim:"]);
     run(&["clear"]).succeeds();
     run(&["clear"]).succeeds();
-    run(&["send", "--arm", "2"]).succeeds();
+    in_time(&desk, &socket, &["send", "--arm", "2"]).succeeds();
 
     run(&["monitor", "--for", "0.3", "--log", "run.log", "--mcap", "run.mcap"]).succeeds();
     assert!(desk.read_text("run.log").contains(" sim0 310#"));
@@ -117,7 +117,7 @@ fn a_simulated_robot_keeps_its_library_and_loses_none() {
     until("kept.rwl", &first);
     drop(robot);
     let robot = switched_on();
-    run(&["send", "--arm", "rest"]).succeeds();
+    in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
     run(&["flash", "second.rwl"]).succeeds();
     until("kept.rwl", &second);
     // What was found may be somebody's only copy; what was flashed just now is not.

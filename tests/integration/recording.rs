@@ -1,7 +1,7 @@
 //! What `rollwalk monitor` records, however it ends.
 
 use crate::desk_with_shipped_files;
-use crate::simulated::{Robot, command_on, desk_with_library_file, on};
+use crate::simulated::{Robot, command_on, desk_with_library_file, in_time, on};
 use mcap::read::Options;
 use mcap::{MessageStream, Summary};
 use rollwalk_tests::Desk;
@@ -74,7 +74,7 @@ fn planned_joint_states_are_those_of_the_library() {
     let monitor = Program::start(monitor.stdout(Stdio::null()));
     // It listens once the file is there.
     within("run.mcap", || desk.path("run.mcap").exists().then_some(()));
-    on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
+    in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
     monitor.signal("TERM");
     monitor.ends();
     let topics = topics(&desk.read("run.mcap"));

@@ -1,6 +1,6 @@
 //! A simulated robot that plays only libraries with its owner's signature.
 
-use crate::simulated::{Robot, desk_with_library_file, on};
+use crate::simulated::{Robot, desk_with_library_file, in_time, on};
 use std::fs;
 
 #[test]
@@ -52,15 +52,15 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
     flash("own.rwl").succeeds();
     // It outlasts one that is refused, before it has played and after.
     flash("plain.rwl").fails(5, &not_signed);
-    on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
+    in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
     flash("plain.rwl").fails(5, &not_signed);
-    on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
+    in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
 
     // It is there after a restart, and a robot with another key does not begin with it.
     robot.stop();
     assert_eq!(read("memory.rwl"), signed);
     let mut robot = Robot::with(&desk, &bus, &insists);
-    on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
+    in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
     robot.stop();
     let other = ["robots/legbot.toml", "--bus", &bus, "--library", "memory.rwl"];
     let started =
@@ -69,7 +69,7 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
 
     // One without a key begins with it, too, and leaves the file as it is.
     let mut robot = Robot::with(&desk, &bus, &["--library", "memory.rwl"]);
-    on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
+    in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
     robot.stop();
     assert_eq!(read("memory.rwl"), signed);
 
@@ -78,5 +78,5 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
     let flashed = flash("own.rwl");
     assert!(flashed.stderr.contains("checks no signatures"), "{}", flashed.stderr);
     flashed.succeeds();
-    on(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
+    in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
 }
