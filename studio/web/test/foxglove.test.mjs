@@ -5,7 +5,7 @@ import { mkdtemp } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
-import published from "@foxglove/schemas/jsonschema";
+import published from "@foxglove/schemas/jsonschema.js";
 import protocol from "@foxglove/ws-protocol";
 import WebSocket from "ws";
 import { Program, program, simulator } from "./programs.mjs";
