@@ -21,7 +21,7 @@ pub struct Recording<'a> {
     telemetry: Telemetry<'a, BufWriter<File>>,
 }
 
-/// Why the telemetry cannot be written: the operating system's reason, behind those of the format.
+/// Error of a write to the telemetry file; the deepest source is the operating system's reason.
 fn cannot_write(path: &Path, error: &(dyn Error + 'static)) -> Report {
     let reason = iter::successors(Some(error), |&error| error.source()).last().unwrap_or(error);
     miette!("cannot write the telemetry to {}: {reason}", path.display())

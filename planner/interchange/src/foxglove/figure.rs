@@ -28,7 +28,7 @@ pub struct Figure<'r> {
     color: [f64; 4],
 }
 
-/// Where a robot is.
+/// Pose of a robot in the world.
 pub struct Posture<'p> {
     /// World-from-body pose.
     pub world_from_body: Isometry3<f64>,
