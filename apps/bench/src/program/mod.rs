@@ -25,6 +25,8 @@ const EXPLORE: &str = "explore";
     version,
     max_term_width = 100,
     arg_required_else_help = true,
+    // clap shows a benchmark as optional, because --man and --completions come without.
+    override_usage = "rollwalk bench [OPTIONS] <COMMAND>",
     after_long_help = benchmarks::EXAMPLES
 )]
 struct Bench {
