@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// Tilt against the start beyond which a robot has fallen, rad.
 const FALLEN_RAD: f64 = 1.0;
-/// Distance of the body from the ground beneath which a robot has fallen, as a share of that at the start.
+/// Distance of the centre of mass from the ground beneath which a robot has fallen, as a share of that at the start.
 const FALLEN_HEIGHT: f64 = 0.4;
 
 /// Steepest ground that a robot begins on: the vertical part of its normal.
@@ -145,7 +145,7 @@ impl Odometer {
 pub struct Fall {
     /// Tilt against the start, rad.
     pub tilt_rad: f64,
-    /// Distance of the body's origin from the ground, m.
+    /// Distance of the centre of mass from the ground, m.
     pub height_m: f64,
 }
 
@@ -164,29 +164,29 @@ pub struct FallWatch {
     up: Vector3<f64>,
     /// The same in axes of the body at the start: not every robot begins level, and one that turns leans elsewhere.
     start_up_in_body: Vector3<f64>,
-    /// Distance of the body's origin from the ground at the start, m.
+    /// Distance of the centre of mass from the ground at the start, m: not of the body's origin, which may lie anywhere.
     standing_m: f64,
 }
 
 impl FallWatch {
     /// For a robot that stands at present.
     pub fn new(world: &World, ground: &Arc<dyn Ground>) -> Self {
-        let (origin, rotation) = world.base();
         let up = normal_at_start(ground.as_ref());
         Self {
             ground: Arc::clone(ground),
             up,
-            start_up_in_body: rotation.transpose() * up,
-            standing_m: ground.at(&origin).gap_m,
+            start_up_in_body: world.base().1.transpose() * up,
+            standing_m: ground.at(&world.com().0).gap_m,
         }
     }
 
-    /// The fall of a robot that has tilted by more than 1 rad, or whose body is nearer to the ground than 0.4 of what it was.
+    /// The fall of a robot that has tilted by more than 1 rad, or whose centre of mass is nearer to the ground than 0.4 of what
+    /// it was.
     pub fn look(&self, world: &World) -> Option<Fall> {
-        let (origin, rotation) = world.base();
+        let (_, rotation) = world.base();
         let cosine = (rotation.transpose() * self.up).dot(&self.start_up_in_body);
         let tilt_rad = cosine.clamp(-1.0, 1.0).acos();
-        let height_m = self.ground.at(&origin).gap_m;
+        let height_m = self.ground.at(&world.com().0).gap_m;
         let fallen = tilt_rad > FALLEN_RAD || height_m < FALLEN_HEIGHT * self.standing_m;
         fallen.then_some(Fall { tilt_rad, height_m })
     }

@@ -5,7 +5,7 @@ use crate::{Configuration, Frames, RimContact, Tree};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// Contacts that are higher than this share of the body's height do not stand.
+/// Contacts that are higher than this share of the height of the centre of mass do not stand.
 const HANGING: f64 = 0.05;
 /// Spread of contacts that stand in line, m: across the line they balance nothing, and the centre of mass may be off the
 /// line by as much.
@@ -58,7 +58,7 @@ impl Standing {
         frames.update(tree, &at);
         let points = lowest(&frames)?;
         let com = frames.com(tree);
-        let hanging_m = HANGING * at.base_position_m.z.abs();
+        let hanging_m = HANGING * com.z.abs();
         let stands: Vec<_> = points.iter().map(|point| point.z <= hanging_m).collect();
         let weight_n = tree.total_mass_kg() * GRAVITY_M_S2;
         let (forces_n, balanced) = forces(&points, &stands, &com, weight_n);

@@ -1,6 +1,7 @@
 //! Plans on the simulated ground: one binary, one module per subject.
 
 mod estimates;
+mod frames;
 mod iterations;
 mod plays;
 mod retargets;
@@ -16,13 +17,24 @@ use std::ops::ControlFlow;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped");
 
+fn shipped(name: &str) -> String {
+    fs::read_to_string(format!("{ROOT}/{name}.toml")).unwrap()
+}
+
+fn robot(name: &str) -> Robot {
+    Robot::from_toml(name, &shipped(&format!("robots/{name}"))).unwrap()
+}
+
 /// A shipped motion of a shipped robot, planned.
-fn plan(robot: &str, motion: &str) -> Plan {
-    let read = |name: String| fs::read_to_string(format!("{ROOT}/{name}.toml")).unwrap();
-    let robot = Robot::from_toml(robot, &read(format!("robots/{robot}"))).unwrap();
-    let motion = Motion::from_toml(motion, &read(format!("motions/{motion}")), &robot).unwrap();
+fn plan(robot_name: &str, motion: &str) -> Plan {
+    plan_of(&robot(robot_name), motion)
+}
+
+/// A shipped motion, planned for a robot.
+fn plan_of(robot: &Robot, motion: &str) -> Plan {
+    let motion = Motion::from_toml(motion, &shipped(&format!("motions/{motion}")), robot).unwrap();
     let mut go_on = |_: &_| ControlFlow::Continue(());
-    let plan = optimise(&robot, &motion, &Options::default(), &mut go_on);
+    let plan = optimise(robot, &motion, &Options::default(), &mut go_on);
     assert_eq!(plan.solve.status, Status::Converged);
     plan
 }
