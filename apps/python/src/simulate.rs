@@ -160,7 +160,7 @@ impl Simulation {
 /// :param cycles: periods of a motion that repeats, 1 to 10,000.
 /// :param feed_forward: with the planned torques; without, the servos have their own only.
 /// :param tracking: let a controller of the whole body track the plan: it sees the robot at each step.
-/// :param rate_hz: steps of the simulation per second, 30 to 10,000; 120 if it is `None`, 500 with `tracking`.
+/// :param rate_hz: steps of the simulation per second, 30 to 10,000; 480 if it is `None`, 500 with `tracking`.
 /// :param mass_ratio: masses of the simulated robot over those of the plan's, 0.01 to 10.
 /// :param friction: coefficient of friction of all feet, wheels and blades, 0.01 to 10; those of the plan's robot if it is `None`.
 /// :param terrain: a terrain file (TOML); level ground without.

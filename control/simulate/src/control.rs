@@ -21,11 +21,11 @@ pub enum Control {
 }
 
 impl Control {
-    /// Steps of the world per second that a plan is played with, unless the user wants others: a controller that sees the robot
-    /// does so at each of them.
+    /// Steps of the world per second that a plan is played with, unless the user wants others: so many that twice as many do not
+    /// change whether a motion holds. A controller that sees the robot does so at each of them.
     pub const fn usual_rate_hz(self) -> u32 {
         match self {
-            Self::Servos | Self::FeedForward => 120,
+            Self::Servos | Self::FeedForward => 480,
             Self::Tracking(_) => 500,
         }
     }

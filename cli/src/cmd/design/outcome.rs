@@ -23,8 +23,6 @@ use toml_edit::{DocumentMut, Item, Value};
 
 /// Rate at which features of two plans are compared, Hz.
 const RATE_HZ: f64 = 60.0;
-/// Steps of the world per second in which plans are played.
-const PLAYED_HZ: u32 = 120;
 const REPORT: [&str; 2] = ["report.md", "report.json"];
 /// Figure of the robot before and after.
 const ROBOT_FIGURE: &str = "robot.svg";
@@ -456,7 +454,8 @@ fn compared(before: Option<&Plan>, after: &Plan) -> miette::Result<Compared> {
     let quantities = all.filter(|of| of.objective.is_defined(&after.motion)).map(of);
     let report = Report::new(after);
     let simulated = |plan: Option<&Plan>| {
-        let play = |plan| played::play(plan, Control::FeedForward, PLAYED_HZ);
+        let control = Control::FeedForward;
+        let play = |plan| played::play(plan, control, control.usual_rate_hz());
         let outcome = plan.filter(is_solved).map(play);
         outcome.transpose().map(|outcome| outcome.as_ref().map(played::ratios))
     };

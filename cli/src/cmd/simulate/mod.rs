@@ -59,7 +59,7 @@ pub struct Args {
     estimate: bool,
     #[command(flatten)]
     ground: GroundArgs,
-    /// Steps of the simulation of a plan per second [default: 120, with --tracking 500]; with a library they are 240.
+    /// Steps of the simulation of a plan per second [default: 480, with --tracking 500]; with a library they are 240.
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(30..=10_000))]
     rate: Option<u32>,
     #[command(flatten)]

@@ -7,6 +7,7 @@ mod plays;
 mod retargets;
 mod sequences;
 mod steered;
+mod steps;
 
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};

@@ -1,0 +1,54 @@
+//! Verdicts do not depend on the step of the world.
+
+use crate::{ROOT, plan, plan_of};
+use rollwalk_planner::motion::Motion;
+use rollwalk_planner::plan::Plan;
+use rollwalk_robot::Robot;
+use rollwalk_simulate::{Control, Options, Outcome, play};
+use std::fs;
+use std::path::Path;
+
+/// Plays with the usual step and with half of it.
+fn with_both_steps(plan: &Plan) -> [Outcome; 2] {
+    let control = Control::FeedForward;
+    let usual_hz = control.usual_rate_hz();
+    [usual_hz, 2 * usual_hz].map(|rate_hz| {
+        let options = Options { cycles: 8, ..Options::new(control, rate_hz) };
+        play(plan, &options, |_| true).unwrap()
+    })
+}
+
+/// In steps of 1/120 s the pace holds, and it does not in shorter ones.
+#[test]
+fn half_the_step_changes_no_verdict() {
+    for (motion, holds) in [("walk", true), ("trot", true), ("pace", false)] {
+        for outcome in with_both_steps(&plan("agilebot", motion)) {
+            assert_eq!(outcome.holds(), holds, "{motion}: {outcome:?}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
+fn half_the_step_changes_no_verdict_of_a_shipped_motion() {
+    let mut count = 0;
+    for folder in ["motions", "motions/table_2_1"] {
+        for entry in fs::read_dir(Path::new(ROOT).join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+            if path.is_dir() || name.ends_with("_library") {
+                continue;
+            }
+            let text = fs::read_to_string(&path).unwrap();
+            let robot = Motion::robot_path_in_toml(&name, &text).unwrap();
+            let robot = fs::read_to_string(path.with_file_name(robot)).unwrap();
+            let robot = Robot::from_toml("robot", &robot).unwrap();
+            let in_motions = path.strip_prefix(Path::new(ROOT).join("motions")).unwrap();
+            let motion = in_motions.with_extension("").to_string_lossy().into_owned();
+            let [usual, half] = with_both_steps(&plan_of(&robot, &motion));
+            assert_eq!(usual.holds(), half.holds(), "{name}: {usual:?} {half:?}");
+            count += 1;
+        }
+    }
+    assert!(count > 40, "{count}");
+}
