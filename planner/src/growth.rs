@@ -32,6 +32,8 @@ const GROUND_YIELDS: f64 = 1e-4;
 /// Growth a cycle above which errors grow: those that only stay, such as those of wheels that never leave the ground,
 /// are computed as up to this.
 const GROWS: f64 = 1.2;
+/// Growth a cycle above which its size says nothing more: errors are not small any more after a cycle.
+const BEYOND_FIRST_ORDER: f64 = 10.0;
 /// Growth a cycle up to which errors are gone after a few cycles.
 const DIES_OUT: f64 = 0.6;
 
@@ -52,9 +54,13 @@ impl fmt::Display for Growth {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (growth, left) = (self.0, 100.0 * self.0);
         if self.is_much() {
+            let fold = match growth > BEYOND_FIRST_ORDER {
+                true => format!("more than {BEYOND_FIRST_ORDER}-fold"),
+                false => format!("{growth:.1}-fold"),
+            };
             write!(
                 f,
-                "without feedback small errors grow {growth:.1}-fold a cycle, unless feet in swing that land early catch the \
+                "without feedback small errors grow {fold} a cycle, unless feet in swing that land early catch the \
                  robot; a larger `duty`, shorter cycles and stiffer servos make it less"
             )
         } else {

@@ -33,9 +33,11 @@ impl fmt::Display for Sag {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { end_effector, time_s, height_m, lost_m } = self;
         let [lost_mm, height_mm] = [lost_m, height_m].map(|length| 1e3 * length);
+        // More than all of it would be the ground that is in the way.
+        let lost = if lost_m < height_m { format!("{lost_mm:.0}") } else { "all".to_owned() };
         write!(
             f,
-            "without torque feed-forward servos yield: {end_effector} loses {lost_mm:.0} of the {height_mm:.0} mm of its \
+            "without torque feed-forward servos yield: {end_effector} loses {lost} of the {height_mm:.0} mm of its \
              swing at {time_s:.3} s"
         )
     }
@@ -115,6 +117,9 @@ mod tests {
         assert!(!lifted(1.0).expect("a swing").is_much());
         let much = [4.0, -4.0].into_iter().filter_map(lifted).any(|sag| sag.is_much());
         assert!(much, "19 of 30 mm");
+        let all = [40.0, -40.0].into_iter().filter_map(lifted).find(|sag| sag.is_much());
+        let words = all.expect("a swing").to_string();
+        assert!(words.contains("loses all of the 30 mm"), "{words}");
         assert_eq!(sag(&Timeline::new(&test_plans::cruise())), None, "nothing swings");
     }
 }
