@@ -69,9 +69,16 @@ impl GroundArgs {
         if world.depth_m() <= DEEPEST_M {
             return Ok(ground);
         }
+        let help = match (&self.terrain, self.slope) {
+            (Some(_), _) => "move steps and walls away from the origin, where the robot begins",
+            (None, Some(_)) => "a gentler slope",
+            (None, None) => {
+                "in its nominal pose some part is lower than feet and wheels: `rollwalk robot check` names it"
+            }
+        };
         Err(miette!(
-            help = "move steps and walls away from the origin, where the robot begins",
-            "{} does not stand on this terrain at the origin: a part of it is {:.3} m deep in the ground",
+            help = help,
+            "{} does not stand on this ground at the origin: a part of it is {:.3} m deep in the ground",
             robot.name,
             world.depth_m()
         ))
@@ -98,7 +105,7 @@ impl GroundArgs {
             )),
             Support::Stand => Ok(None),
             Support::Ground if robot.end_effectors.len() < FEET_MIN => Err(miette!(
-                help = "put it on a stand: --on stand",
+                help = "put it on a stand: `rollwalk-sim --on stand`",
                 "{} cannot stand on the ground: it has {} feet and wheels, and {FEET_MIN} are needed",
                 robot.name,
                 robot.end_effectors.len()
@@ -160,6 +167,23 @@ mod tests {
         ] {
             assert!(shove(text).unwrap_err().contains(why), "{text}: {:?}", shove(text));
         }
+    }
+
+    #[test]
+    fn advice_is_about_the_ground_that_was_asked_for() {
+        let text = include_str!("../../shipped/robots/agilebot.toml");
+        let mut robot = Robot::from_toml("agilebot.toml", text).unwrap();
+        // Its legs are too short for its body.
+        for end in &mut robot.end_effectors {
+            end.center_in_link_m.z += 0.2;
+        }
+        let help = |slope| {
+            let args = GroundArgs { slope, terrain: None, push: Vec::new() };
+            let report = args.ground_for(&robot).map(drop).unwrap_err();
+            report.help().map(|help| help.to_string()).unwrap_or_default()
+        };
+        assert!(help(None).contains("rollwalk robot check"), "{}", help(None));
+        assert!(help(Some(5.0)).contains("gentler"), "{}", help(Some(5.0)));
     }
 
     #[test]

@@ -106,6 +106,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     interrupt::listen();
     let options = Options::from(problem.options);
     let watch = Watch::start(&motion.name, args.verbose);
+    let is_given = from.is_some();
     let plan = match from {
         Some(previous) => {
             let progress = &mut |progress: &_| watch.iteration(progress);
@@ -124,7 +125,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if args.json {
         output::print_json(&outcome(&plan, &report, time_s, written))?;
     } else {
-        place.comment(&describe(&plan, &report, time_s, written, interrupted))?;
+        place.comment(&describe(&plan, &report, time_s, written, interrupted, is_given))?;
     }
     if matches!(plan.solve.status, Status::Stalled | Status::IterationLimit) {
         output::say(match &args.dump {
@@ -204,6 +205,7 @@ fn describe(
     time_s: f64,
     written: Option<&PathBuf>,
     interrupted: bool,
+    is_given: bool,
 ) -> String {
     let solve = &plan.solve;
     // A plan that is written after Ctrl-C had converged, and more samples were being tried.
@@ -227,7 +229,7 @@ fn describe(
         plan.motion.name,
         plan.robot.name,
         solve.iterations,
-        beginning(solve),
+        beginning(solve, is_given),
         plan.samples.len(),
         millis(last[0] - first[0]),
         millis(last[1] - first[1]),
@@ -251,7 +253,7 @@ fn describe(
 }
 
 /// Starting point of a solve, in words.
-fn beginning(solve: &SolveSummary) -> String {
+fn beginning(solve: &SolveSummary, is_given: bool) -> String {
     let start = solve.start;
     let kind = match start.kind {
         StartKind::Standing => "standing",
@@ -261,7 +263,8 @@ fn beginning(solve: &SolveSummary) -> String {
         StartKind::Neighbour if !solve.refinements.is_empty() => {
             return "its plan with fewer samples".to_owned();
         }
-        StartKind::Neighbour => return "the given plan".to_owned(),
+        StartKind::Neighbour if is_given => return "the given plan".to_owned(),
+        StartKind::Neighbour => return "the plan of a motion that asks for less".to_owned(),
         StartKind::Joined => return "the motions it joins".to_owned(),
     };
     format!("{kind}, seed {}", start.seed)
