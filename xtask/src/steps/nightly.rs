@@ -59,22 +59,22 @@ pub enum NightlyStep {
     Explore,
     /// Every shipped motion replayed in MuJoCo, without and with feed-forward, level and disturbed.
     Replay,
-    /// 100,000 attacks on a simulated robot over its link; commands killed, and on a full disk, while they write.
-    Hostile,
     /// Tests that take minutes, which `cargo xtask test` leaves out.
     Long,
-    /// Robots on a computer whose cores are busy four times over.
-    Load,
-    /// Every fuzz target for ten minutes.
-    Fuzz,
     /// The studio's engine as WebAssembly against the native one; its page in real browsers.
     Studio,
     /// The Python package, as it is installed: its tests and its tutorial.
     Wheel,
-    /// The ROS 2 node as colcon builds it, on a simulated robot, from a client over another DDS.
-    Ros2,
     /// Random faults and combinations of them: a thousand runs on the ground, and on a stand a thousand of each.
     FaultCampaign,
+    /// Every fuzz target for ten minutes.
+    Fuzz,
+    /// 100,000 attacks on a simulated robot over its link; commands killed, and on a full disk, while they write.
+    Hostile,
+    /// Robots on a computer whose cores are busy four times over.
+    Load,
+    /// The ROS 2 node as colcon builds it, on a simulated robot, from a client over another DDS.
+    Ros2,
 }
 
 impl Step for NightlyStep {
@@ -174,7 +174,13 @@ impl Step for NightlyStep {
         }
     }
 
+    /// The experiments keep one core busy for an hour.
     fn is_beside(&self) -> bool {
-        *self == Self::Vcan && vcan::in_virtual_machine()
+        *self == Self::Physics || *self == Self::Vcan && vcan::in_virtual_machine()
+    }
+
+    /// Simulated robots play in real time.
+    fn is_alone(&self) -> bool {
+        matches!(self, Self::Hostile | Self::Load | Self::Ros2)
     }
 }
