@@ -65,6 +65,24 @@ fn what_speaks_against_a_robot_is_warned_of() {
 }
 
 #[test]
+fn planning_warns_of_what_speaks_against_the_robot() {
+    let desk = desk_with_shipped_files();
+    let plan = ["plan", "motions/stand.toml", "-o", "stand.plan.json"];
+    assert!(!desk.run(&plan).stderr.contains("warning"));
+    // A leg that was copied, and not moved.
+    let file = "robots/agilebot.toml";
+    let (front, rear) =
+        ("origin_in_parent_m = [0.16, 0.08, 0.0]", "origin_in_parent_m = [-0.16, 0.08, 0.0]");
+    desk.edit(file, rear, front);
+    let warning =
+        "warning: end effectors `front_left` and `rear_left` touch the ground in the same place";
+    for command in [&["robot", "check", file][..], &plan] {
+        let said = desk.run(command).stderr;
+        assert!(said.contains(warning), "{said}");
+    }
+}
+
+#[test]
 fn a_robot_on_its_back_is_refused() {
     let desk = desk_with_shipped_files();
     let file = "robots/agilebot.toml";

@@ -59,15 +59,26 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
     }
 }
 
+/// Prints what `robot check` warns of, for commands that plan motions of the robot.
+pub fn say_warnings(robot: &Robot) {
+    let buses = BusLoads::new(robot).ok();
+    output::say_warnings(&warnings(StandingReport::new(robot).as_ref(), buses.as_ref()));
+}
+
+fn warnings(standing: Option<&StandingReport>, buses: Option<&BusLoads>) -> Vec<String> {
+    let flat = || {
+        vec!["a wheel lies flat in the nominal pose: check `axis_in_link` of the wheels, and `nominal_rad` of the joints that turn them".to_owned()]
+    };
+    let mut warnings = standing.map_or_else(flat, |s| s.warnings().to_vec());
+    warnings.extend(buses.map(BusLoads::warnings).into_iter().flatten());
+    warnings
+}
+
 fn check(check: &Check) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&check.robot)?;
     let buses = BusLoads::new(&robot).into_diagnostic()?;
     let standing = StandingReport::new(&robot);
-    let flat = || {
-        vec!["a wheel lies flat in the nominal pose: check `axis_in_link` of the wheels, and `nominal_rad` of the joints that turn them".to_owned()]
-    };
-    let mut warnings = standing.as_ref().map_or_else(flat, |s| s.warnings().to_vec());
-    warnings.extend(buses.warnings());
+    let warnings = warnings(standing.as_ref(), Some(&buses));
     if check.json {
         let mass_kg = robot.total_mass_kg();
         output::print_json(&Report { mass_kg, robot: &robot, standing })?;

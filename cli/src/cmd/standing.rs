@@ -11,6 +11,8 @@ use std::fmt::Write;
 const SHARE_MAX: f64 = 0.6;
 /// How far a joint may yield as the robot stands, rad; one that yields further hardly carries it, or its stiffness is in N·m per degree.
 const YIELDS_MAX_RAD: f64 = 0.25;
+/// Distance below which contacts are in the same place, m.
+const SAME_PLACE_M: f64 = 1e-3;
 /// Closest pairs of shapes in the table.
 const PAIRS_SHOWN: usize = 5;
 
@@ -143,6 +145,19 @@ impl StandingReport {
                 "end effector `{}` hangs {height_mm:.0} mm above the ground in the nominal pose: change `nominal_rad` of its joints if it is to stand",
                 contact.name
             ));
+        }
+        for (number, first) in self.contacts.iter().enumerate() {
+            let at_same_place = |second: &&Contact| {
+                let apart: f64 =
+                    (0..3).map(|k| (first.position_m[k] - second.position_m[k]).powi(2)).sum();
+                apart.sqrt() < SAME_PLACE_M
+            };
+            warnings.extend(self.contacts[number + 1..].iter().filter(at_same_place).map(|second| {
+                format!(
+                    "end effectors `{}` and `{}` touch the ground in the same place: check where their limbs are mounted",
+                    first.name, second.name
+                )
+            }));
         }
         if !balanced {
             let [x, y, _] = self.com_m;
