@@ -155,9 +155,6 @@ pub enum Kind {
 
 /// Advice where legs do not reach.
 const REACH: &str = "a motion within the legs' reach: shorter strides, lower swings";
-/// The same for a motion in which no foot leaves the ground.
-const REACH_STANDING: &str =
-    "a motion within the legs' reach, feet that step, or wheels that can be steered";
 const LONGER: &str = "a longer duration or a nearer goal";
 const NO_ADVICE: &str = "";
 
@@ -241,7 +238,7 @@ catalogue! {
         "nothing: it only says where the motion starts";
     DisplacementGoal: "displacement goal", "sec. 2.4.1", M, Residual(0.001), Request, LONGER;
     TurningGoal: "turning goal", "sec. 2.4.1", Rad, Residual(0.001), Request,
-        "a smaller turn, a longer duration, feet that step, or joints that steer the wheels";
+        "a smaller turn or a longer duration";
     TargetPosition: "target position", "sec. 2.4.1", M, Residual(0.001), Request,
         "a target nearer to the rest of the motion, or at another time";
     TargetVelocity: "target velocity", "sec. 2.4.1", MPerS, Residual(0.005), Request,
@@ -340,9 +337,9 @@ impl Family {
         matches!(self, Self::DisplacementGoal | Self::TurningGoal)
     }
 
-    /// What to change in a motion that steps, or does not.
-    pub fn advice(self, steps: bool) -> &'static str {
-        if self == Self::ContactPoint && !steps { REACH_STANDING } else { self.info().advice }
+    /// What to change.
+    pub fn advice(self) -> &'static str {
+        self.info().advice
     }
 }
 
@@ -426,7 +423,7 @@ mod tests {
     fn what_can_be_diagnosed_has_advice_and_a_level() {
         for &family in Family::ALL {
             let diagnosed = !matches!(family.kind(), Kind::Cost | Kind::Check);
-            assert_eq!(family.advice(true) != NO_ADVICE, diagnosed, "{family}");
+            assert_eq!(family.advice() != NO_ADVICE, diagnosed, "{family}");
             assert_eq!(family.level() == Level::None, family.kind() == Kind::Cost, "{family}");
         }
     }

@@ -38,6 +38,6 @@ pub(super) fn too_weak_to_stand(problem: &Problem) -> Option<Culprit> {
         field: Some("torque_max_nm".to_owned()),
         given: Some(limit_nm),
         would_do: Some(FOR_MOTION * needed_nm / problem.reserve.torque_use),
-        advice: format!("{}: standing alone takes {needed_nm:.2} N·m", family.advice(false)),
+        advice: format!("{}: standing alone takes {needed_nm:.2} N·m", family.advice()),
     })
 }

@@ -10,9 +10,11 @@ use super::effort::Effort;
 use super::request::Request;
 use super::solution::Solution;
 use super::trials::{Stopped, Trials, Ways};
+use crate::diagnose::Means;
 use crate::families::{Family, Kind};
 use crate::motion::{Goal, Motion};
 use crate::plan::{Culprit, DURATION, Diagnosis, Ending, Status, Verdict};
+use rollwalk_robot::Robot;
 
 /// Relative change of a number up to which a request misses by little. Then a trial starts from the point with the least
 /// violation; further away that is a worse start than none, because it is contorted. And if no way leads from the number
@@ -143,7 +145,7 @@ impl Look<'_, '_> {
         culprits: &mut Vec<Culprit>,
     ) -> Result<Looked, Stopped> {
         let motion = self.trials.request.motion;
-        let nearer = goal(motion).filter(|goal| {
+        let nearer = goal(self.trials.request.robot, motion).filter(|goal| {
             culprits
                 .iter()
                 .all(|culprit| (&culprit.field, culprit.given) != (&goal.field, goal.given))
@@ -273,7 +275,7 @@ impl Look<'_, '_> {
 }
 
 /// The largest number of the goal, as a culprit; `None` if all are 0.
-fn goal(motion: &Motion) -> Option<Culprit> {
+fn goal(robot: &Robot, motion: &Motion) -> Option<Culprit> {
     let Goal { forward_m, left_m, turn_rad } = motion.goal;
     let numbers = [
         (Family::DisplacementGoal, "forward_m", forward_m),
@@ -283,7 +285,7 @@ fn goal(motion: &Motion) -> Option<Culprit> {
     let size = |number: Option<f64>| number.unwrap_or_default().abs();
     let (family, field, given) =
         numbers.into_iter().max_by(|a, b| size(a.2).total_cmp(&size(b.2)))?;
-    let steps = motion.stance.iter().flatten().any(|stands| !stands);
+    let means = Means::of(robot, &motion.stance, &motion.goal);
     given.filter(|given| *given != 0.0).map(|given| Culprit {
         constraint: family,
         part: family.kind(),
@@ -295,7 +297,7 @@ fn goal(motion: &Motion) -> Option<Culprit> {
         field: Some(field.to_owned()),
         given: Some(given),
         would_do: None,
-        advice: family.advice(steps).to_owned(),
+        advice: means.advice(family),
     })
 }
 
