@@ -73,18 +73,23 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
         let mut reasons = Vec::new();
         let mut cells = table(["", "reference", "asked", "found", "holds"]);
         for check in &outcome.checks {
-            let holds = check.holds.map_or("", |holds| if holds { "yes" } else { "NO" });
+            let holds = match check.holds {
+                Some(true) => "yes",
+                Some(false) if check.is_known => "NO, as known",
+                Some(false) => "NO",
+                None => "",
+            };
             let row = [&check.what, &check.reference, &check.asked, &check.found];
             cells.push(row.into_iter().cloned().chain([holds.to_owned()]).collect());
-            if check.holds == Some(false) {
+            if check.fails() {
                 verdict = Verdict::OutOfBounds;
                 failures.push(format!(
                     "{name}: {}: {}, asked {}",
                     check.what, check.found, check.asked
                 ));
-                if !check.why.is_empty() {
-                    reasons.push(format!("{}: {}", check.what, check.why));
-                }
+            }
+            if !check.why.is_empty() {
+                reasons.push(format!("{}: {}", check.what, check.why));
             }
         }
         blocks.extend([Block::Text(title), Block::Table(cells)]);
