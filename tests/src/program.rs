@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn a_line_that_came_before_is_found_and_the_end_has_all_of_them() {
-        let program = Program::start(&mut shell("echo one; echo two >&2; sleep 60"));
+        let program = Program::start(&mut shell("echo one; echo two >&2; exec sleep 60"));
         assert_eq!(program.says("two"), "two\n");
         assert_eq!(program.says("one"), "one\n");
         program.signal("KILL");
