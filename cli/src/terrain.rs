@@ -64,23 +64,27 @@ impl GroundArgs {
     /// # Errors
     /// The terrain file is missing or wrong, or the robot would begin in the ground.
     pub fn ground_for(&self, robot: &Robot) -> miette::Result<Arc<dyn Ground>> {
+        let depth_m =
+            |ground: &_| World::standing(robot, ground, &Parameters::new(robot)).depth_m();
         let ground = self.ground()?;
-        let world = World::standing(robot, &ground, &Parameters::new(robot));
-        if world.depth_m() <= DEEPEST_M {
+        let deep_m = depth_m(&ground);
+        if deep_m <= DEEPEST_M {
             return Ok(ground);
         }
-        let help = match (&self.terrain, self.slope) {
-            (Some(_), _) => "move steps and walls away from the origin, where the robot begins",
-            (None, Some(_)) => "a gentler slope",
-            (None, None) => {
-                "in its nominal pose some part is lower than feet and wheels: `rollwalk robot check` names it"
-            }
+        let level: Arc<dyn Ground> = Arc::new(Plane::level());
+        let stands_on_level_ground = depth_m(&level) <= DEEPEST_M;
+        let help = if !stands_on_level_ground {
+            "in its nominal pose some part is lower than feet and wheels: `rollwalk robot check` names it"
+        } else if self.terrain.is_some() {
+            "move steps and walls away from the origin, where the robot begins"
+        } else {
+            "a gentler slope"
         };
         Err(miette!(
             help = help,
             "{} does not stand on this ground at the origin: a part of it is {:.3} m deep in the ground",
             robot.name,
-            world.depth_m()
+            deep_m
         ))
     }
 
@@ -105,7 +109,7 @@ impl GroundArgs {
             )),
             Support::Stand => Ok(None),
             Support::Ground if robot.end_effectors.len() < FEET_MIN => Err(miette!(
-                help = "put it on a stand: `rollwalk-sim --on stand`",
+                help = "put it on a stand: `rollwalk-sim ROBOT.toml --bus sim --on stand`",
                 "{} cannot stand on the ground: it has {} feet and wheels, and {FEET_MIN} are needed",
                 robot.name,
                 robot.end_effectors.len()
@@ -182,8 +186,9 @@ mod tests {
             let report = args.ground_for(&robot).map(drop).unwrap_err();
             report.help().map(|help| help.to_string()).unwrap_or_default()
         };
-        assert!(help(None).contains("rollwalk robot check"), "{}", help(None));
-        assert!(help(Some(5.0)).contains("gentler"), "{}", help(Some(5.0)));
+        for slope in [None, Some(0.0), Some(5.0)] {
+            assert!(help(slope).contains("rollwalk robot check"), "{slope:?}: {}", help(slope));
+        }
     }
 
     #[test]

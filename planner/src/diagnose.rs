@@ -4,10 +4,10 @@
 //! should continue; [`diagnose`] derives from the residuals at that point which constraints contradict each other.
 
 mod attribute;
-mod means;
+mod mobility;
 mod probe;
 mod weak;
 
 pub use attribute::diagnose;
-pub use means::Means;
+pub use mobility::Mobility;
 pub use probe::{FeasibilityProbe, Schedule};

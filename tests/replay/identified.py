@@ -90,7 +90,7 @@ def log(options, motion):
     """What the drives are commanded in a motion."""
     plan, path = options.output / f"{motion}.json", options.output / f"{motion}.csv"
     run(options, "plan", ROOT / f"shipped/motions/{motion}.toml", "-o", plan)
-    run(options, "simulate", plan, "--cycles", 3, "--no-feed-forward", "--world-log", path)
+    run(options, "simulate", plan, "--cycles", 3, "--rate", 120, "--no-feed-forward", "--world-log", path)
     return path
 
 

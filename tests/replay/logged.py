@@ -36,7 +36,7 @@ PARTS = 4
 GRAVITY_M_S2 = 9.81
 # Speed at which rolling resistance is nearly all there, m/s: that of the planner.
 ROLLING_SIGN_WIDTH_M_S = 0.05
-# Falls, as those of the log.
+# Falls, as those of the log: tilt of the body, height of the centre of mass.
 FALL_TILT_RAD, FALL_HEIGHT = 1.0, 0.4
 
 
@@ -116,7 +116,7 @@ def played(log, robot, look=lambda d: None, parts=PARTS):
     d.qpos[:7] = log.base[0]
     d.qpos[model.joint_qpos] = log.angle[0, :joints]
     mujoco.mj_forward(m, d)
-    up, height = d.xmat[1][6:9].copy(), d.xpos[1, 2]
+    up, height = d.xmat[1][6:9].copy(), d.subtree_com[1][2]
     load = np.zeros(len(model.foot_geoms))
     controls = log.control
     com, yaw, fell = [d.subtree_com[1].copy()], [_yaw(d)], None
@@ -138,7 +138,7 @@ def played(log, robot, look=lambda d: None, parts=PARTS):
         look(d)
         tilt = math.acos(min(max(float(d.xmat[1][6:9] @ up), -1.0), 1.0))
         # One that sinks down when its torque goes off has not fallen.
-        sunk = log.motion[row] and d.xpos[1, 2] < FALL_HEIGHT * height
+        sunk = log.motion[row] and d.subtree_com[1][2] < FALL_HEIGHT * height
         if fell is None and (tilt > FALL_TILT_RAD or sunk):
             fell = row
     return np.array(com), np.unwrap(yaw), fell

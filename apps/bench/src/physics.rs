@@ -74,14 +74,16 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
         let mut cells = table(["", "reference", "asked", "found", "holds"]);
         for check in &outcome.checks {
             let holds = match check.holds {
-                Some(true) => "yes",
-                Some(false) if check.is_known => "NO, as known",
-                Some(false) => "NO",
-                None => "",
+                Some(true) => "yes".to_owned(),
+                Some(false) => match check.known {
+                    Some(known) => format!("NO, known up to {known}"),
+                    None => "NO".to_owned(),
+                },
+                None => String::new(),
             };
             let row = [&check.what, &check.reference, &check.asked, &check.found];
-            cells.push(row.into_iter().cloned().chain([holds.to_owned()]).collect());
-            if check.fails() {
+            cells.push(row.into_iter().cloned().chain([holds]).collect());
+            if check.fails {
                 verdict = Verdict::OutOfBounds;
                 failures.push(format!(
                     "{name}: {}: {}, asked {}",

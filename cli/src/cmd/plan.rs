@@ -1,6 +1,6 @@
 //! `rollwalk plan`: optimises a motion.
 
-use super::robot::say_warnings;
+use super::robot::print_robot_warnings;
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::plan::{
     Diagnosis, Plan, Refinement, SolveSummary, StartKind, Started, Status,
@@ -99,7 +99,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let (problem, origin) = problem(args)?;
     let Parsed { robot, motion, from } = problem.parse(origin)?;
     let place = Output::at(&args.output)?;
-    say_warnings(&robot);
+    print_robot_warnings(&robot);
     if let Some(path) = &args.dump {
         let dump = Output::at(path)?;
         place.apart_from(&dump)?;

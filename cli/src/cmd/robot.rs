@@ -60,7 +60,7 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
 }
 
 /// Prints what `robot check` warns of, for commands that plan motions of the robot.
-pub fn say_warnings(robot: &Robot) {
+pub fn print_robot_warnings(robot: &Robot) {
     let buses = BusLoads::new(robot).ok();
     output::say_warnings(&warnings(StandingReport::new(robot).as_ref(), buses.as_ref()));
 }

@@ -146,18 +146,22 @@ impl StandingReport {
                 contact.name
             ));
         }
-        for (number, first) in self.contacts.iter().enumerate() {
-            let at_same_place = |second: &&Contact| {
-                let apart: f64 =
-                    (0..3).map(|k| (first.position_m[k] - second.position_m[k]).powi(2)).sum();
-                apart.sqrt() < SAME_PLACE_M
-            };
-            warnings.extend(self.contacts[number + 1..].iter().filter(at_same_place).map(|second| {
-                format!(
-                    "end effectors `{}` and `{}` touch the ground in the same place: check where their limbs are mounted",
-                    first.name, second.name
-                )
-            }));
+        let mut left: Vec<_> =
+            self.contacts.iter().filter(|contact| contact.force_n > 0.0).collect();
+        while let Some(first) = left.pop() {
+            let at = |contact: &Contact| nalgebra::Vector3::from(contact.position_m);
+            let (mut same, others): (Vec<_>, Vec<_>) =
+                left.into_iter().partition(|other| (at(other) - at(first)).norm() < SAME_PLACE_M);
+            left = others;
+            if !same.is_empty() {
+                same.push(first);
+                let names: Vec<_> =
+                    same.iter().map(|contact| format!("`{}`", contact.name)).collect();
+                warnings.push(format!(
+                    "end effectors {} touch the ground in the same place: check where their limbs are mounted",
+                    names.join(" and ")
+                ));
+            }
         }
         if !balanced {
             let [x, y, _] = self.com_m;

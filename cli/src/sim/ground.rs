@@ -40,7 +40,7 @@ impl Printer {
         let falls = ground.falls();
         for fall in falls.iter().skip(self.falls) {
             output::say(format_args!(
-                "{:9.3} s  fell: tilted by {:.0}°, its body {:.2} m above the ground; the hoist picks it up when its torque has \
+                "{:9.3} s  fell: tilted by {:.0}°, its centre of mass {:.2} m above the ground; the hoist picks it up when its torque has \
                  been off for 3 s",
                 fall.at.as_s(),
                 fall.how.tilt_rad.to_degrees(),

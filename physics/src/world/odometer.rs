@@ -187,7 +187,9 @@ impl FallWatch {
         let cosine = (rotation.transpose() * self.up).dot(&self.start_up_in_body);
         let tilt_rad = cosine.clamp(-1.0, 1.0).acos();
         let height_m = self.ground.at(&world.com().0).gap_m;
-        let fallen = tilt_rad > FALLEN_RAD || height_m < FALLEN_HEIGHT * self.standing_m;
+        let is_high = height_m >= FALLEN_HEIGHT * self.standing_m;
+        // What is no number is no robot on its feet.
+        let fallen = tilt_rad > FALLEN_RAD || !is_high || tilt_rad.is_nan();
         fallen.then_some(Fall { tilt_rad, height_m })
     }
 }

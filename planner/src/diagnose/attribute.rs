@@ -6,7 +6,7 @@
 //! 2E/(dE/dp) is feasible, with all else unchanged: to first order, and roughly where the probe has not come to rest
 //! yet. The request with the smallest relative change is named first.
 
-use super::means::Means;
+use super::mobility::Mobility;
 use super::weak;
 use crate::families::{Family, FamilySet, Kind};
 use crate::formulation::rows::{Given, Role, Row, Rows, Subject};
@@ -286,7 +286,7 @@ fn culprit(
     violation: f64,
     estimate: Option<Estimate>,
 ) -> Culprit {
-    let means = Means::of(problem.model.robot(), &problem.stance, &problem.goal);
+    let mobility = Mobility::of(problem.model.robot(), &problem.stance, &problem.goal);
     let strongest = group.pulls.iter().map(|(y, ..)| y.abs()).fold(0.0, f64::max);
     let time_s = |at: usize| at.saturating_sub(1) as f64 * problem.interval_s;
     let pulling: Vec<f64> = group
@@ -312,19 +312,19 @@ fn culprit(
         field: group.given.map(|(field, _)| field.to_owned()),
         given: group.given.map(|(_, value)| value),
         would_do: estimate.map(|estimate| estimate.value),
-        advice: advice(problem, group.family, means),
+        advice: advice(problem, group.family, mobility),
     }
 }
 
 /// What to change, the motion's own share of a limit included.
-fn advice(problem: &Problem, family: Family, means: Means) -> String {
+fn advice(problem: &Problem, family: Family, mobility: Mobility) -> String {
     let Reserve { torque_use, speed_use } = problem.reserve;
     let share = match family {
         Family::JointTorque => Some(("torque_use", torque_use)),
         Family::JointSpeed | Family::WheelMotorSpeed => Some(("speed_use", speed_use)),
         _ => None,
     };
-    let advice = means.advice(family);
+    let advice = mobility.advice(family);
     match share.filter(|(_, share)| *share < 1.0) {
         Some((field, share)) => {
             format!("{advice}, or a `{field}` above {share} in the motion file")

@@ -346,9 +346,10 @@ fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
                     "is {} s for {distance_m} m on the wheel of `{}`",
                     motion.duration_s, foot.name
                 );
-                // What leaning adds is a bound of legs as long as they get, no estimate: followed, this duration is enough.
+                // How far a body leans is a bound with legs as long as they get, and no estimate.
                 let help = format!(
-                    "it rolls {speed_m_s:.3} m/s (radius × speed limit): that takes {:.2} s, and more with start and stop",
+                    "it rolls {speed_m_s:.3} m/s (radius × speed limit): without leaning that takes {:.2} s, and more with start \
+                     and stop",
                     distance_m / speed_m_s
                 );
                 root.fault("duration_s", problem, "too short", help);

@@ -10,7 +10,7 @@ use super::effort::Effort;
 use super::request::Request;
 use super::solution::Solution;
 use super::trials::{Stopped, Trials, Ways};
-use crate::diagnose::Means;
+use crate::diagnose::Mobility;
 use crate::families::{Family, Kind};
 use crate::motion::{Goal, Motion};
 use crate::plan::{Culprit, DURATION, Diagnosis, Ending, Status, Verdict};
@@ -285,7 +285,7 @@ fn goal(robot: &Robot, motion: &Motion) -> Option<Culprit> {
     let size = |number: Option<f64>| number.unwrap_or_default().abs();
     let (family, field, given) =
         numbers.into_iter().max_by(|a, b| size(a.2).total_cmp(&size(b.2)))?;
-    let means = Means::of(robot, &motion.stance, &motion.goal);
+    let mobility = Mobility::of(robot, &motion.stance, &motion.goal);
     given.filter(|given| *given != 0.0).map(|given| Culprit {
         constraint: family,
         part: family.kind(),
@@ -297,7 +297,7 @@ fn goal(robot: &Robot, motion: &Motion) -> Option<Culprit> {
         field: Some(field.to_owned()),
         given: Some(given),
         would_do: None,
-        advice: means.advice(family),
+        advice: mobility.advice(family),
     })
 }
 

@@ -281,7 +281,11 @@ fn goals_out_of_reach_are_rejected_before_the_optimiser_tries() {
     let duration = 1 + DRIVE.lines().position(|line| line.starts_with("duration_s")).unwrap();
     assert_faults(
         Motion::from_toml("m.toml", &short, &agilebot()),
-        &[(duration, "2.5 s for 4 m on the wheel of `front_left`", "takes 11.68 s")],
+        &[(
+            duration,
+            "2.5 s for 4 m on the wheel of `front_left`",
+            "without leaning that takes 11.68 s",
+        )],
     );
     let error = Motion::from_toml("m.toml", DRIVE, &creature3()).unwrap_err();
     let first = error.faults().next().unwrap();

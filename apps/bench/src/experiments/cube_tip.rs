@@ -129,8 +129,16 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let later = later(&gripper, &pulled.fit.parameters)?;
     let mut checks = vec![
         Check::at_most("turn from the target, °", "tipped over", off_deg(&end), 5.0),
-        Check::at_most("distance from the target, mm", "", off_mm(&end), 1.0)
-            .known(3.0, "it is where the cube landed, which later poses do not change; weighed more it ends here or there: the next rows"),
+        Check::at_most_known(
+            "distance from the target, mm",
+            "",
+            off_mm(&end),
+            1.0,
+            (
+                3.0,
+                "it is where the cube landed, which later poses do not change; weighed more it ends here or there: the next rows",
+            ),
+        ),
         Check::told("distance when it has landed, mm", "", off_mm(&landed)),
         Check::told(
             "share of place and turn in the objective",

@@ -100,7 +100,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             short(linear.depth_m)
         );
         let why = "held nodes keep the strain with which the puck came to rest, as by Coulomb's law, and creeping nodes let it go: the next rows";
-        outcome.checks.push(Check::at_most(&what, "imperceptible", away, 0.01).known(0.03, why));
+        outcome.checks.push(Check::at_most_known(&what, "imperceptible", away, 0.01, (0.03, why)));
     }
     let hybrid = &runs[2].2;
     for (name, from, model) in

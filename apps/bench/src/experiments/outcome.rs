@@ -28,18 +28,33 @@ pub struct Check {
     pub holds: Option<bool>,
     /// What stops it, if it is known not to be as asked.
     pub why: String,
-    /// Whether it is not as asked by as much as is known.
-    pub is_known: bool,
-    #[serde(skip)]
-    value: f64,
+    /// Largest value up to which it is known not to be as asked.
+    pub known: Option<f64>,
+    /// Whether it is beyond its bound, and beyond what is known.
+    pub fails: bool,
 }
 
 impl Check {
     /// A number at most as large as a bound.
     pub fn at_most(what: &str, reference: &str, found: f64, bound: f64) -> Self {
         let asked = format!("≤ {}", short(bound));
-        let check = Self::new(what, reference, &asked, &short(found), Some(found <= bound));
-        Self { value: found, ..check }
+        Self::new(what, reference, &asked, &short(found), Some(found <= bound))
+    }
+
+    /// A number of which as much as a bound is asked, and of which is known why it is beyond it, up to `known`.
+    pub fn at_most_known(
+        what: &str,
+        reference: &str,
+        found: f64,
+        bound: f64,
+        (known, why): (f64, &str),
+    ) -> Self {
+        let check = Self::at_most(what, reference, found, bound);
+        if !check.fails {
+            return check;
+        }
+        let is_within = found <= known;
+        Self { why: why.to_owned(), known: Some(known), fails: !is_within, ..check }
     }
 
     /// A number at least as large as a bound.
@@ -62,21 +77,8 @@ impl Check {
 
     pub fn new(what: &str, reference: &str, asked: &str, found: &str, holds: Option<bool>) -> Self {
         let [what, reference, asked, found] = [what, reference, asked, found].map(str::to_owned);
-        let (why, is_known, value) = (String::new(), false, f64::NAN);
-        Self { what, reference, asked, found, holds, why, is_known, value }
-    }
-
-    /// A number of [`Check::at_most`] that is known to be beyond its bound, up to `most`, and why. That is shown, and is no failure.
-    pub fn known(self, most: f64, why: &str) -> Self {
-        if self.holds != Some(false) {
-            return self;
-        }
-        Self { why: why.to_owned(), is_known: self.value <= most, ..self }
-    }
-
-    /// Whether it is beyond its bound, and by more than is known.
-    pub fn fails(&self) -> bool {
-        self.holds == Some(false) && !self.is_known
+        let (why, known, fails) = (String::new(), None, holds == Some(false));
+        Self { what, reference, asked, found, holds, why, known, fails }
     }
 }
 
@@ -128,15 +130,15 @@ mod tests {
         assert_eq!(Check::at_most("", "", f64::NAN, 1.0).holds, Some(false));
         assert_eq!(Check::near("", f64::NAN, 1.0, 1.0).holds, Some(false));
         assert_eq!(Check::near("", 1.019, 1.0, 0.02).holds, Some(true));
-        assert!(Check::at_most("", "", f64::NAN, 1.0).known(2.0, "chance").fails());
+        assert!(Check::at_most_known("", "", f64::NAN, 1.0, (2.0, "chance")).fails);
     }
 
     #[test]
     fn a_known_miss_fails_when_it_is_missed_by_more() {
-        let found = |value| Check::at_most("", "", value, 1.0).known(2.0, "chance");
-        let fails = [0.9, 1.9, 2.1].map(|value| found(value).fails());
+        let found = |value| Check::at_most_known("", "", value, 1.0, (2.0, "chance"));
+        let fails = [0.9, 1.9, 2.1].map(|value| found(value).fails);
         assert_eq!(fails, [false, false, true]);
         assert_eq!([0.9, 1.9].map(|value| found(value).holds), [Some(true), Some(false)]);
-        assert!(Check::at_most("", "", 1.1, 1.0).fails());
+        assert!(Check::at_most("", "", 1.1, 1.0).fails);
     }
 }

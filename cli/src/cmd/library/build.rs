@@ -1,6 +1,6 @@
 //! `rollwalk library build`: from a library file to a motion library.
 
-use crate::cmd::robot::say_warnings;
+use crate::cmd::robot::print_robot_warnings;
 use crate::signing;
 use rollwalk_terminal::files::Output;
 use rollwalk_terminal::inputs::Source;
@@ -56,7 +56,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let library = Source::Disk.library(&args.library)?;
     let key = args.sign.as_deref().map(signing::private_key).transpose()?;
     let place = Output::at(&args.output)?;
-    say_warnings(&library.robot);
+    print_robot_warnings(&library.robot);
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     let converged = plans.failures().is_empty();
     let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };

@@ -30,7 +30,7 @@ Examples:
   rollwalk retarget walk.plan.json --robot soft.toml --no-feed-forward -o walk.soft.json
   rollwalk retarget motions/agilebot_library.toml --robot soft.toml -o soft
 
-Then: rollwalk simulate walk.soft.json --no-feed-forward
+Then: rollwalk simulate walk.soft.json --no-feed-forward --rate 240
       rollwalk library build soft/library.toml -o soft.rwl")]
 pub struct Args {
     /// Plan (JSON) or library file (TOML).

@@ -4,6 +4,7 @@ use crate::{plan_of, robot};
 use nalgebra::{Translation3, Vector3};
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_physics::push::Shove;
+use rollwalk_planner::plan::Plan;
 use rollwalk_planner::report::Report;
 use rollwalk_robot::Robot;
 use rollwalk_robot::shape::Shape;
@@ -83,16 +84,20 @@ fn a_motion_holds_and_a_push_topples_wherever_the_frame_lies() {
 /// Legs that carry nothing: the body sinks, level.
 #[test]
 fn a_robot_whose_legs_give_way_has_fallen_wherever_the_frame_lies() {
-    let falls = |mut plan: rollwalk_planner::plan::Plan| {
+    let falls = |mut plan: Plan| {
         for joint in &mut plan.robot.joints {
             joint.actuator.torque_max_nm = 1e-3;
         }
         let options = Options { cycles: 1, ..Options::new(Control::Servos, 240) };
         play(&plan, &options, |_| true).unwrap().fell_at_s
     };
-    let at_s = falls(plan_of(&robot("agilebot"), "stand")).expect("it falls");
-    for robot in with_every_origin("agilebot") {
-        let moved_s = falls(plan_of(&robot, "stand")).expect("it falls");
-        assert!((moved_s - at_s).abs() < 0.05, "{moved_s} {at_s}");
+    for (name, motion) in
+        [("agilebot", "stand"), ("anymal_wheels", "anymal_stand"), ("pup", "pup_stand")]
+    {
+        let at_s = falls(plan_of(&robot(name), motion)).expect(name);
+        for robot in with_every_origin(name) {
+            let moved_s = falls(plan_of(&robot, motion)).expect(name);
+            assert!((moved_s - at_s).abs() < 0.05, "{name}: {moved_s} {at_s}");
+        }
     }
 }

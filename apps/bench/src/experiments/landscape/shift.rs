@@ -88,7 +88,7 @@ pub fn measure(
             let why =
                 "soft contacts hold the ball for longer, so that it bounces later: the rows above";
             outcome.checks.push(if node_stiffness_n_m == SOFTEST_N_M {
-                Check::at_most(&what, "slight", share, SLIGHT).known(0.15, why)
+                Check::at_most_known(&what, "slight", share, SLIGHT, (0.15, why))
             } else {
                 Check::told(&what, "", share)
             });

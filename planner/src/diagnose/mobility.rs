@@ -1,0 +1,136 @@
+//! Mobility of a robot in a motion: advice names nothing that is there already, or that the robot cannot do.
+
+use crate::families::Family;
+use crate::motion::Goal;
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::{Configuration, Frames, Tree};
+use rollwalk_robot::{EndEffector, Robot};
+
+/// Largest part of a joint's axis ahead or up with which it is across: it moves no foot to the side.
+const ACROSS: f64 = 0.02;
+/// Least upward part of a joint's axis with which it steers.
+const UPRIGHT: f64 = 0.5;
+
+/// Mobility of a robot in a motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mobility {
+    /// Whether some end effector leaves the ground.
+    some_step: bool,
+    /// Whether some end effector on a limb with joints never leaves the ground.
+    could_step: bool,
+    /// Whether there are wheels or blades that no joint steers.
+    could_steer: bool,
+    /// Whether the goal is aside or a turn, and all joints turn about axes across the robot, so that feet move in planes ahead.
+    is_planar_aside: bool,
+}
+
+impl Mobility {
+    /// Mobility in a motion with these stances, one row a sample, and this goal.
+    pub fn of(robot: &Robot, stance: &[Vec<bool>], goal: &Goal) -> Self {
+        let (tree, joint_rad): (_, Vec<_>) =
+            (Tree::new(robot), robot.joints.iter().map(|joint| joint.nominal_rad).collect());
+        let (base_position_m, world_from_body) = (Vector3::zeros(), Matrix3::identity());
+        let at = Configuration { base_position_m, world_from_body, joint_rad: &joint_rad };
+        let axes = Frames::new(&tree, &at).joint_axes;
+        let joints = |end: &EndEffector| tree.joints_to_link(end.link);
+        let steers = |joint: &usize| axes[*joint].z.abs() > UPRIGHT;
+        let rolls = |end: &&EndEffector| end.contact.rolls() && !end.contact.rolls_with_link();
+        let steps = |end: usize| stance.iter().any(|row| !row[end]);
+        let asks = |number: Option<f64>| number.is_some_and(|number| number != 0.0);
+        let ends = &robot.end_effectors;
+        let is_planar = !axes.is_empty() && axes.iter().all(|axis| axis.x.hypot(axis.z) < ACROSS);
+        Self {
+            some_step: (0..ends.len()).any(steps),
+            could_step: (0..ends.len()).any(|end| !steps(end) && !joints(&ends[end]).is_empty()),
+            could_steer: ends.iter().filter(rolls).any(|end| !joints(end).iter().any(steers)),
+            is_planar_aside: (asks(goal.left_m) || asks(goal.turn_rad))
+                && is_planar
+                && !ends.iter().any(|end| rolls(&end)),
+        }
+    }
+
+    /// Advice where constraints of a family cannot be met.
+    pub fn advice(self, family: Family) -> String {
+        let is_of_legs = matches!(family, Family::ContactPoint | Family::JointLimit);
+        if self.is_planar_aside && (is_of_legs || family == Family::TurningGoal) {
+            return "a goal straight ahead: all joints turn about axes across the robot, so that no foot moves to the side".into();
+        }
+        let mut ways = match family {
+            Family::ContactPoint if !self.some_step => vec!["a motion within the legs' reach"],
+            Family::TurningGoal => vec!["a smaller turn", "a longer duration"],
+            _ => return family.advice().to_owned(),
+        };
+        if self.could_step {
+            ways.push("feet that step");
+        }
+        if self.could_steer {
+            ways.push("joints that steer the wheels");
+        }
+        one_of(&ways)
+    }
+}
+
+/// List of alternatives, as "a, b or c".
+fn one_of(ways: &[&str]) -> String {
+    match ways {
+        [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+        _ => ways.concat(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ASIDE: Goal = Goal { forward_m: None, left_m: Some(0.1), turn_rad: None };
+
+    fn robot(text: &str) -> Robot {
+        Robot::from_toml("robot", text).unwrap()
+    }
+
+    fn legbot() -> Robot {
+        robot(include_str!("../../../shipped/robots/legbot.toml"))
+    }
+
+    /// Advice for a turn where the first `steps` of four feet step, one after the other.
+    fn turning(robot: &Robot, steps: usize) -> String {
+        let row = |lifted: usize| (0..4).map(|end| end != lifted || end >= steps).collect();
+        let stance: Vec<_> = (0..4).map(row).collect();
+        let goal = Goal { turn_rad: Some(0.5), ..Goal::default() };
+        Mobility::of(robot, &stance, &goal).advice(Family::TurningGoal)
+    }
+
+    #[test]
+    fn advice_names_what_is_not_there_yet_and_can_be_had() {
+        // Joints steer the wheels of AgileBot; those of the car have none at all.
+        let agilebot = robot(include_str!("../../../shipped/robots/agilebot.toml"));
+        let car = robot(include_str!("../../../shipped/robots/car.toml"));
+        let less = "a smaller turn or a longer duration";
+        assert_eq!(turning(&agilebot, 4), less);
+        let steps = "a smaller turn, a longer duration or feet that step";
+        assert_eq!((turning(&agilebot, 0), turning(&legbot(), 3)), (steps.into(), steps.into()));
+        let steered = "a smaller turn, a longer duration or joints that steer the wheels";
+        assert_eq!(turning(&car, 0), steered);
+    }
+
+    #[test]
+    fn legs_in_planes_ahead_are_sent_ahead() {
+        let mut planar = legbot();
+        planar.joints.iter_mut().for_each(|joint| joint.axis_in_joint = Vector3::y());
+        let stance = [vec![false; 4], vec![true; 4]];
+        let of = |robot: &Robot, goal| Mobility::of(robot, &stance, &goal);
+        for family in [Family::ContactPoint, Family::JointLimit, Family::TurningGoal] {
+            assert!(of(&planar, ASIDE).advice(family).contains("straight ahead"), "{family}");
+            for mobility in [of(&planar, Goal::default()), of(&legbot(), ASIDE)] {
+                assert!(!mobility.advice(family).contains("straight ahead"), "{family}");
+            }
+        }
+        // A number of the goal that works is said beside it.
+        let distance = Family::DisplacementGoal;
+        assert_eq!(of(&planar, ASIDE).advice(distance), distance.advice());
+        planar.joints.clear();
+        planar.links.truncate(1);
+        planar.end_effectors.iter_mut().for_each(|end| end.link = 0);
+        assert!(!of(&planar, ASIDE).is_planar_aside);
+    }
+}
