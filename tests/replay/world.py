@@ -18,7 +18,7 @@ from motion import quantised_torques
 
 # A robot that is at rest at the ends of its motion settles before it, and comes to rest after it.
 SETTLE_S = 1.0
-# Tilt against the plan, rad, and share of the planned height of the body that make a fall.
+# Tilt against the plan, rad, and share of the planned height of the centre of mass that make a fall.
 FALL_TILT_RAD, FALL_HEIGHT = 1.0, 0.55
 # An end effector with less of the weight than this does not stand.
 STANDS = 0.01
@@ -260,7 +260,10 @@ class Simulation:
         joints = len(self.model.joint_qpos)
         errors = np.abs(d.qpos[self.model.joint_qpos] - position_rad[:joints])
         track.joint_error_rad.append(errors.max(initial=0.0))
-        if tilt > FALL_TILT_RAD or d.xpos[1, 2] < FALL_HEIGHT * height or not math.isfinite(d.xpos[1, 2]):
+        com = d.subtree_com[1][2]
+        # The centre of mass is as much below its plan as the body, whose origin may lie anywhere.
+        planned_com = com + height - d.xpos[1, 2]
+        if tilt > FALL_TILT_RAD or com < FALL_HEIGHT * planned_com or not math.isfinite(com):
             track.fell_at_s = len(track.yaw_rad) * m.opt.timestep
 
     def _yaw(self):
