@@ -123,7 +123,7 @@ impl Series {
         Ok((series, file))
     }
 
-    /// Whether it is time to flush; then [`next`](Self::next).
+    /// Whether it is time to flush; then [`next_file`](Self::next_file).
     pub fn is_due(&mut self) -> bool {
         self.clock.strikes()
     }
