@@ -337,7 +337,7 @@ impl Family {
         matches!(self, Self::DisplacementGoal | Self::TurningGoal)
     }
 
-    /// What to change.
+    /// Advice: the change that would help.
     pub fn advice(self) -> &'static str {
         self.info().advice
     }

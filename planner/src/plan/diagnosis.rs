@@ -63,7 +63,7 @@ pub struct Culprit {
     /// A number with which a plan was found, all else as it is; in a robot file, of every motor or foot with the given
     /// one. `null` if none was found near.
     pub would_do: Option<f64>,
-    /// What to change.
+    /// Advice: the change that would help.
     pub advice: String,
 }
 
