@@ -89,7 +89,7 @@ pub enum Misfit {
         at: String,
         /// The robot of the library.
         robot: String,
-        /// What to change.
+        /// Advice: the change that would help.
         advice: &'static str,
     },
 }

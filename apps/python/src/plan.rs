@@ -126,7 +126,7 @@ pub struct Culprit {
     /// A number with which a plan was found, all else as it is.
     #[pyo3(get)]
     would_do: Option<f64>,
-    /// What to change.
+    /// Advice: the change that would help.
     #[pyo3(get)]
     advice: String,
     words: String,
