@@ -42,7 +42,9 @@ pub fn measure(
     let fine = Throw { stick_s: Some(ball.step_s), ..ball.clone().in_steps(FINE_S) };
     let with = |node_stiffness_n_m: f64| Throw { node_stiffness_n_m, ..fine.clone() };
     let stiff = with(STIFF_N_M);
-    for (&(forward, upward, _), bounces) in minima.iter().zip(["two bounces", "one bounce"]) {
+    // Shifts that are known to be beyond the bound: 0.138 and 0.065.
+    let tosses = [("two bounces", 0.14), ("one bounce", 0.07)];
+    for (&(forward, upward, _), (bounces, known)) in minima.iter().zip(tosses) {
         watch.say(&format!("minimum with {bounces}, k_n {STIFF_N_M}"));
         let mut told = |what: &str, text: &str| {
             let what = format!("{what}, {bounces}");
@@ -88,7 +90,7 @@ pub fn measure(
             let why =
                 "soft contacts hold the ball for longer, so that it bounces later: the rows above";
             outcome.checks.push(if node_stiffness_n_m == SOFTEST_N_M {
-                Check::at_most_known(&what, "slight", share, SLIGHT, (0.15, why))
+                Check::at_most_known(&what, "slight", share, SLIGHT, (known, why))
             } else {
                 Check::told(&what, "", share)
             });
