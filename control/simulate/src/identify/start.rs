@@ -4,6 +4,7 @@ use super::quantity::Model;
 use super::recording::{Recording, rotation};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
+use rollwalk_multibody::rotation::log;
 use rollwalk_physics::sensitivity::gauss_newton::Penalty;
 use rollwalk_physics::sensitivity::parameter::Parameter;
 use rollwalk_physics::sensitivity::{Column, Solved, Start as Starts, Variation};
@@ -66,8 +67,7 @@ impl Start {
             let ahead = found.map(|[value, slope]| value + INSTANT_S * slope);
             state.world_from_body = rotation(found.map(|[value, _]| value));
             let turned = rotation(ahead) * state.world_from_body.transpose();
-            state.base_spin_rad_s =
-                Rotation3::from_matrix_unchecked(turned).scaled_axis() / INSTANT_S;
+            state.base_spin_rad_s = log(&turned) / INSTANT_S;
         }
         if let Some(gyro) = &recording.gyro_rad_s {
             let found = gyro.each_ref().map(|part| part.beginning(window).unwrap_or_default()[0]);
@@ -142,7 +142,7 @@ impl Start {
                 let turned = more.rotation * less.rotation.transpose();
                 Variation {
                     shift: (more.position - less.position) * per,
-                    turn: Rotation3::from_matrix_unchecked(turned).scaled_axis() * per,
+                    turn: log(&turned) * per,
                     velocity: (more.velocity - less.velocity) * per,
                     spin: (more.spin - less.spin) * per,
                 }
@@ -420,7 +420,7 @@ mod tests {
             let by = 0.1 * deviation.unit;
             let (from, to) = (&start.state, start.changed(&changes));
             let turned = to.world_from_body * from.world_from_body.transpose();
-            let turned = Rotation3::from_matrix_unchecked(turned).scaled_axis();
+            let turned = log(&turned);
             let (found, expected) = match *freedom {
                 Freedom::Position(axis) => (to.base_position_m - from.base_position_m, axis),
                 Freedom::Velocity(axis) => (to.base_velocity_m_s - from.base_velocity_m_s, axis),
