@@ -51,6 +51,8 @@ struct Tracking<'s, 'p> {
     step_s: f64,
 }
 
+/// Control rate of a controller that plays a library, Hz: the firmware's default.
+const CONTROL_HZ: f64 = 120.0;
 /// Seed of the noise.
 const SEED: u64 = 1;
 
@@ -93,8 +95,12 @@ impl<'s, 'p> Controller<'s, 'p> {
 
     /// What the motors do in a step between two times of the motion, periods counted on; the world is where it begins.
     pub fn laws(&mut self, [from_s, to_s]: [f64; 2], world: &World) -> Vec<Law> {
-        // The law at the end of the step is the one that acts in it.
-        let Some(tracking) = &mut self.tracking else { return self.script.laws(to_s) };
+        let Some(tracking) = &mut self.tracking else {
+            // A controller sends the setpoints of a tick at its beginning, and drives hold them until the next one. Times are multiples
+            // of a step but for rounding.
+            let tick = ((from_s + 0.5 * (to_s - from_s).abs()) * CONTROL_HZ).floor();
+            return self.script.laws(tick / CONTROL_HZ);
+        };
         let Tracking { closed_loop, sensors, step_s } = tracking;
         let (laws, untracked) = match sensors {
             None => {

@@ -1,8 +1,9 @@
-//! Whether a robot came where its plan says.
+//! Whether a robot came where its plan says: its way against the planned one.
 
 use rollwalk_physics::world::Way;
 use rollwalk_planner::plan::Plan;
 use serde::Serialize;
+use std::fmt;
 
 /// Achieved by planned: what counts as played.
 pub const BAND: [f64; 2] = [0.95, 1.05];
@@ -15,7 +16,7 @@ pub struct PlannedWay {
     /// Planned way.
     #[serde(rename = "planned")]
     pub way: Way,
-    /// Which of its values are goals.
+    /// Which of its values are goals: those of the motion's that are large enough to be divided by.
     pub goals: [bool; 3],
 }
 
@@ -23,9 +24,11 @@ impl PlannedWay {
     /// Of a validated plan.
     pub fn new(plan: &Plan) -> Self {
         let goal = &plan.motion.goal;
-        let goals = [goal.forward_m, goal.left_m, goal.turn_rad];
-        let goals = goals.map(|of| of.is_some_and(|of| of != 0.0));
-        Self { way: plan.reached().into(), goals }
+        let (wanted, way) =
+            ([goal.forward_m, goal.left_m, goal.turn_rad], Way::from(plan.reached()));
+        let goals = [0, 1, 2]
+            .map(|of| wanted[of].is_some_and(|of| of != 0.0) && way.values()[of].abs() > STAYS[of]);
+        Self { way, goals }
     }
 
     /// Achieved by planned of a goal; `None` where it is no goal.
@@ -33,15 +36,84 @@ impl PlannedWay {
         self.goals[of].then(|| achieved.values()[of] / self.way.values()[of])
     }
 
-    /// Whether a way is 0.95 to 1.05 of every goal; of a plan without any, within 5 mm and 0.02 rad of it.
-    pub fn is_reached(&self, achieved: &Way) -> bool {
-        let goal_less = !self.goals.contains(&true);
-        (0..3).all(|of| match self.ratio(achieved, of) {
-            Some(ratio) => (BAND[0]..=BAND[1]).contains(&ratio),
-            None => {
-                let error = achieved.values()[of] - self.way.values()[of];
-                !goal_less || error.abs() <= STAYS[of]
+    /// Where a way is not the planned one: the goal that it misses most, 0.95 to 1.05 of it allowed; of a plan without any, the
+    /// component that is furthest off, 5 mm and 0.02 rad allowed.
+    pub fn astray(&self, achieved: &Way) -> Option<Astray> {
+        let has_goals = self.goals.contains(&true);
+        let of = |of: usize| {
+            let [planned, achieved] = [self.way.values()[of], achieved.values()[of]];
+            let (beyond, limit) = match self.goals[of] {
+                true => (achieved / planned - 1.0, BAND[1] - 1.0),
+                false => (achieved - planned, STAYS[of]),
+            };
+            Astray {
+                component: COMPONENTS[of],
+                is_goal: self.goals[of],
+                planned,
+                achieved,
+                part: beyond.abs() / limit,
             }
-        })
+        };
+        (0..3)
+            .map(of)
+            .filter(|astray| astray.is_goal == has_goals && !(astray.part <= 1.0))
+            .max_by(|a, b| a.part.total_cmp(&b.part))
+    }
+}
+
+const COMPONENTS: [Component; 3] = [Component::Forward, Component::Left, Component::Turn];
+
+/// A component of a way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Component {
+    /// Ahead, m.
+    Forward,
+    /// To the left, m.
+    Left,
+    /// About the vertical, rad.
+    Turn,
+}
+
+/// A component of a way that is not the planned one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Astray {
+    /// Which.
+    pub component: Component,
+    /// Whether the motion has a goal for it.
+    #[serde(skip)]
+    pub is_goal: bool,
+    /// Planned, m or rad.
+    pub planned: f64,
+    /// Achieved, m or rad.
+    pub achieved: f64,
+    /// Deviation over the one that is allowed.
+    #[serde(skip)]
+    part: f64,
+}
+
+impl fmt::Display for Astray {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let &Self { component, is_goal, planned, achieved, .. } = self;
+        match (component, is_goal) {
+            (Component::Forward, true) => {
+                write!(f, "it comes to {:.3} of its way ahead", achieved / planned)
+            }
+            (Component::Left, true) => {
+                write!(f, "it comes to {:.3} of its way to the left", achieved / planned)
+            }
+            (Component::Turn, true) => {
+                write!(f, "it comes to {:.3} of its turn", achieved / planned)
+            }
+            (Component::Turn, false) => {
+                write!(f, "it turns {:+.3} rad from its plan", achieved - planned)
+            }
+            (Component::Forward, false) => {
+                write!(f, "it comes {:+.0} mm ahead of its plan", 1e3 * (achieved - planned))
+            }
+            (Component::Left, false) => {
+                write!(f, "it comes {:+.0} mm to the left of its plan", 1e3 * (achieved - planned))
+            }
+        }
     }
 }

@@ -18,6 +18,7 @@
 //! | [`retarget`] | corrections of setpoints with which a robot with soft servos follows its plan |
 //! | [`steered`] | a robot that is steered as by a joystick, by horizons from its measured state |
 //! | [`judgement`] | whether a way is what the plan says |
+//! | [`verdict`] | whether a motion holds, from short runs on contacts of several stiffnesses |
 //!
 //! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
 //!
@@ -54,13 +55,15 @@ pub mod sensors;
 pub mod sequence;
 pub mod steered;
 mod tick;
+pub mod verdict;
 
 pub use closed_loop::Feedback;
 pub use control::Control;
-pub use judgement::PlannedWay;
+pub use judgement::{Astray, PlannedWay};
 pub use mismatch::Mismatch;
-pub use outcome::Outcome;
+pub use outcome::{Miss, Outcome};
 pub use run::{Moment, Options, play};
 pub use script::Script;
 pub use sensors::{Noise, SensorFault, SensorFaultKind, SimulatedSensors};
 pub use sequence::{Leg, Sequence};
+pub use verdict::Verdict;

@@ -1,6 +1,7 @@
 //! How the robot in the world differs from the one that was planned for.
 
 use crate::sensors::{Noise, SensorFault};
+use rollwalk_physics::world::Parameters;
 use rollwalk_robot::Robot;
 
 /// Differences between the plan's robot and the simulated one.
@@ -10,6 +11,8 @@ pub struct Mismatch {
     pub mass: f64,
     /// Coefficient of friction of all feet, wheels and blades; `None` for the planned ones.
     pub friction: Option<f64>,
+    /// Stiffness of contacts with the ground over the usual one; their damping ratio stays.
+    pub contact_stiffness: f64,
     /// Time from a measurement to the setpoints that answer it, s, in closed loop.
     pub delay_s: f64,
     /// Noise of the sensors from which a controller in closed loop estimates the state; `None` if it knows the state.
@@ -21,7 +24,14 @@ pub struct Mismatch {
 impl Default for Mismatch {
     /// No difference.
     fn default() -> Self {
-        Self { mass: 1.0, friction: None, delay_s: 0.0, noise: None, sensor_fault: None }
+        Self {
+            mass: 1.0,
+            friction: None,
+            contact_stiffness: 1.0,
+            delay_s: 0.0,
+            noise: None,
+            sensor_fault: None,
+        }
     }
 }
 
@@ -38,6 +48,11 @@ impl Mismatch {
                 self.friction.unwrap_or(end_effector.friction_coefficient);
         }
         robot
+    }
+
+    /// The parameters of the world in which that robot stands.
+    pub(crate) fn parameters(&self, robot: &Robot) -> Parameters {
+        Parameters::new(robot).with_contact_stiffness(self.contact_stiffness)
     }
 }
 

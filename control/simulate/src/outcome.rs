@@ -1,14 +1,18 @@
 //! What became of a plan in the world, against the plan.
 
 use crate::control::Controller;
-use crate::judgement::PlannedWay;
+use crate::judgement::{Astray, PlannedWay};
 use crate::script::Script;
 use nalgebra::Rotation3;
 use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::world::{FallWatch, Odometer, Totals, Way};
 use rollwalk_physics::{StepReport, World};
 use serde::Serialize;
+use std::fmt;
 use std::sync::Arc;
+
+/// Periods at the end of a run that count by themselves: what grows shows there, and what alternates from period to period does not.
+const LAST: usize = 3;
 
 /// A run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -38,21 +42,77 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Achieved by planned of a goal, on the mean of the periods; `None` where it is no goal.
+    /// Achieved by planned of a goal, on the mean of the periods after the first one; `None` where it is no goal.
     pub fn ratio(&self, of: usize) -> Option<f64> {
-        self.planned.ratio(&self.mean()?, of)
+        self.planned.ratio(&mean(self.settled())?, of)
     }
 
-    /// Mean way of a period.
-    fn mean(&self) -> Option<Way> {
-        let count = self.cycles.len() as f64;
-        let sum = |of: usize| self.cycles.iter().map(|way| way.values()[of]).sum::<f64>();
-        (count > 0.0).then(|| [0, 1, 2].map(|of| sum(of) / count).into())
+    /// The periods without that in which the motion begins, if there are more.
+    fn settled(&self) -> &[Way] {
+        self.cycles.get(1..).filter(|rest| !rest.is_empty()).unwrap_or(&self.cycles)
     }
 
-    /// Whether the robot stayed on its feet and came, on the mean of its periods, where the plan says.
+    /// What is wrong; `None` if the robot stayed on its feet and came where the plan says, on the mean of the periods after the first
+    /// one and of the last ones.
+    pub fn miss(&self) -> Option<Miss> {
+        if let Some(at_s) = self.fell_at_s {
+            return Some(Miss::Falls { at_s });
+        }
+        let settled = self.settled();
+        let last = settled.len().saturating_sub(LAST);
+        let (Some(all), Some(late)) = (mean(settled), mean(&settled[last..])) else {
+            return Some(Miss::Unfinished);
+        };
+        let first = |from: usize| self.cycles.len() - settled.len() + from + 1;
+        let on = |way: &Way, from| self.planned.astray(way).map(|astray| (astray, first(from)));
+        let (astray, from_period) = on(&all, 0).or_else(|| on(&late, last))?;
+        Some(Miss::Astray { astray, from_period })
+    }
+
+    /// Whether the robot stayed on its feet and came where the plan says.
     pub fn holds(&self) -> bool {
-        self.fell_at_s.is_none() && self.mean().is_some_and(|mean| self.planned.is_reached(&mean))
+        self.miss().is_none()
+    }
+}
+
+/// Mean way of some periods.
+fn mean(periods: &[Way]) -> Option<Way> {
+    let count = periods.len() as f64;
+    let sum = |of: usize| periods.iter().map(|way| way.values()[of]).sum::<f64>();
+    (count > 0.0).then(|| [0, 1, 2].map(|of| sum(of) / count).into())
+}
+
+/// How a motion does not hold.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "miss")]
+pub enum Miss {
+    /// The robot falls.
+    Falls {
+        /// Simulated time, s.
+        at_s: f64,
+    },
+    /// No period came to its end.
+    Unfinished,
+    /// It stays on its feet and comes somewhere else.
+    Astray {
+        /// Where.
+        #[serde(flatten)]
+        astray: Astray,
+        /// Number of the period, from 1, from which on it does, on the mean.
+        from_period: usize,
+    },
+}
+
+impl fmt::Display for Miss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Falls { at_s } => write!(f, "the robot falls after {at_s:.2} s"),
+            Self::Unfinished => f.write_str("it was stopped before its end"),
+            Self::Astray { astray, from_period } if *from_period > 2 => {
+                write!(f, "{astray} from period {from_period} on")
+            }
+            Self::Astray { astray, .. } => write!(f, "{astray}"),
+        }
     }
 }
 

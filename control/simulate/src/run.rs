@@ -66,7 +66,7 @@ pub fn play(
 ) -> Result<Outcome, StepError> {
     let script = Script::new(plan, options.control != Control::Servos);
     let robot = options.mismatch.of(&plan.robot);
-    let parameters = Parameters::new(&robot);
+    let parameters = options.mismatch.parameters(&robot);
     let (mut world, world_from_plan) = begin(&script, &robot, &options.ground, &parameters);
     let mut tracker = Tracker::new(&script, &world, &options.ground, world_from_plan.inverse());
     let step_s = step_s(&script, options.rate_hz);

@@ -24,7 +24,7 @@ fn on(slope_rad: f64, plan: &Plan, feed_forward: bool) -> Outcome {
 fn a_robot_comes_where_its_plans_say() {
     let drive = on(0.0, &plan("agilebot", "drive_1m"), true);
     assert!(drive.holds() && (drive.ratio(0).unwrap() - 1.0).abs() < 5e-3, "{drive:?}");
-    assert!(drive.totals.slid_m < 1e-3 && drive.totals.work_j > 0.0, "{drive:?}");
+    assert!(drive.totals.slid_m < 1e-3, "{drive:?}");
     // Rolling along the slope is not held by anything: wheels are driven by speed, with the droop of their drives.
     let uphill = on(0.05, &plan("agilebot", "drive_1m"), true);
     assert!((0.8..1.0).contains(&uphill.ratio(0).unwrap()), "{uphill:?}");
@@ -32,6 +32,7 @@ fn a_robot_comes_where_its_plans_say() {
     assert!(turn.holds() && (turn.ratio(2).unwrap() - 1.0).abs() < 0.01, "{turn:?}");
     let walk = on(0.0, &plan("agilebot", "walk"), true);
     assert!(walk.holds() && (walk.ratio(0).unwrap() - 1.0).abs() < 0.03, "{walk:?}");
+    assert!(walk.totals.work_j > 0.0, "{walk:?}");
     assert_eq!(walk.cycles.len(), 3);
     assert!(walk.iterations < 4.0 && walk.subdivided == 0, "{walk:?}");
 }
@@ -154,7 +155,7 @@ fn a_robot_that_is_pushed_to_its_side_steps_on() {
 #[test]
 fn the_plan_of_a_robot_that_stumbles_is_played_in_open_loop() {
     let skate = plan("skaterbot", "skate");
-    let options = Options { cycles: 4, ..Options::new(TRACKING, 500) };
+    let options = Options { cycles: 10, ..Options::new(TRACKING, 500) };
     let outcome = play(&skate, &options, |_| true).unwrap();
     assert!(outcome.fell_at_s.is_none() && outcome.untracked > 400, "{outcome:?}");
     let [.., last] = &outcome.cycles[..] else { panic!("{outcome:?}") };
