@@ -246,7 +246,7 @@ pub enum Done {
         /// What the plan is worth, in words.
         words: String,
         /// Whether it may be played.
-        holds: bool,
+        consistent: bool,
         /// The report, as `rollwalk report --json` has it.
         #[serde(flatten)]
         report: Report,

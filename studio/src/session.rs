@@ -108,8 +108,8 @@ impl Session {
             Wanted::Report => {
                 let plan = self.shown()?;
                 let report = Report::new(plan);
-                let (words, holds) = (report.words(&plan.solve), report.judgement.is_good());
-                Done::Reported { words, holds, report }
+                let (words, consistent) = (report.words(&plan.solve), report.judgement.is_good());
+                Done::Reported { words, consistent, report }
             }
             Wanted::PlanJson => Done::Text { text: self.shown()?.to_json() },
             Wanted::Export { what, rate_hz } => {

@@ -11,7 +11,10 @@ fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
     let desk = desk_with_shipped_files();
     desk.make(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]);
     let said = desk.run(&["simulate", "drive.json"]).succeeds();
-    assert!(said.contains("forward: 1.000 of the plan") && said.contains("it holds"), "{said}");
+    assert!(
+        said.contains("forward: 1.000 of the plan") && said.contains("holds in simulation"),
+        "{said}"
+    );
     let said = desk.run(&["simulate", "drive.json", "--json", "--rate", "60"]).succeeds();
     assert!(said.contains("\"holds\": true") && said.contains("\"fell_at_s\": null"), "{said}");
     // It slides down a roof.
@@ -26,7 +29,8 @@ fn terrain_and_pushes_are_given_to_a_plan() {
     desk.make(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]);
     let simulate = |args: &[&str]| desk.run(&[&["simulate", "drive.json"], args].concat());
     desk.write("kerb.toml", "[step]\nat_x_m = 0.5\nheight_m = 0.1\n");
-    simulate(&["--terrain", "kerb.toml"]).succeeds_with(3, &["forward: 0.5", "stays on its feet"]);
+    simulate(&["--terrain", "kerb.toml"])
+        .succeeds_with(3, &["forward: 0.5", "does not hold in simulation: it comes to 0.5"]);
     simulate(&["--push", "2:0,120,0:0.1"]).succeeds_with(3, &["it fell after 2."]);
     simulate(&["--push", "2:0,3,0:0.1"]).succeeds();
     simulate(&["--push", "2:0,3:0.1"]).fails(2, &["the force needs 3 numbers", "it has 2"]);

@@ -27,7 +27,8 @@ fn a_plan_reaches_its_goal_and_its_report_says_so() {
     assert_eq!(outcome["plan"], "plan.json");
 
     let report = json(&desk.run(&["report", "plan.json", "--json"]).succeeds());
-    assert_eq!((&report["holds"], &report["judgement"]), (&true.into(), &"holds".into()));
+    assert_eq!((&report["consistent"], &report["judgement"]), (&true.into(), &"consistent".into()));
+    assert_eq!(outcome["simulation"]["verdict"], "holds", "{outcome}");
     let rows = report["rows"].as_array().unwrap();
     let row = |name: &str| {
         let at_samples = |row: &&Value| row["name"] == name && row["grid"] == "samples";
@@ -62,19 +63,23 @@ fn a_plan_that_does_not_converge_exits_with_3_and_can_be_looked_at() {
     let report = desk.run(&["report", "plan.json", "--json"]);
     assert_eq!(report.code, 3, "one verdict for both");
     let report = json(&report.stdout);
-    assert_eq!((&report["holds"], &report["judgement"]), (&false.into(), &outcome["judgement"]));
+    assert_eq!(
+        (&report["consistent"], &report["judgement"]),
+        (&false.into(), &outcome["judgement"])
+    );
+    assert!(outcome["simulation"].is_null(), "{outcome}");
 }
 
 /// Plan and report of one motion: exit code, judgement and words agree.
 #[track_caller]
 fn agreed(desk: &rollwalk_tests::Desk, plan: &[&str]) -> (i32, Value) {
-    let planned = desk.run(&[&["plan", "-o", "plan.json"], plan].concat());
+    let planned = desk.run(&[&["plan", "-o", "plan.json", "--no-simulation"], plan].concat());
     let report = desk.run(&["report", "plan.json"]);
     assert_eq!(planned.code, report.code, "{}\n{}", planned.stdout, report.stdout);
     let conclusion = planned.stdout.lines().nth(2).expect("a verdict");
     assert!(report.stdout.contains(conclusion), "{conclusion} in\n{}", report.stdout);
     let told = json(&desk.run(&["report", "plan.json", "--json"]).stdout);
-    assert_eq!(told["holds"], planned.code == 0);
+    assert_eq!(told["consistent"], planned.code == 0);
     (planned.code, told)
 }
 
@@ -85,20 +90,20 @@ fn plan_and_report_have_one_verdict() {
         let (code, told) = agreed(&desk, plan);
         (code, told["judgement"].as_str().unwrap_or_default().to_owned())
     };
-    let holds = |code: i32, word: &str| (code, word.to_owned());
-    assert_eq!(judged(&["motions/drive_1m.toml"]), holds(0, "holds"));
+    let ends = |code: i32, word: &str| (code, word.to_owned());
+    assert_eq!(judged(&["motions/drive_1m.toml"]), ends(0, "consistent"));
     let few = ["motions/walk.toml", "--start", "standing", "--iterations", "1"];
-    assert_eq!(judged(&few), holds(3, "not_converged"));
+    assert_eq!(judged(&few), ends(3, "not_converged"));
     // The walk of a robot that needs feedback, as its file says.
-    assert_eq!(judged(&["motions/table_2_1/creature3_fast_walk.toml"]), holds(0, "needs_feedback"));
+    assert_eq!(judged(&["motions/table_2_1/creature3_fast_walk.toml"]), ends(0, "needs_feedback"));
     // Six strokes of a skate with twelve samples leave the ground and slip between them.
     desk.edit("motions/table_2_1/dinobot_skating.toml", "samples = 24", "samples = 12");
     let skating = "motions/table_2_1/dinobot_skating.toml";
-    assert_eq!(judged(&[skating, "--samples-fixed"]), holds(3, "fails_as_played"));
+    assert_eq!(judged(&[skating, "--samples-fixed"]), ends(3, "fails_as_played"));
 
-    // With more samples the same motion holds, and says why there are more.
+    // With more samples the same plan is consistent, and says why there are more.
     let (code, told) = agreed(&desk, &[skating]);
-    assert_eq!((code, &told["judgement"]), (0, &"holds".into()));
+    assert_eq!((code, &told["judgement"]), (0, &"consistent".into()));
     let coarser = &told["solve"]["refinements"][0];
     assert_eq!(coarser["samples"], 12);
     assert!(coarser["worst"].as_f64() > coarser["tolerance"].as_f64(), "{coarser}");

@@ -24,7 +24,8 @@ fn a_plan_is_retargeted_to_soft_servos_and_played() {
         found["costs"].as_array().unwrap().iter().map(|cost| cost.as_f64().unwrap()).collect();
     assert!(costs.len() <= 4 && costs.windows(2).all(|pair| pair[1] < pair[0]), "{costs:?}");
     // The motion is what it was; what the drives are told is not.
-    desk.run(&["simulate", "soft.json", "--no-feed-forward"]).succeeds_with(0, &["it holds"]);
+    desk.run(&["simulate", "soft.json", "--no-feed-forward"])
+        .succeeds_with(0, &["holds in simulation"]);
     desk.run(&["simulate", "soft.json", "--no-feed-forward", "--cycles", "8"]).succeeds();
     desk.run(&["export", "plan.json", "-o", "plan.csv"]).succeeds();
     desk.run(&["export", "soft.json", "-o", "soft.csv"]).succeeds();
@@ -58,7 +59,8 @@ fn a_library_is_retargeted_and_built_of_its_plans() {
     let play = ["simulate", "pup.rwl", "--robot", "soft.toml", "--cycles", "2"];
     desk.run(&play).succeeds_with(0, &["stand → walk", "no falls"]);
     // What stands beside the corrections is the same motion.
-    desk.run(&["simulate", "soft/walk.json", "--no-feed-forward"]).succeeds_with(0, &["it holds"]);
+    desk.run(&["simulate", "soft/walk.json", "--no-feed-forward"])
+        .succeeds_with(0, &["holds in simulation"]);
 
     let both =
         library.replace("plan = \"walk.json\"", "plan = \"walk.json\"\nfile = \"walk.toml\"");

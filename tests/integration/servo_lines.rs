@@ -31,7 +31,7 @@ fn the_demo_plays_a_robot_on_a_serial_line() {
     assert!(asked > 3_000 && said > 12_000, "{asked} {said}");
     for motion in ["stand", "drive", "walk"] {
         let plan = format!("out/plans/{motion}.json");
-        desk.run(&["report", &plan]).succeeds_with(0, &["holds: every residual"]);
+        desk.run(&["report", &plan]).succeeds_with(0, &["consistent: every residual"]);
     }
 }
 

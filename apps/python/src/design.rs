@@ -3,7 +3,7 @@
 use crate::arrays::{matrix, vector};
 use crate::documents::{Source, shipped};
 use crate::error::{refused, wrong};
-use crate::plan::{Plan, Progress, does_not_hold};
+use crate::plan::{Plan, Progress, not_consistent};
 use crate::watch::watched;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -131,7 +131,7 @@ impl Design {
     /// :param progress: called with a `Progress`, at most ten times a second. What it raises ends the work.
     /// :returns: the derivatives of each motion, in the order of the design file.
     /// :raises RollwalkError: a name that there is not, or a plan that has no derivatives.
-    /// :raises DoesNotHold: a motion that the robot cannot do.
+    /// :raises NotConsistent: a motion that the robot cannot do.
     /// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
     #[pyo3(signature = (objectives = Vec::new(), features = Vec::new(), *, values = HashMap::new(), progress = None))]
     fn gradients(
@@ -179,7 +179,7 @@ impl Design {
         let (plans, all) = found.map_err(failed)?;
         let all = all.map_err(|_: Failed| {
             let lost: Vec<_> = plans.plans().filter(|of| !of.solve.status.is_solved()).collect();
-            does_not_hold(py, &lost)
+            not_consistent(py, &lost)
         })?;
         let both = plans.solutions.iter().zip(all);
         both.map(|(solution, numbers)| {

@@ -2,7 +2,7 @@
 
 use crate::documents::Source;
 use crate::error::refused;
-use crate::plan::{Progress, does_not_hold, optimise};
+use crate::plan::{Progress, not_consistent, optimise};
 use crate::watch::{Watch, watched};
 use pyo3::prelude::*;
 use rollwalk_planner::building::{Contents, Joined, Missing, Solver};
@@ -23,7 +23,7 @@ use std::path::PathBuf;
 /// :returns: the bytes of the library: write them to a `.rwl` file for `rollwalk flash`.
 /// :raises RollwalkError: everything that is wrong in one of the files, or a motion that no library can hold.
 /// :raises OSError: a file cannot be read.
-/// :raises DoesNotHold: plans that do not hold; the exception has the first.
+/// :raises NotConsistent: plans that do not hold; the exception has the first.
 /// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
 #[pyfunction]
 #[pyo3(signature = (path, *, threads = None, progress = None))]
@@ -38,7 +38,7 @@ pub fn build_library(
         watched(py, progress.as_ref(), |watch| build(&contents, &mut Watched { threads, watch }))?;
     match built {
         Built::Library(bytes) => Ok(bytes.into()),
-        Built::Failed(plans) => Err(does_not_hold(py, &plans.iter().collect::<Vec<_>>())),
+        Built::Failed(plans) => Err(not_consistent(py, &plans.iter().collect::<Vec<_>>())),
         Built::Refused(reason) => Err(refused(reason)),
     }
 }

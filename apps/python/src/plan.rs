@@ -17,7 +17,7 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 use std::thread;
 
-import_exception!(rollwalk._errors, DoesNotHold);
+import_exception!(rollwalk._errors, NotConsistent);
 import_exception!(rollwalk._errors, Infeasible);
 
 /// How far a solve is: what progress callbacks get.
@@ -175,7 +175,7 @@ impl Plan {
     fn good(py: Python<'_>, plan: planned::Plan) -> PyResult<Self> {
         match py.detach(|| planner::report::Report::new(&plan).judgement.is_good()) {
             true => Ok(Self::of(plan)),
-            false => Err(does_not_hold(py, &[&plan])),
+            false => Err(not_consistent(py, &[&plan])),
         }
     }
 }
@@ -210,7 +210,7 @@ impl Plan {
     /// :param progress: called with a `Progress`, at most ten times a second. What it raises ends the solve.
     /// :raises RollwalkError: the motion is too different.
     /// :raises Infeasible: the request cannot be met, with a diagnosis and the best that was found.
-    /// :raises DoesNotHold: the plan that was found does not hold.
+    /// :raises NotConsistent: the plan that was found does not hold.
     /// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
     #[pyo3(signature = (motion, *, iterations = None, samples_fixed = false, progress = None))]
     fn replan(
@@ -303,7 +303,7 @@ impl Plan {
 /// :param threads: on which starts are tried; as many as there are cores if it is `None`. The plan does not depend on it.
 /// :param progress: called with a `Progress`, at most ten times a second. What it raises ends the solve.
 /// :raises Infeasible: the request cannot be met, with a diagnosis and the best that was found.
-/// :raises DoesNotHold: the plan that was found does not hold.
+/// :raises NotConsistent: the plan that was found does not hold.
 /// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
 #[pyfunction]
 #[pyo3(signature = (motion, *, seed = 0, iterations = None, samples_fixed = false, threads = None, progress = None))]
@@ -324,7 +324,7 @@ pub fn plan(
 }
 
 /// Plans that do not hold, in the words of the command line. The exception carries the first of them.
-pub fn does_not_hold(py: Python<'_>, plans: &[&planned::Plan]) -> PyErr {
+pub fn not_consistent(py: Python<'_>, plans: &[&planned::Plan]) -> PyErr {
     let words = |plan: &&planned::Plan| {
         let report = planner::report::Report::new(plan);
         format!("{} {}", plan.motion.name, report.words(&plan.solve))
@@ -337,7 +337,7 @@ pub fn does_not_hold(py: Python<'_>, plans: &[&planned::Plan]) -> PyErr {
             Ok(diagnosis) => Infeasible::new_err((text, best, diagnosis)),
             Err(error) => error,
         },
-        (Ok(best), None) => DoesNotHold::new_err((text, best)),
+        (Ok(best), None) => NotConsistent::new_err((text, best)),
         (Err(error), _) => error,
     }
 }

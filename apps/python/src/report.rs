@@ -8,9 +8,9 @@ use rollwalk_planner::report as reported;
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Report {
     rows: Vec<reported::Row>,
-    /// Whether the plan may be played: every residual is within its tolerance, or the motion says that it needs feedback.
+    /// Whether the plan is consistent: every residual is within its tolerance, or the motion says that it needs feedback.
     #[pyo3(get)]
-    holds: bool,
+    consistent: bool,
     /// The verdict in words, with the residual that decides.
     #[pyo3(get)]
     verdict: String,
@@ -22,7 +22,7 @@ impl Report {
     pub fn of(plan: &Plan) -> Self {
         let report = reported::Report::new(plan);
         Self {
-            holds: report.judgement.is_good(),
+            consistent: report.judgement.is_good(),
             verdict: report.words(&plan.solve),
             table: report.to_string(),
             rows: report.rows,

@@ -114,7 +114,7 @@ class CommandLine(unittest.TestCase):
         plan = rollwalk.plan(move())
         plan.save(self.folder / "plan.json")
         report = plan.report()
-        self.assertTrue(report.holds)
+        self.assertTrue(report.consistent)
         said = self.run_rollwalk("report", "plan.json").stdout
         self.assertIn(report.verdict, said)
         self.assertTrue(said.startswith(str(report).removesuffix(report.verdict)))
@@ -257,11 +257,11 @@ class Plans(unittest.TestCase):
                 plan.sample(rate_hz)
 
     def test_too_few_iterations_do_not_hold(self) -> None:
-        with self.assertRaisesRegex(rollwalk.DoesNotHold, "did not converge") as raised:
+        with self.assertRaisesRegex(rollwalk.NotConsistent, "did not converge") as raised:
             rollwalk.plan(rollwalk.Motion.shipped(LONG), iterations=3)
         self.assertNotIsInstance(raised.exception, rollwalk.Infeasible)
         self.assertEqual(raised.exception.plan.status, "iteration limit reached")
-        self.assertFalse(raised.exception.plan.report().holds)
+        self.assertFalse(raised.exception.plan.report().consistent)
 
     def test_plans_of_other_robots_are_no_start(self) -> None:
         plan = rollwalk.plan(move())

@@ -28,8 +28,8 @@ impl fmt::Display for Conclusion<'_> {
             None => Ok(()),
         };
         match report.judgement {
-            Judgement::Holds => f.write_str(
-                "holds: every residual that has a tolerance is within it, at the samples and as played",
+            Judgement::Consistent => f.write_str(
+                "consistent: every residual that has a tolerance is within it, at the samples and as played",
             ),
             Judgement::NeedsFeedback => {
                 let reason = report.needs_feedback.as_deref().unwrap_or_default();
@@ -37,11 +37,11 @@ impl fmt::Display for Conclusion<'_> {
                 worst(f, true)
             }
             Judgement::FailsAsPlayed => {
-                f.write_str("does not hold as it is played: ")?;
+                f.write_str("not consistent as it is played: ")?;
                 worst(f, true)
             }
             Judgement::BeyondTolerance => {
-                f.write_str("does not hold, the plan was changed since it converged: ")?;
+                f.write_str("not consistent, the plan was changed since it converged: ")?;
                 worst(f, false)
             }
             // The point is that of the feasibility probe.

@@ -9,10 +9,10 @@ use serde::Serialize;
 #[serde(rename_all = "snake_case")]
 pub enum Judgement {
     /// Every residual is within its tolerance, at the samples and as played.
-    Holds,
-    /// It holds at the samples but not as played, and its motion says that it needs feedback.
+    Consistent,
+    /// It is consistent at the samples but not as played, and its motion says that it needs feedback.
     NeedsFeedback,
-    /// It holds at the samples, but not as it is played.
+    /// It is consistent at the samples, but not as it is played.
     FailsAsPlayed,
     /// The solver converged, but a residual at the samples is beyond its tolerance: the plan was changed since.
     BeyondTolerance,
@@ -30,14 +30,14 @@ impl Judgement {
                 Self::NotConverged
             }
             Status::Converged | Status::FailsAsPlayed if fails(false) => Self::BeyondTolerance,
-            Status::Converged | Status::FailsAsPlayed if !fails(true) => Self::Holds,
+            Status::Converged | Status::FailsAsPlayed if !fails(true) => Self::Consistent,
             _ if plan.motion.needs_feedback.is_some() => Self::NeedsFeedback,
             Status::Converged | Status::FailsAsPlayed => Self::FailsAsPlayed,
         }
     }
 
-    /// Whether the plan may be played: it holds, or its author knows that it needs feedback.
+    /// Whether the plan is consistent, or its author knows that it needs feedback.
     pub fn is_good(self) -> bool {
-        matches!(self, Self::Holds | Self::NeedsFeedback)
+        matches!(self, Self::Consistent | Self::NeedsFeedback)
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! Splines leave the ground's constraints between samples, so that what stands slips a little there. Peaks of a few
 //! milliseconds are taken up by servos and do no harm; what decides whether a robot comes where it should is the mean.
-//! A slip that does not come back within a stance is way that is missing, however slow it is: wheels that are steered cut
-//! corners.
+//! A slip that adds up within a stance is way that is missing, however slow it is: wheels that are steered cut corners. Slip to and
+//! fro counts twice, since friction gives back nothing of it.
 
 use super::grid::{Timeline, Window, feet};
 use super::residual::{Grid, Worst};
@@ -44,11 +44,11 @@ pub(super) fn slipping(timeline: &Timeline, grid: Grid) -> [Worst; 2] {
     let h = timeline.spacing_s();
     let (mut way_m, mut stood_s) = (0.0, 0.0);
     for (j, foot) in feet(timeline) {
-        // Where the foot has slipped to since it stands, and the last interval of that.
-        let mut stance: Option<(Vector3<f64>, Window)> = None;
-        let mut end = |stance: Option<(Vector3<f64>, Window)>| {
+        // How far the foot has slipped since it stands, and the last interval of that.
+        let mut stance: Option<(f64, Window)> = None;
+        let mut end = |stance: Option<(f64, Window)>| {
             if let Some((slipped_m, last)) = stance {
-                creep.see(slipped_m.norm(), &last, Some(&foot.name));
+                creep.see(slipped_m, &last, Some(&foot.name));
             }
         };
         for w in timeline.intervals() {
@@ -56,11 +56,11 @@ pub(super) fn slipping(timeline: &Timeline, grid: Grid) -> [Worst; 2] {
                 end(stance.take());
                 continue;
             }
-            let slip = slip_m_s(timeline, &w, j, foot);
-            way_m += slip.norm() * h;
+            let slipped_m = slip_m_s(timeline, &w, j, foot).norm() * h;
+            way_m += slipped_m;
             stood_s += h;
-            let before = stance.take().map_or_else(Vector3::zeros, |(slipped_m, _)| slipped_m);
-            stance = Some((before + slip * h, w));
+            let before_m = stance.take().map_or(0.0, |(before_m, _)| before_m);
+            stance = Some((before_m + slipped_m, w));
         }
         end(stance);
     }

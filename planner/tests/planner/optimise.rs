@@ -60,7 +60,7 @@ fn every_shipped_motion_and_transition_converges_and_holds_as_played() {
         let worst = report.rows.iter().filter(|row| row.grid == Grid::Samples);
         let worst = worst.map(|row| row.part_of_level()).fold(0.0, f64::max);
         assert!(
-            worst <= 0.2 && report.judgement == Judgement::Holds,
+            worst <= 0.2 && report.judgement == Judgement::Consistent,
             "{}\n{report}",
             plan.motion.name
         );
@@ -167,7 +167,7 @@ fn held_wheels_walk_and_their_motors_are_told_to_stand_still() {
     let plan = plan(&motion(&held));
     assert_eq!(plan.solve.status, Status::Converged);
     let report = Report::new(&plan);
-    assert!(report.judgement == Judgement::Holds, "{report}");
+    assert!(report.judgement == Judgement::Consistent, "{report}");
     assert!(report.row(Family::HeldWheel, Grid::Samples).unwrap().worst < 1.0, "{report}"); // mm/s
     let spline = PlanSpline::new(&plan);
     for k in 0..50 {
@@ -195,7 +195,7 @@ fn a_robot_with_weak_knees_stands_on_straighter_legs() {
     let plan = optimise(&weak, &stand, &Options::default(), continue_);
     assert_eq!(plan.solve.status, Status::Converged);
     let report = Report::new(&plan);
-    assert!(report.judgement == Judgement::Holds, "{report}");
+    assert!(report.judgement == Judgement::Consistent, "{report}");
     assert!(report.row(Family::JointTorque, Grid::Samples).unwrap().part_of_level() <= 0.2);
     for &knee in &knees {
         let [bent, straighter] = [&strong, &plan].map(|p| p.samples[0].joint_rad[knee].abs());
@@ -226,7 +226,7 @@ fn skates_push_off_along_their_blades() {
     let plan = optimise(&robot, &skating, &Options::default(), continue_);
     assert_eq!(plan.solve.status, Status::Converged);
     let report = Report::new(&plan);
-    assert!(report.judgement == Judgement::Holds, "{report}");
+    assert!(report.judgement == Judgement::Consistent, "{report}");
     for family in [Family::LandingSlip, Family::BladeContact, Family::FreeWheelTraction] {
         assert!(report.row(family, Grid::Samples).is_some(), "{report}");
     }

@@ -42,7 +42,7 @@ fn a_grid_that_is_too_coarse_is_refined_until_the_plan_holds() {
         ControlFlow::Continue(())
     });
     assert_eq!((fine.samples.len(), fine.solve.status), (32, Status::Converged));
-    assert_eq!(Report::new(&fine).judgement, Judgement::Holds);
+    assert_eq!(Report::new(&fine).judgement, Judgement::Consistent);
     assert_eq!(fine.solve.iterations, iterations);
     let [coarser] = &fine.solve.refinements[..] else { panic!("{:?}", fine.solve.refinements) };
     assert_eq!(coarser.samples, 16);
@@ -101,13 +101,13 @@ fn every_status_and_residual_has_one_verdict() {
     }
     for status in [Status::Converged, Status::FailsAsPlayed] {
         let (judgement, words) = judged(&|plan| plan.solve.status = status);
-        assert_eq!(judgement, Judgement::Holds);
-        assert!(words.starts_with("holds: "), "{words}");
+        assert_eq!(judgement, Judgement::Consistent);
+        assert!(words.starts_with("consistent: "), "{words}");
         let (judgement, words) = judged(&|plan| {
             plan.solve.status = status;
             far(plan);
         });
         assert_eq!(judgement, Judgement::BeyondTolerance);
-        assert!(words.starts_with("does not hold, the plan was changed"), "{words}");
+        assert!(words.starts_with("not consistent, the plan was changed"), "{words}");
     }
 }

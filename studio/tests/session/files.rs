@@ -32,7 +32,7 @@ fn the_shown_plan_is_reported_and_exported() {
     let text = page.walk();
     page.plan(&text, "scratch", None);
     let report = page.done(json!({ "kind": "report" }));
-    assert_eq!((&report["holds"], &report["judgement"]), (&json!(true), &json!("holds")));
+    assert_eq!((&report["consistent"], &report["judgement"]), (&json!(true), &json!("consistent")));
     let slip = report["rows"].as_array().unwrap().iter().find(|row| row["name"] == "slip").unwrap();
     assert_eq!((&slip["unit"], &slip["grid"]), (&json!("mm/s"), &json!("samples")));
     let plan = page.done(json!({ "kind": "plan_json" }));

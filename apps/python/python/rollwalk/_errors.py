@@ -12,7 +12,7 @@ class RollwalkError(ValueError):
     """An input that is wrong: the message names file, line, field, value and what would be right."""
 
 
-class DoesNotHold(RollwalkError):
+class NotConsistent(RollwalkError):
     """A request for which no plan was found that holds, in the words of `rollwalk report`.
 
     `plan` is the best that was found: its `report()`, its samples and a run in the simulation show what is wrong.
@@ -23,7 +23,7 @@ class DoesNotHold(RollwalkError):
         self.plan: Plan = plan
 
 
-class Infeasible(DoesNotHold):
+class Infeasible(NotConsistent):
     """A request that cannot be met. `diagnosis` has the constraints that contradict each other, and what would do."""
 
     def __init__(self, message: str, plan: Plan, diagnosis: Diagnosis) -> None:
