@@ -10,6 +10,7 @@ mod cmd;
 mod gamepad;
 mod live;
 mod picture;
+mod planned;
 mod played;
 mod signing;
 pub mod sim;

@@ -17,7 +17,7 @@ const PUSH_MAX: f64 = 1e4;
 /// How deep a robot may be in the ground where it begins, m.
 const DEEPEST_M: f64 = 5e-3;
 /// Feet and wheels that a robot needs to stand.
-const FEET_MIN: usize = 3;
+pub const FEET_MIN: usize = 3;
 
 /// What carries a simulated robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

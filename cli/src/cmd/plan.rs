@@ -1,12 +1,14 @@
 //! `rollwalk plan`: optimises a motion.
 
 use super::robot::print_robot_warnings;
+use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::plan::{
     Diagnosis, Plan, Refinement, SolveSummary, StartKind, Started, Status,
 };
 use rollwalk_planner::report::{Judgement, Report};
 use rollwalk_planner::{Options, replan};
+use rollwalk_simulate::Verdict;
 use rollwalk_terminal::choices::{self, Choices, MethodChoice, StartChoice};
 use rollwalk_terminal::files::Output;
 use rollwalk_terminal::inputs::Source;
@@ -21,8 +23,10 @@ use std::path::{Path, PathBuf};
 
 /// Optimise a motion and write the plan.
 ///
-/// The motion file names its robot. A plan that does not hold is written, too, so that it can be
-/// examined; the exit code is then 3. After Ctrl-C nothing is written, unless a plan had converged and was being
+/// The motion file names its robot. A plan is consistent if it meets every equation, at its samples and as played. A consistent
+/// plan is then simulated as the controller plays it, open loop: the motion holds in simulation if the robot stays on its feet and
+/// comes to 0.95 to 1.05 of its goals, on contacts of half, once and twice the usual stiffness. A plan that is not consistent, or
+/// does not hold, is written, too, so that it can be examined; the exit code is then 3. After Ctrl-C nothing is written, unless a plan had converged and was being
 /// refined.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
@@ -62,6 +66,9 @@ pub struct Args {
     /// exceeds its tolerance, up to as many as a motion file may have.
     #[arg(long)]
     samples_fixed: bool,
+    /// Leave the simulation out.
+    #[arg(long)]
+    no_simulation: bool,
     /// Before solving, write all inputs to one file, for a bug report: motion, robot, neighbouring plan and
     /// options.
     #[arg(long, value_name = "PROBLEM.json")]
@@ -82,7 +89,9 @@ struct Outcome<'a> {
     /// By Ctrl-C, also where a plan had converged and was being refined.
     interrupted: bool,
     judgement: Judgement,
-    holds: bool,
+    consistent: bool,
+    /// Null if the plan is not consistent, and with `--no-simulation`.
+    simulation: Option<Verdict>,
     samples: usize,
     refinements: &'a [Refinement],
     robot: &'a str,
@@ -124,10 +133,17 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if written.is_some() {
         place.write(plan.to_json().as_bytes())?;
     }
+    let is_good = report.judgement.is_good();
+    let simulation = match is_good && !interrupted && !args.no_simulation {
+        true => simulated(&plan),
+        false => None,
+    };
+    let interrupted = interrupted || interrupt::requested();
+    let end = End { plan: &plan, report: &report, simulation, time_s, written };
     if args.json {
-        output::print_json(&outcome(&plan, &report, time_s, written))?;
+        output::print_json(&end.outcome())?;
     } else {
-        place.comment(&describe(&plan, &report, time_s, written, interrupted, is_given))?;
+        place.comment(&end.describe(interrupted, is_given))?;
     }
     if matches!(plan.solve.status, Status::Stalled | Status::IterationLimit) {
         output::say(match &args.dump {
@@ -140,7 +156,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
                 .to_owned(),
         });
     }
-    Ok(if interrupted { Exit::Interrupted } else { report.judgement.into() })
+    let holds = is_good && end.simulation.is_none_or(|verdict| verdict.is_good(&plan));
+    Ok(match holds {
+        _ if interrupted => Exit::Interrupted,
+        true => Exit::Ok,
+        false => Exit::DoesNotHold,
+    })
 }
 
 /// The problem to solve, and the file that carries it if it comes from one.
@@ -180,67 +201,87 @@ fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
     Ok((Problem::new(texts, from, options), None))
 }
 
-fn outcome<'a>(
-    plan: &'a Plan,
-    report: &Report,
-    time_s: f64,
-    written: Option<&'a PathBuf>,
-) -> Outcome<'a> {
-    Outcome {
-        solve: PlanOutcome::new(plan, time_s),
-        interrupted: interrupt::requested(),
-        judgement: report.judgement,
-        holds: report.judgement.is_good(),
-        samples: plan.samples.len(),
-        refinements: &plan.solve.refinements,
-        robot: &plan.robot.name,
-        energy: plan.solve.energy,
-        start: plan.solve.start,
-        diagnosis: plan.solve.diagnosis.as_ref(),
-        plan: written,
-    }
+/// Plays a plan as the controller does; `None` after Ctrl-C.
+fn simulated(plan: &Plan) -> Option<Verdict> {
+    let bar = ProgressBar::new(1000).with_style(
+        ProgressStyle::with_template("{spinner} simulation {wide_bar} {percent} %")
+            .unwrap_or_else(|_| ProgressStyle::default_bar()),
+    );
+    let verdict = Verdict::of(plan, |done| {
+        bar.set_position((1000.0 * done) as u64);
+        !interrupt::requested()
+    });
+    bar.finish_and_clear();
+    verdict
 }
 
-fn describe(
-    plan: &Plan,
-    report: &Report,
+/// How a command ends.
+struct End<'a> {
+    plan: &'a Plan,
+    report: &'a Report,
+    simulation: Option<Verdict>,
+    /// Of the solve.
     time_s: f64,
-    written: Option<&PathBuf>,
-    interrupted: bool,
-    is_given: bool,
-) -> String {
-    let solve = &plan.solve;
-    // A plan that is written after Ctrl-C had converged, and more samples were being tried.
-    let status = match written {
-        Some(_) if interrupted => {
-            format!(
-                "converged, interrupted while more than {} samples were tried",
-                plan.samples.len()
-            )
+    written: Option<&'a PathBuf>,
+}
+
+impl<'a> End<'a> {
+    fn outcome(&self) -> Outcome<'a> {
+        let &Self { plan, report, simulation, time_s, written } = self;
+        Outcome {
+            solve: PlanOutcome::new(plan, time_s),
+            interrupted: interrupt::requested(),
+            judgement: report.judgement,
+            consistent: report.judgement.is_good(),
+            simulation,
+            samples: plan.samples.len(),
+            refinements: &plan.solve.refinements,
+            robot: &plan.robot.name,
+            energy: plan.solve.energy,
+            start: plan.solve.start,
+            diagnosis: plan.solve.diagnosis.as_ref(),
+            plan: written,
         }
-        _ => solve.status.to_string(),
-    };
-    let first = &plan.samples[0].com_m;
-    let last = &plan.after.com_m;
-    let [first_yaw, last_yaw] =
-        [&plan.samples[0], &plan.after].map(|sample| sample.base_yaw_pitch_roll_rad[0]);
-    format!(
-        "{} on {}: {status} after {} iterations from {}, {} samples, {time_s:.2} s\n\
-         the centre of mass moves {} m in x and {} m in y, turns {} rad, in {:.2} s\n\
-         {}\n{}",
-        plan.motion.name,
-        plan.robot.name,
-        solve.iterations,
-        beginning(solve, is_given),
-        plan.samples.len(),
-        millis(last[0] - first[0]),
-        millis(last[1] - first[1]),
-        millis(last_yaw - first_yaw),
-        plan.motion.duration_s,
-        report.words(&plan.solve),
-        match written {
-            Some(path) if report.judgement.is_good() => format!("wrote {}", path.display()),
-            Some(path) => format!(
+    }
+
+    fn describe(&self, interrupted: bool, is_given: bool) -> String {
+        let &Self { plan, report, simulation, time_s, written } = self;
+        let solve = &plan.solve;
+        // A plan that is written after Ctrl-C had converged, and more samples were being tried.
+        let status = match written {
+            Some(_) if interrupted => {
+                format!(
+                    "converged, interrupted while more than {} samples were tried",
+                    plan.samples.len()
+                )
+            }
+            _ => solve.status.to_string(),
+        };
+        let first = &plan.samples[0].com_m;
+        let last = &plan.after.com_m;
+        let [first_yaw, last_yaw] =
+            [&plan.samples[0], &plan.after].map(|sample| sample.base_yaw_pitch_roll_rad[0]);
+        let mut text = format!(
+            "{} on {}: {status} after {} iterations from {}, {} samples, {time_s:.2} s\n\
+             the centre of mass moves {} m in x and {} m in y, turns {} rad, in {:.2} s\n\
+             {}\n",
+            plan.motion.name,
+            plan.robot.name,
+            solve.iterations,
+            beginning(solve, is_given),
+            plan.samples.len(),
+            millis(last[0] - first[0]),
+            millis(last[1] - first[1]),
+            millis(last_yaw - first_yaw),
+            plan.motion.duration_s,
+            report.words(&plan.solve),
+        );
+        if let Some(verdict) = simulation {
+            text += &format!("{verdict}\n");
+        }
+        let holds = simulation.is_none_or(|verdict| verdict.is_good(plan));
+        text += &match written {
+            Some(path) if !report.judgement.is_good() => format!(
                 "wrote {0}; `rollwalk report {0}` shows where it fails{1}",
                 path.display(),
                 if solve.diagnosis.is_some() {
@@ -249,9 +290,16 @@ fn describe(
                     ". A longer duration, a nearer goal or more samples may help"
                 }
             ),
+            Some(path) if !holds => format!(
+                "wrote {0}; `rollwalk simulate {0} --world-log RUN.csv` shows what becomes of it. More samples, a longer duration, \
+                 a larger `duty` or stiffer servos may help, or feedback (`rollwalk simulate {0} --tracking`)",
+                path.display(),
+            ),
+            Some(path) => format!("wrote {}", path.display()),
             None => "nothing written".to_owned(),
-        }
-    )
+        };
+        text
+    }
 }
 
 /// Starting point of a solve, in words.

@@ -9,8 +9,8 @@ use std::path::PathBuf;
 /// Recompute every residual of a plan and print the worst of each, with place and unit.
 ///
 /// Nothing is taken from the optimiser: the equations are evaluated once more from the plan's own
-/// numbers, at its samples and between them, as servos will play it. Verdict and exit code are those of
-/// `rollwalk plan`: 3 if the plan does not hold.
+/// numbers, at its samples and between them, as servos will play it. The exit code is 3 if the plan is not consistent. Whether the
+/// motion holds in simulation, `rollwalk plan` and `rollwalk simulate` tell.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -32,7 +32,7 @@ pub struct Args {
 struct Document<'a> {
     #[serde(flatten)]
     report: &'a Report,
-    holds: bool,
+    consistent: bool,
     solve: &'a SolveSummary,
 }
 
@@ -40,9 +40,9 @@ struct Document<'a> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let plan = inputs::plan(&args.plan)?;
     let report = Report::new(&plan);
-    let holds = report.judgement.is_good();
+    let consistent = report.judgement.is_good();
     if args.json {
-        output::print_json(&Document { report: &report, holds, solve: &plan.solve })?;
+        output::print_json(&Document { report: &report, consistent, solve: &plan.solve })?;
     } else {
         output::print(&describe(&plan, &report))?;
     }

@@ -56,8 +56,10 @@ pub struct PlannedTransition {
 /// The plans of a library, in its order.
 pub struct Plans {
     pub motions: Vec<Planned>,
-    /// Transitions, without those of motions that do not hold.
+    /// Transitions, without those of motions that are not consistent.
     pub transitions: Vec<PlannedTransition>,
+    /// Index of the motion that is SAFE.
+    pub safe: usize,
 }
 
 impl Plans {
@@ -187,7 +189,7 @@ pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans
     let motions = motions.into_iter().map(&mut planned).collect();
     let joined = |Joined { from, to, plan }| PlannedTransition { from, to, planned: planned(plan) };
     let transitions = transitions.into_iter().map(joined).collect();
-    Ok(Some(Plans { motions, transitions }))
+    Ok(Some(Plans { motions, transitions, safe: library.file.safe }))
 }
 
 #[cfg(test)]

@@ -1,19 +1,22 @@
 //! `rollwalk library build`: from a library file to a motion library.
 
 use crate::cmd::robot::print_robot_warnings;
+use crate::planned;
 use crate::signing;
 use rollwalk_terminal::files::Output;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names;
 use rollwalk_terminal::packed::Packed;
 use rollwalk_terminal::planning::{PlanOutcome, Plans, plan_all};
-use rollwalk_terminal::{Exit, output};
+use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 use std::path::PathBuf;
 
 /// Optimise every motion and transition of a library file and pack them into a motion library.
 ///
-/// The library is written only when every plan converged.
+/// The library is written only when every plan is consistent and every motion holds in simulation: a robot on level ground plays the
+/// library as the controller does, over every transition, and has to come where the plans say. A motion whose file says that it
+/// `needs_feedback` may miss.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -33,6 +36,9 @@ pub struct Args {
     /// Sign the library with this private key (`rollwalk keys new-pair`).
     #[arg(long, value_name = "KEY.pem")]
     sign: Option<PathBuf>,
+    /// Leave the simulation out.
+    #[arg(long)]
+    no_simulation: bool,
     /// Print every iteration to stderr.
     #[arg(short, long)]
     verbose: bool,
@@ -45,10 +51,14 @@ pub struct Args {
 #[derive(Serialize)]
 struct Outcome<'a> {
     robot: &'a str,
-    /// Null when a plan does not hold.
+    /// Null when a plan is not consistent, or a motion does not hold in simulation.
     library: Option<&'a PathBuf>,
     bytes: usize,
     plans: Vec<PlanOutcome<'a>>,
+    /// Motions and transitions in the order in which they were simulated; null without a simulation.
+    simulation: Option<&'a planned::Simulation>,
+    /// Goals of motions at rest that their transitions take back.
+    taken_back: Vec<String>,
 }
 
 /// Runs the subcommand.
@@ -60,32 +70,64 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     let converged = plans.failures().is_empty();
     let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };
-    if converged {
+    let packed = match converged {
+        true => Some(Packed::new(library.robot.clone(), bytes.clone())?),
+        false => None,
+    };
+    let ways = planned::of(&plans);
+    let simulation = match &packed {
+        Some(packed) if !args.no_simulation => planned::simulate(packed, &ways)?,
+        _ => None,
+    };
+    if interrupt::requested() {
+        return Ok(Exit::Interrupted);
+    }
+    let holds = converged && simulation.as_ref().is_none_or(|run| run.misses().is_empty());
+    let taken_back = planned::taken_back(&plans);
+    if let Some(packed) = packed.filter(|_| holds) {
         match &key {
             Some(key) => place.write(&signing::signed(&bytes, key))?,
             None => place.write(&bytes)?,
         }
         // So that tools know the motions by name wherever the library is flashed to.
-        names::keep(&Packed::new(library.robot.clone(), bytes.clone())?.catalog());
+        let catalog = packed.catalog();
+        names::keep(&catalog);
+        planned::keep(catalog.library, &ways);
     }
-    let written = converged.then_some(&args.output);
+    let written = holds.then_some(&args.output);
     if args.json {
         output::print_json(&Outcome {
             robot: &library.robot.name,
             library: written,
             bytes: bytes.len(),
             plans: plans.all().map(|p| PlanOutcome::new(&p.plan, p.took.as_secs_f64())).collect(),
+            simulation: simulation.as_ref(),
+            taken_back,
         })?;
     } else {
-        place.comment(&describe(&plans, written, bytes.len()))?;
+        output::say_warnings(&taken_back);
+        place.comment(&describe(&plans, simulation.as_ref(), written, bytes.len()))?;
     }
-    Ok(if converged { Exit::Ok } else { Exit::DoesNotHold })
+    Ok(if holds { Exit::Ok } else { Exit::DoesNotHold })
 }
 
-fn describe(plans: &Plans, written: Option<&PathBuf>, bytes: usize) -> String {
+fn describe(
+    plans: &Plans,
+    simulation: Option<&planned::Simulation>,
+    written: Option<&PathBuf>,
+    bytes: usize,
+) -> String {
+    let misses = simulation.map(planned::Simulation::misses).unwrap_or_default();
+    let simulated = simulation.map(|run| format!("{run}\n")).unwrap_or_default();
     match written {
+        None if !misses.is_empty() => format!(
+            "{simulated}{}\nnothing written; `rollwalk plan` and `rollwalk simulate` of a motion show what becomes of it by itself. A larger \
+             `duty`, a longer duration, stiffer servos or slower transitions may help; a motion that is meant for feedback says so \
+             with `needs_feedback`, and `--no-simulation` takes the library as it is",
+            misses.join("\n")
+        ),
         Some(path) => format!(
-            "wrote {}: {} motions, {} transitions, {bytes} B",
+            "{simulated}wrote {}: {} motions, {} transitions, {bytes} B",
             path.display(),
             plans.motions.len(),
             plans.transitions.len()

@@ -1,6 +1,7 @@
 //! A motion library behind the firmware: a tour over its motion graph, and what became of each motion.
 
 use super::Args;
+use crate::planned::{self, Judged};
 use crate::terrain::Support;
 use crate::tour::{self, Options, Played};
 use miette::miette;
@@ -32,6 +33,8 @@ struct Row {
     way: Way,
     #[serde(flatten)]
     totals: Totals,
+    /// Against its plan; null where the library was not built on this computer.
+    plan: Option<Judged>,
 }
 
 #[derive(Serialize)]
@@ -61,10 +64,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             "--tracking is for plans: a library is played by the firmware, whose servos see their own angles only"
         ));
     }
-    if args.mass != 1.0 || args.friction.is_some() {
+    if args.mass != 1.0 || args.friction.is_some() || args.contact_stiffness != 1.0 {
         return Err(miette!(
             help = "leave them out, or simulate a plan",
-            "--mass and --friction are for plans"
+            "--mass, --friction and --contact-stiffness are for plans"
         ));
     }
     let packed = Packed::read(&args.what, args.robot.as_deref())?;
@@ -82,7 +85,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     )?;
     let interrupted = interrupt::requested();
     let catalog = packed.catalog();
+    let ways = planned::kept(catalog.library).unwrap_or_default();
     let row = |travel: &Travel| Row {
+        plan: ways.get(usize::from(travel.clip.0)).map(|planned| planned.judge(travel)),
         name: catalog.clip(travel.clip.0).unwrap_or_default(),
         played_s: travel.duration_s(),
         way: travel.way(),
@@ -107,8 +112,20 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if interrupted {
         return Ok(Exit::Interrupted);
     }
-    let holds = document.falls.is_empty() && document.stopped.is_none();
+    let holds = document.falls.is_empty()
+        && document.stopped.is_none()
+        && document.missed().next().is_none();
     Ok(if holds { Exit::Ok } else { Exit::DoesNotHold })
+}
+
+impl Document {
+    /// Motions that do not come where their plans do, and do not say that they need feedback.
+    fn missed(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.travels.iter().filter_map(|Row { name, plan, .. }| {
+            let plan = plan.as_ref().filter(|plan| !plan.needs_feedback)?;
+            Some((name.as_str(), plan.miss.as_deref()?))
+        })
+    }
 }
 
 fn describe(document: &Document) -> String {
@@ -118,13 +135,15 @@ fn describe(document: &Document) -> String {
         "ahead",
         "left",
         "turned",
+        "of plan",
         "tilt",
         "slid",
         "force",
         "work",
     ]);
-    rows.row(["", "s", "m", "m", "rad", "°", "m", "N", "J"].map(str::to_owned));
-    for Row { name, played_s, way, totals } in &document.travels {
+    rows.row(["", "s", "m", "m", "rad", "", "°", "m", "N", "J"].map(str::to_owned));
+    for Row { name, played_s, way, totals, plan } in &document.travels {
+        let of_plan = plan.as_ref().and_then(|plan| plan.of_plan);
         let [ahead, left, turned] = way.values().map(|value| format!("{value:.3}"));
         rows.row([
             name.clone(),
@@ -132,6 +151,7 @@ fn describe(document: &Document) -> String {
             ahead,
             left,
             turned,
+            of_plan.map_or_else(|| "–".to_owned(), |ratio| format!("{ratio:.3}")),
             format!("{:.1}", totals.tilt_max_rad.to_degrees()),
             format!("{:.3}", totals.slid_m),
             format!("{:.0}", totals.force_max_n),
@@ -151,10 +171,17 @@ fn describe(document: &Document) -> String {
         }
     };
     let stopped = document.stopped.as_ref().map(|why| format!("; {why}")).unwrap_or_default();
-    format!(
+    let mut text = format!(
         "{}\n\n{} in {:.1} s: {falls}{stopped}",
         rows.render(),
         document.robot,
         document.session_s
-    )
+    );
+    for (name, miss) in document.missed() {
+        text += &format!("\n{name} does not hold in simulation: {miss}");
+    }
+    if document.travels.iter().all(|row| row.plan.is_none()) {
+        text += "\nwithout a verdict on its motions: their plans are known where `rollwalk library build` made the library";
+    }
+    text
 }

@@ -11,12 +11,13 @@ use std::path::PathBuf;
 /// Play a plan or a motion library on the simulated ground.
 ///
 /// A plan (JSON) plays open loop, without bus and controller: the servos of the robot file play it, with the planned torques on top,
-/// on rigid ground with the friction of the robot file. What becomes of it is compared with the plan: a motion holds if the robot
-/// stays on its feet and comes, on the mean of its periods, to 0.95 to 1.05 of every goal; the exit code is 3 if it does not.
+/// on rigid ground with the friction of the robot file. What becomes of it is compared with the plan: a motion holds in simulation if
+/// the robot stays on its feet and comes to 0.95 to 1.05 of every goal, on the mean of its periods after the first one and in the last;
+/// the exit code is 3 if it does not.
 ///
 /// A motion library (LIB.rwl) plays as on the robot: it is flashed to the firmware over the simulated bus, and every
-/// transition of its motion graph is played. The table tells the way of each motion; the exit code is 3 if the robot falls or
-/// is stopped. On Ctrl-C the robot returns to SAFE and is disarmed, and the table lists the motions played so far.
+/// transition of its motion graph is played. The table tells the way of each motion, and what that is of its plan where the library
+/// was built on this computer; the exit code is 3 if the robot falls or is stopped, or if a motion does not come where its plan does. On Ctrl-C the robot returns to SAFE and is disarmed, and the table lists the motions played so far.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -50,6 +51,9 @@ pub struct Args {
     /// Coefficient of friction of all feet, wheels and blades of the simulated robot [default: those of the plan's].
     #[arg(long, value_name = "COEFFICIENT", value_parser = ratio)]
     friction: Option<f64>,
+    /// Stiffness of contacts with the ground over the usual one.
+    #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = ratio)]
+    contact_stiffness: f64,
     /// Time from a measurement to the setpoints that answer it, ms, with --tracking.
     #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "tracking", value_parser = delay_ms)]
     delay_ms: f64,

@@ -53,6 +53,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         mismatch: Mismatch {
             mass: args.mass,
             friction: args.friction,
+            contact_stiffness: args.contact_stiffness,
             delay_s: 1e-3 * args.delay_ms,
             noise: args.estimate.then_some(Noise::USUAL),
             ..Mismatch::default()
@@ -142,12 +143,9 @@ fn describe(plan: &Plan, outcome: &Outcome) -> String {
     if let Some(time_s) = outcome.stopped_at_s {
         let _ = writeln!(text, "it lost track, and was brought to a stop from {time_s:.2} s on");
     }
-    match outcome.fell_at_s {
-        Some(time_s) => {
-            let _ = writeln!(text, "it fell after {time_s:.2} s");
-        }
-        None if outcome.holds() => text.push_str("it holds\n"),
-        None => text.push_str("it stays on its feet, but does not come where the plan does\n"),
-    }
+    let _ = match outcome.miss() {
+        None => writeln!(text, "holds in simulation"),
+        Some(miss) => writeln!(text, "does not hold in simulation: {miss}"),
+    };
     text
 }

@@ -10,6 +10,8 @@ use miette::IntoDiagnostic;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_robot::{Robot, Solid};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -106,23 +108,35 @@ impl NamesArgs {
 
 /// Caches the names of a library. A cache that cannot be written costs no more than the names.
 pub fn keep(catalog: &Catalog) {
-    let Some(path) = place(catalog.library) else { return };
-    let text = serde_json::to_string_pretty(catalog).unwrap_or_default();
-    // A folder that cannot be made is found by the writer.
-    let _ = fs::create_dir_all(files::folder(&path));
-    if let Err(error) = files::write(&path, text.as_bytes()) {
-        output::say(format_args!("the names of its motions are not kept: {error}"));
-    }
+    keep_of(catalog.library, NAMES, catalog);
 }
 
 /// Cached names of the library with this identity.
 pub fn kept(library: u32) -> Option<Catalog> {
-    let text = files::read_text(&place(library)?, Kind::Names).ok()?;
-    let catalog: Catalog = serde_json::from_str(&text).ok()?;
-    (catalog.library == library).then_some(catalog)
+    kept_of(library, NAMES).filter(|catalog: &Catalog| catalog.library == library)
 }
 
-fn place(library: u32) -> Option<PathBuf> {
+/// Ending of the file with the names of a library.
+const NAMES: &str = "json";
+
+/// Caches what is known of a library, by an ending of its own.
+pub fn keep_of(library: u32, ending: &str, what: &impl Serialize) {
+    let Some(path) = place(library, ending) else { return };
+    let text = serde_json::to_string_pretty(what).unwrap_or_default();
+    // A folder that cannot be made is found by the writer.
+    let _ = fs::create_dir_all(files::folder(&path));
+    if let Err(error) = files::write(&path, text.as_bytes()) {
+        output::say(format_args!("what is known of the library is not kept: {error}"));
+    }
+}
+
+/// What is cached of the library with this identity, by an ending of its own.
+pub fn kept_of<T: DeserializeOwned>(library: u32, ending: &str) -> Option<T> {
+    let text = files::read_text(&place(library, ending)?, Kind::Names).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+fn place(library: u32, ending: &str) -> Option<PathBuf> {
     let folders = ProjectDirs::from("", "", "rollwalk")?;
-    Some(Path::new(folders.cache_dir()).join(format!("libraries/{library:08x}.json")))
+    Some(Path::new(folders.cache_dir()).join(format!("libraries/{library:08x}.{ending}")))
 }
