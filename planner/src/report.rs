@@ -18,6 +18,7 @@ mod conclusion;
 mod grid;
 mod judgement;
 mod motors;
+mod net;
 mod residual;
 mod room;
 mod rows;
@@ -31,6 +32,7 @@ pub use crate::growth::Growth;
 pub use as_played::{LargestTorque, MotorKind};
 pub use conclusion::Conclusion;
 pub use judgement::Judgement;
+pub use net::TakenBack;
 pub use residual::{Grid, Place, Row};
 pub use room::{Least, Room};
 pub use sag::Sag;
@@ -70,6 +72,8 @@ pub struct Report {
     /// The swing that loses most of its height where servos yield without torque feed-forward; `None` where nothing
     /// swings.
     pub sag: Option<Sag>,
+    /// The goal of a motion at rest that posture changes most; `None` for others.
+    pub taken_back: Option<TakenBack>,
     /// Factor by which small errors grow in a cycle without feedback; `None` for motions that do not repeat, and where
     /// legs buckle.
     pub growth_per_cycle: Option<Growth>,
@@ -116,6 +120,7 @@ impl Report {
             torques,
             room: Room::default(),
             sag: None,
+            taken_back: TakenBack::of(plan),
             growth_per_cycle: None,
         }
     }
@@ -144,6 +149,11 @@ impl Report {
         if solve.diagnosis.is_some() || solve.status == crate::plan::Status::Interrupted {
             // What would become of it if it were played is no news.
             return text;
+        }
+        if let Some(taken_back) = self.taken_back.filter(TakenBack::is_said)
+            && self.judgement != Judgement::TakenBack
+        {
+            text += &format!("\n{taken_back}");
         }
         if let Some(sag) = self.sag.as_ref().filter(|sag| sag.is_much()) {
             text += &format!("\n{sag}");

@@ -23,7 +23,7 @@ use std::path::PathBuf;
 /// :returns: the bytes of the library: write them to a `.rwl` file for `rollwalk flash`.
 /// :raises RollwalkError: everything that is wrong in one of the files, or a motion that no library can hold.
 /// :raises OSError: a file cannot be read.
-/// :raises NotConsistent: plans that do not hold; the exception has the first.
+/// :raises NotConsistent: plans that are not consistent; the exception has the first.
 /// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
 #[pyfunction]
 #[pyo3(signature = (path, *, threads = None, progress = None))]
@@ -46,7 +46,7 @@ pub fn build_library(
 /// What came of building.
 enum Built {
     Library(Vec<u8>),
-    /// Plans that do not hold.
+    /// Plans that are not consistent.
     Failed(Vec<Plan>),
     /// Why there is no library.
     Refused(String),

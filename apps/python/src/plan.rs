@@ -171,7 +171,7 @@ impl Plan {
         Self { inner: plan }
     }
 
-    /// A plan that holds.
+    /// A plan that is consistent.
     fn good(py: Python<'_>, plan: planned::Plan) -> PyResult<Self> {
         match py.detach(|| planner::report::Report::new(&plan).judgement.is_good()) {
             true => Ok(Self::of(plan)),
@@ -182,7 +182,7 @@ impl Plan {
 
 #[pymethods]
 impl Plan {
-    /// Read a plan (JSON), also one that `rollwalk plan` wrote, whether it holds or not.
+    /// Read a plan (JSON), also one that `rollwalk plan` wrote, whether it is consistent or not.
     ///
     /// :param path: the file, such as `walk.plan.json`.
     /// :raises RollwalkError: it is no plan of this version, or has a value that no plan can have.
@@ -206,11 +206,11 @@ impl Plan {
     ///
     /// :param motion: what to plan. It has the joints, end effectors and kind of ends of this plan.
     /// :param iterations: at most so many, from each start.
-    /// :param samples_fixed: keep the samples of the motion file, also if the plan then does not hold as it is played.
+    /// :param samples_fixed: keep the samples of the motion file, also if the plan then is not consistent as it is played.
     /// :param progress: called with a `Progress`, at most ten times a second. What it raises ends the solve.
     /// :raises RollwalkError: the motion is too different.
     /// :raises Infeasible: the request cannot be met, with a diagnosis and the best that was found.
-    /// :raises NotConsistent: the plan that was found does not hold.
+    /// :raises NotConsistent: the plan that was found is not consistent.
     /// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
     #[pyo3(signature = (motion, *, iterations = None, samples_fixed = false, progress = None))]
     fn replan(
@@ -299,11 +299,11 @@ impl Plan {
 /// :param motion: what to plan.
 /// :param seed: of everything random in the start; the same seed gives the same plan.
 /// :param iterations: at most so many, from each start.
-/// :param samples_fixed: keep the samples of the motion file, also if the plan then does not hold as it is played.
+/// :param samples_fixed: keep the samples of the motion file, also if the plan then is not consistent as it is played.
 /// :param threads: on which starts are tried; as many as there are cores if it is `None`. The plan does not depend on it.
 /// :param progress: called with a `Progress`, at most ten times a second. What it raises ends the solve.
 /// :raises Infeasible: the request cannot be met, with a diagnosis and the best that was found.
-/// :raises NotConsistent: the plan that was found does not hold.
+/// :raises NotConsistent: the plan that was found is not consistent.
 /// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
 #[pyfunction]
 #[pyo3(signature = (motion, *, seed = 0, iterations = None, samples_fixed = false, threads = None, progress = None))]
@@ -323,7 +323,7 @@ pub fn plan(
     Plan::good(py, plan)
 }
 
-/// Plans that do not hold, in the words of the command line. The exception carries the first of them.
+/// Plans that are not consistent, in the words of the command line. The exception carries the first of them.
 pub fn not_consistent(py: Python<'_>, plans: &[&planned::Plan]) -> PyErr {
     let words = |plan: &&planned::Plan| {
         let report = planner::report::Report::new(plan);

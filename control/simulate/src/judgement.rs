@@ -56,7 +56,9 @@ impl PlannedWay {
         };
         (0..3)
             .map(of)
-            .filter(|astray| astray.is_goal == has_goals && !(astray.part <= 1.0))
+            .filter(|astray| {
+                astray.is_goal == has_goals && (astray.part > 1.0 || astray.part.is_nan())
+            })
             .max_by(|a, b| a.part.total_cmp(&b.part))
     }
 }

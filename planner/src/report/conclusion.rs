@@ -31,6 +31,16 @@ impl fmt::Display for Conclusion<'_> {
             Judgement::Consistent => f.write_str(
                 "consistent: every residual that has a tolerance is within it, at the samples and as played",
             ),
+            Judgement::TakenBack => {
+                f.write_str("does not meet its goal at rest: ")?;
+                match &report.taken_back {
+                    Some(taken_back) => write!(
+                        f,
+                        "{taken_back}. Feet that step or wheels that roll there would meet it; to lean is a `[[target]]`"
+                    ),
+                    None => Ok(()),
+                }
+            }
             Judgement::NeedsFeedback => {
                 let reason = report.needs_feedback.as_deref().unwrap_or_default();
                 write!(f, "needs feedback when it is played: {reason}\nwithout: ")?;

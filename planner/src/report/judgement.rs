@@ -1,5 +1,6 @@
 //! What a plan is worth: one verdict for the planner, the report and libraries.
 
+use super::net::TakenBack;
 use super::residual::Row;
 use crate::plan::{Plan, Status};
 use serde::Serialize;
@@ -10,6 +11,8 @@ use serde::Serialize;
 pub enum Judgement {
     /// Every residual is within its tolerance, at the samples and as played.
     Consistent,
+    /// It is consistent, but at rest, and most of a goal is taken back by the transition to another motion.
+    TakenBack,
     /// It is consistent at the samples but not as played, and its motion says that it needs feedback.
     NeedsFeedback,
     /// It is consistent at the samples, but not as it is played.
@@ -30,7 +33,12 @@ impl Judgement {
                 Self::NotConverged
             }
             Status::Converged | Status::FailsAsPlayed if fails(false) => Self::BeyondTolerance,
-            Status::Converged | Status::FailsAsPlayed if !fails(true) => Self::Consistent,
+            Status::Converged | Status::FailsAsPlayed if !fails(true) => {
+                match TakenBack::of(plan).is_some_and(|of| of.is_too_much()) {
+                    true => Self::TakenBack,
+                    false => Self::Consistent,
+                }
+            }
             _ if plan.motion.needs_feedback.is_some() => Self::NeedsFeedback,
             Status::Converged | Status::FailsAsPlayed => Self::FailsAsPlayed,
         }

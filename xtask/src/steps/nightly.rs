@@ -3,8 +3,8 @@
 use super::Step;
 use crate::extent::Extent;
 use crate::{
-    board, browsers, crates, deny, docs, explore, exports, fuzz, hostile, miri, mujoco, package,
-    replay, ros2, sbom, shell, studio, vcan, wheel, workspace,
+    agreement, board, browsers, crates, deny, docs, explore, exports, fuzz, hostile, miri, mujoco,
+    package, replay, ros2, sbom, shell, studio, vcan, wheel, workspace,
 };
 use clap::ValueEnum;
 
@@ -59,6 +59,8 @@ pub enum NightlyStep {
     Explore,
     /// Every shipped motion replayed in MuJoCo, without and with feed-forward, level and disturbed.
     Replay,
+    /// Verdicts of the planner on 186 requests of imported and shipped robots, against MuJoCo.
+    Agreement,
     /// Tests that take minutes, which `cargo xtask test` leaves out.
     Long,
     /// The studio's engine as WebAssembly against the native one; its page in real browsers.
@@ -95,6 +97,7 @@ impl Step for NightlyStep {
             Self::Exports => "exports as other tools read them",
             Self::Explore => "a sweep over designs, split in every way",
             Self::Replay => "every shipped motion replayed in MuJoCo",
+            Self::Agreement => "verdicts on requests that nobody tuned for, against MuJoCo",
             Self::Hostile => "attacks on a simulated robot, and on files being written",
             Self::Long => "tests that take minutes",
             Self::Load => "robots on a busy computer",
@@ -132,6 +135,7 @@ impl Step for NightlyStep {
             Self::Exports => exports::check(Extent::Full),
             Self::Explore => explore::check(),
             Self::Replay => replay::check(Extent::Full),
+            Self::Agreement => agreement::check(),
             Self::Hostile => hostile::check(Extent::Full),
             Self::Long => {
                 let programs = workspace::programs()?;

@@ -5,7 +5,7 @@ quaternions have w first. Arrays are NumPy's, with a letter for each axis in the
 E end effectors. The tutorial is docs/python.md in Rollwalk's repository.
 """
 
-from ._errors import NotConsistent, Infeasible, RollwalkError
+from ._errors import Infeasible, NotConsistent, RollwalkError
 from ._rollwalk import (
     Culprit,
     Design,
@@ -30,10 +30,10 @@ __all__ = [
     "Culprit",
     "Design",
     "Diagnosis",
-    "NotConsistent",
     "Gradients",
     "Infeasible",
     "Motion",
+    "NotConsistent",
     "Parameter",
     "Plan",
     "Progress",

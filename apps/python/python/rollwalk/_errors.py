@@ -13,7 +13,7 @@ class RollwalkError(ValueError):
 
 
 class NotConsistent(RollwalkError):
-    """A request for which no plan was found that holds, in the words of `rollwalk report`.
+    """A request for which no consistent plan was found, in the words of `rollwalk report`.
 
     `plan` is the best that was found: its `report()`, its samples and a run in the simulation show what is wrong.
     """

@@ -1,0 +1,81 @@
+"""One request: its plan with its verdict, and what MuJoCo makes of the plan."""
+
+from dataclasses import replace
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "replay"))
+
+from errors import Unusable  # noqa: E402
+import jobs  # noqa: E402
+import measure  # noqa: E402
+import robots as robot_files  # noqa: E402
+import world  # noqa: E402
+from model import Ground  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+CYCLES = 8
+# Longest run of a command, s.
+COMMAND_S = 1800
+# Time constants of MuJoCo's contacts: stiffness goes with the inverse of the square.
+STIFFNESSES = {"soft": 0.5, "usual": 1.0, "hard": 2.0}
+
+
+def run(options, *words):
+    return subprocess.run([str(word) for word in (options.rollwalk, *words)], capture_output=True, text=True, timeout=COMMAND_S)
+
+
+def judge(job):
+    """A line of the results."""
+    options, request = job
+    return {"key": request.key(), **_judge(options, request)}
+
+
+def _judge(options, request):
+    folder = options.output / request.robot.name
+    folder.mkdir(exist_ok=True)
+    if request.robot.name == "shipped":
+        file = Path(request.text)
+    else:
+        file = folder / f"{request.name}.toml"
+        file.write_text(request.text)
+    plan = folder / f"{request.name}.plan.json"
+    began = os.times()
+    planned = run(options, "plan", file, "-o", plan, "--json")
+    ended = os.times()
+    line = {"plan_cpu_s": round(ended.children_user - began.children_user, 2), "plan_exit": planned.returncode}
+    if planned.returncode not in (0, 3) or not plan.exists():
+        return line | {"error": planned.stderr[-400:]}
+    outcome = json.loads(planned.stdout)
+    for key in ("judgement", "consistent", "simulation"):
+        line[key] = outcome.get(key)
+    line["holds"] = planned.returncode == 0
+    line["samples"] = outcome["samples"]
+    line["diagnosis"] = bool(outcome.get("diagnosis"))
+    report = json.loads(run(options, "report", plan, "--json").stdout)
+    line["growth"], line["needs_feedback"] = report.get("growth_per_cycle"), "needs_feedback" in report
+    if line["diagnosis"]:
+        return line
+    line["mujoco"] = {name: replayed(plan, request.robot.file, stiffness) for name, stiffness in STIFFNESSES.items()}
+    return line
+
+
+def replayed(plan, robot, stiffness):
+    try:
+        motion, robot_data, frames, torques = jobs.load(str(plan), "none", jobs.Inputs(str(robot), ROOT))
+        time_constant_s = Ground().solref[0] / stiffness**0.5
+        ground = replace(Ground(), solref=(time_constant_s, 1.0))
+        track = world.run(motion, robot_data, robot_files.feed_forward(robot), cycles=CYCLES, ground=ground)
+    except Unusable as error:
+        return {"error": str(error)}
+    found = measure.summary(motion, track, CYCLES)
+    goals = measure.goals(motion)
+    cycles = [[round(cycle[key] / found["planned"][key], 4) for key in goals] for cycle in found["cycles"]]
+    # The start has worn off after a period.
+    rest = cycles[1:] or cycles
+    mean = [sum(values) / len(rest) for values in zip(*rest)]
+    holds = found["holds"] if not goals else found["fell_at_s"] is None and all(abs(of - 1) <= 0.05 for of in mean)
+    return {"holds": holds, "ratio": mean, "fell": found["fell_at_s"], "drift": found["drift"], "cycles": cycles}
