@@ -81,7 +81,7 @@ fn legs_that_are_too_short_for_a_target_are_made_longer() {
     run(&["optimise", "legs.toml", "-o", "best"]).fails(1, &beyond);
     run(&["edit", "legs.toml", "thigh=0.08", "-o", "short"]).fails(1, &["beyond reach"]);
     let longer = run(&["edit", "legs.toml", "thigh=0.14", "shank=0.14", "-o", "longer"]);
-    longer.succeeds_with(0, &["holds: ", "before: no plan"]);
+    longer.succeeds_with(0, &["consistent: ", "before: no plan"]);
     desk.run(&["report", "longer/reach.plan.json"]).succeeds();
     // Of bounds that reach nowhere the design is refused.
     desk.write("legs.toml", design.replace("0.16", "0.08"));

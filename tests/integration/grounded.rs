@@ -18,7 +18,8 @@ fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
     let said = desk.run(&["simulate", "drive.json", "--json", "--rate", "60"]).succeeds();
     assert!(said.contains("\"holds\": true") && said.contains("\"fell_at_s\": null"), "{said}");
     // It slides down a roof.
-    desk.run(&["simulate", "drive.json", "--slope", "40"]).succeeds_with(3, &["it fell after"]);
+    desk.run(&["simulate", "drive.json", "--slope", "40"])
+        .succeeds_with(3, &["the robot falls after"]);
     desk.run(&["simulate", "drive.json", "--slope", "60"])
         .fails(2, &["'60' for '--slope", "it must be from -45 to 45 degrees"]);
 }
@@ -31,7 +32,7 @@ fn terrain_and_pushes_are_given_to_a_plan() {
     desk.write("kerb.toml", "[step]\nat_x_m = 0.5\nheight_m = 0.1\n");
     simulate(&["--terrain", "kerb.toml"])
         .succeeds_with(3, &["forward: 0.5", "does not hold in simulation: it comes to 0.5"]);
-    simulate(&["--push", "2:0,120,0:0.1"]).succeeds_with(3, &["it fell after 2."]);
+    simulate(&["--push", "2:0,120,0:0.1"]).succeeds_with(3, &["the robot falls after 2."]);
     simulate(&["--push", "2:0,3,0:0.1"]).succeeds();
     simulate(&["--push", "2:0,3:0.1"]).fails(2, &["the force needs 3 numbers", "it has 2"]);
     desk.write("kerb.toml", "[step]\nat_x_m = 0.5\nheight = 0.1\n");

@@ -228,3 +228,48 @@ fn an_interrupted_solve_writes_nothing_and_exits_with_130() {
     assert_eq!(outcome.code, 130, "{}", outcome.stderr);
     assert!(!desk.path("plan.json").exists());
 }
+
+/// A robot on two wheels is in balance as planned, and tips.
+#[test]
+fn a_consistent_plan_whose_robot_tips_does_not_hold_in_simulation() {
+    let desk = desk_with_shipped_files();
+    let car = desk.read_text("robots/car.toml");
+    let (front, _) = car.split_once("[[end_effector]]\nname = \"rear_left\"").expect("rear wheels");
+    let on_two = front.replace("center_in_link_m = [0.12,", "center_in_link_m = [0.002,");
+    desk.write("robots/car.toml", on_two);
+    desk.edit("motions/car_drive.toml", "forward_m = 0.5", "forward_m = 0.0");
+    let plan = ["plan", "motions/car_drive.toml", "-o", "plan.json"];
+    let words = ["consistent: every residual", "does not hold in simulation: the robot falls"];
+    desk.run(&plan).succeeds_with(3, &words);
+    let told = desk.run(&[&plan[..], &["--json"]].concat());
+    let told = json(&told.stdout);
+    assert_eq!(told["consistent"], true, "{told}");
+    assert_eq!(
+        (&told["simulation"]["verdict"], &told["simulation"]["miss"]),
+        (&"fails".into(), &"falls".into())
+    );
+    desk.run(&[&plan[..], &["--no-simulation"]].concat()).succeeds_with(0, &["consistent: "]);
+    desk.run(&["simulate", "plan.json"])
+        .succeeds_with(3, &["does not hold in simulation: the robot falls"]);
+}
+
+#[test]
+fn a_goal_that_only_posture_meets_is_refused_and_a_lean_is_not() {
+    let desk = desk_with_shipped_files();
+    let lean = |goal: &str| {
+        format!(
+            "name = \"lean\"\nrobot = \"robots/agilebot.toml\"\nends = \"at_rest\"\nduration_s = 1.0\n\
+             [footfalls]\nall = \"stance\"\n{goal}"
+        )
+    };
+    desk.write("lean.toml", lean("[goal]\nforward_m = 0.0\nleft_m = 0.0\nturn_rad = 0.1\n"));
+    // Its wheels steer: it may turn over contacts that stay, or drive there.
+    let turned = desk.run(&["plan", "lean.toml", "-o", "plan.json", "--json"]);
+    let told = json(&turned.stdout);
+    let report = json(&desk.run(&["report", "plan.json", "--json"]).stdout);
+    let left = report["taken_back"]["left"].as_f64().expect("a goal at rest");
+    assert_eq!(told["judgement"] == "taken_back", left < 0.05, "{report}");
+    assert_eq!(turned.code, if left < 0.05 { 3 } else { 0 });
+    desk.write("lean.toml", lean("[[target]]\nof = \"com\"\nat_s = 0.5\nleft_m = 0.03\n"));
+    desk.run(&["plan", "lean.toml", "-o", "plan.json"]).succeeds_with(0, &["holds in simulation"]);
+}

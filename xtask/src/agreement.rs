@@ -1,4 +1,4 @@
-//! Verdicts of the planner on requests that nobody tuned for, against MuJoCo: `tests/agreement/`.
+//! Verdicts of the planner on requests outside those that the planner was tuned on, against MuJoCo: `tests/agreement/`.
 
 use crate::{mujoco, python, shell, workspace};
 

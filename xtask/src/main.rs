@@ -14,7 +14,7 @@
 //! | [`docs`] | builds the site of the documents |
 //! | [`exports`] | checks exports with the programs that read them |
 //! | [`mod@replay`] | replays plans in MuJoCo |
-//! | [`agreement`] | compares verdicts on requests that nobody tuned for with MuJoCo |
+//! | [`agreement`] | compares verdicts of random requests, and of imported robots, with MuJoCo |
 //! | [`vcan`] | runs a command on a machine with SocketCAN |
 
 mod agreement;

@@ -14,6 +14,7 @@ use crate::diagnose::Mobility;
 use crate::families::{Family, Kind};
 use crate::motion::{Goal, Motion};
 use crate::plan::{Culprit, DURATION, Diagnosis, Ending, Status, Verdict};
+use crate::report::{Judgement, Report};
 use rollwalk_robot::Robot;
 
 /// Relative change of a number up to which a request misses by little. Then a trial starts from the point with the least
@@ -193,7 +194,7 @@ impl Look<'_, '_> {
             let solution = self.trials.solve(&robot, &motion, from, most)?;
             self.left = self.left.saturating_sub(self.trials.effort.spent - before);
             let Some(solution) = solution else { break };
-            if solution.plan.solve.status == Status::Converged {
+            if is_consistent(&solution) {
                 return Ok(Some(Works { number, solution }));
             }
             let why = solution.plan.solve.diagnosis;
@@ -261,7 +262,7 @@ impl Look<'_, '_> {
                 break;
             }
             let solved = self.trials.solve(&robot, &typed, None, OF_TRIAL)?;
-            if solved.is_some_and(|solved| solved.plan.solve.status == Status::Converged) {
+            if solved.is_some_and(|solved| is_consistent(&solved)) {
                 break;
             }
             if last == 0 {
@@ -272,6 +273,13 @@ impl Look<'_, '_> {
         tell(culprit, worked[last]);
         Ok(looked)
     }
+}
+
+/// Whether a number works for those who type it: its plan converged, and is consistent as it is played.
+fn is_consistent(solution: &Solution) -> bool {
+    let plan = &solution.plan;
+    plan.solve.status == Status::Converged
+        && Report::as_played(plan).judgement != Judgement::FailsAsPlayed
 }
 
 /// The largest number of the goal, as a culprit; `None` if all are 0.

@@ -13,7 +13,7 @@ const TURN: &str = include_str!("../../../shipped/motions/table_2_1/brainbot_tur
 
 fn turn(extra: &str) -> (Robot, Motion) {
     let robot = Robot::from_toml("brainbot.toml", BRAINBOT).unwrap();
-    let few = TURN.replacen("samples = 24", &format!("samples = 16\n{extra}"), 1);
+    let few = TURN.replacen("samples = 24", &format!("samples = 12\n{extra}"), 1);
     assert_ne!(few, TURN);
     let motion = Motion::from_toml("brainbot_turn.toml", &few, &robot).unwrap();
     (robot, motion)
@@ -31,7 +31,7 @@ fn go(_: &Progress) -> ControlFlow<()> {
 #[test]
 fn a_grid_that_is_too_coarse_is_refined_until_the_plan_holds() {
     let coarse = plan("", false, &mut go);
-    assert_eq!((coarse.samples.len(), coarse.solve.status), (16, Status::Converged));
+    assert_eq!((coarse.samples.len(), coarse.solve.status), (12, Status::Converged));
     let report = Report::new(&coarse);
     assert_eq!(report.judgement, Judgement::FailsAsPlayed, "{report}");
 
@@ -41,11 +41,11 @@ fn a_grid_that_is_too_coarse_is_refined_until_the_plan_holds() {
         iterations = progress.iteration;
         ControlFlow::Continue(())
     });
-    assert_eq!((fine.samples.len(), fine.solve.status), (32, Status::Converged));
+    assert_eq!((fine.samples.len(), fine.solve.status), (24, Status::Converged));
     assert_eq!(Report::new(&fine).judgement, Judgement::Consistent);
     assert_eq!(fine.solve.iterations, iterations);
     let [coarser] = &fine.solve.refinements[..] else { panic!("{:?}", fine.solve.refinements) };
-    assert_eq!(coarser.samples, 16);
+    assert_eq!(coarser.samples, 12);
     let row = report.worst().expect("a row");
     assert_eq!(coarser.residual, row.family);
     assert!(coarser.worst > coarser.tolerance);
@@ -60,7 +60,7 @@ fn an_interrupted_refinement_keeps_the_plan_that_converged() {
         true => ControlFlow::Break(()),
         false => ControlFlow::Continue(()),
     });
-    assert_eq!((kept.samples.len(), kept.solve.status), (16, Status::FailsAsPlayed));
+    assert_eq!((kept.samples.len(), kept.solve.status), (12, Status::FailsAsPlayed));
     assert_eq!(kept.samples, coarse.samples);
     assert_eq!(Report::new(&kept).judgement, Judgement::FailsAsPlayed);
 }
@@ -68,7 +68,7 @@ fn an_interrupted_refinement_keeps_the_plan_that_converged() {
 #[test]
 fn motions_that_need_feedback_keep_their_samples() {
     let plan = plan("needs_feedback = \"wheels creep\"", true, &mut go);
-    assert_eq!((plan.samples.len(), plan.solve.status), (16, Status::Converged));
+    assert_eq!((plan.samples.len(), plan.solve.status), (12, Status::Converged));
     let report = Report::new(&plan);
     assert_eq!(report.judgement, Judgement::NeedsFeedback);
     let words = report.conclusion(&plan.solve).to_string();

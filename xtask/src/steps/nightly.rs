@@ -97,7 +97,7 @@ impl Step for NightlyStep {
             Self::Exports => "exports as other tools read them",
             Self::Explore => "a sweep over designs, split in every way",
             Self::Replay => "every shipped motion replayed in MuJoCo",
-            Self::Agreement => "verdicts on requests that nobody tuned for, against MuJoCo",
+            Self::Agreement => "verdicts on random requests and imported robots, against MuJoCo",
             Self::Hostile => "attacks on a simulated robot, and on files being written",
             Self::Long => "tests that take minutes",
             Self::Load => "robots on a busy computer",

@@ -1,11 +1,13 @@
 //! Verdicts do not depend on the step of the world.
 
-use crate::{ROOT, plan, plan_of};
+use crate::{ROOT, plan, plan_of, robot};
 use rollwalk_planner::motion::Motion;
+use rollwalk_planner::optimise;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 use rollwalk_simulate::{Control, Options, Outcome, play};
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Plays with the usual step and with half of it.
@@ -51,4 +53,17 @@ fn half_the_step_changes_no_verdict_of_a_shipped_motion() {
         }
     }
     assert!(count > 40, "{count}");
+}
+
+/// Within two tenths of a millisecond this robot turns by 1e-13 rad: its spin was NaN, and the first step had no solution.
+#[test]
+fn a_robot_that_hardly_turns_as_it_begins_is_simulated() {
+    let robot = robot("agilebot");
+    let text = "name = \"ahead\"\nrobot = \"agilebot.toml\"\nends = \"periodic\"\nduration_s = 1.433333\n\
+                [footfalls]\nall = \"stance\"\n[goal]\nforward_m = 0.3305\nleft_m = 0.0\nturn_rad = 0.0\n";
+    let motion = Motion::from_toml("ahead.toml", text, &robot).unwrap();
+    let plan = optimise(&robot, &motion, &Default::default(), &mut |_| ControlFlow::Continue(()));
+    let options = Options { cycles: 2, ..Options::new(Control::FeedForward, 240) };
+    let outcome = play(&plan, &options, |_| true).unwrap();
+    assert!(outcome.holds(), "{outcome:?}");
 }
