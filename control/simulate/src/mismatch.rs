@@ -4,6 +4,10 @@ use crate::sensors::{Noise, SensorFault};
 use rollwalk_physics::world::Parameters;
 use rollwalk_robot::Robot;
 
+/// Stiffness of contacts on which plans are played, over that of other simulated robots: runs of walks and trots agree with MuJoCo's on its
+/// hard contacts from this on. A robot that lies on the ground gets up from softer ones.
+const HARD: f64 = 2.0;
+
 /// Differences between the plan's robot and the simulated one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mismatch {
@@ -52,7 +56,7 @@ impl Mismatch {
 
     /// The parameters of the world in which that robot stands.
     pub(crate) fn parameters(&self, robot: &Robot) -> Parameters {
-        Parameters::new(robot).with_contact_stiffness(self.contact_stiffness)
+        Parameters::new(robot).with_contact_stiffness(HARD * self.contact_stiffness)
     }
 }
 

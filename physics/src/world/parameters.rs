@@ -32,9 +32,8 @@ pub struct Parameters {
 /// Residual at which a step is solved, as a share of the weight: as a force that pushes the robot all the time it would
 /// change its velocity by 1 µm/s in a second.
 const TOLERANCE: f64 = 1e-7;
-/// Depth to which a quarter of a robot's weight presses a contact, m. Runs of walks and trots agree with MuJoCo's on its hard contacts up
-/// to twice this depth.
-const DEPTH_M: f64 = 1.5e-4;
+/// Depth to which a quarter of a robot's weight presses a contact, m.
+const DEPTH_M: f64 = 3e-4;
 /// Time constant of a contact, s: its damping over its stiffness. A leg of a fourteenth of the robot's mass lands critically damped;
 /// with a quarter of that, feet bounce where they touch down, and gaits with flight come to nine tenths of their way.
 const DAMPING_S: f64 = 6e-3;
