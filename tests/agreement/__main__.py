@@ -80,7 +80,9 @@ def summary(lines):
         return 2
     held = lambda line: all(run.get("holds") for run in line["mujoco"].values())
     needs = [line for line in replayed if line["judgement"] == "needs_feedback" or line["needs_feedback"]]
-    judged = [line for line in replayed if line not in needs]
+    # MuJoCo plays one motion, and does not see what its transitions take back.
+    taken_back = [line for line in replayed if line["judgement"] == "taken_back"]
+    judged = [line for line in replayed if line not in needs and line not in taken_back]
     good, refused = ([line for line in judged if line["holds"] is wanted] for wanted in (True, False))
     missed, lost = [line for line in good if not held(line)], [line for line in refused if held(line)]
     ratios = lambda line: [run.get("ratio") or run.get("fell") or run.get("error") for run in line["mujoco"].values()]
@@ -91,7 +93,7 @@ def summary(lines):
     infeasible = sum(bool(line.get("diagnosis")) for line in lines)
     errors = [line["key"] for line in lines if "error" in line]
     print(
-        f"of {len(lines)} requests {infeasible} are infeasible, {len(needs)} say that they need feedback, {len(errors)} are refused as files; "
+        f"of {len(lines)} requests {infeasible} are infeasible, {len(needs)} say that they need feedback, {len(taken_back)} are taken back, {len(errors)} are refused as files; "
         f"{len(good)} are good, of which {len(missed)} miss in MuJoCo; {len(refused)} are refused, of which {len(lost)} hold"
     )
     return int(max(len(missed) / max(len(good), 1), len(lost) / len(judged)) > 1 / ONE_IN)

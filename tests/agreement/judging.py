@@ -76,6 +76,6 @@ def replayed(plan, robot, stiffness):
     cycles = [[round(cycle[key] / found["planned"][key], 4) for key in goals] for cycle in found["cycles"]]
     # The start has worn off after a period.
     rest = cycles[1:] or cycles
-    mean = [sum(values) / len(rest) for values in zip(*rest)]
+    mean = [round(float(sum(values)) / len(rest), 4) for values in zip(*rest)]
     holds = found["holds"] if not goals else found["fell_at_s"] is None and all(abs(of - 1) <= 0.05 for of in mean)
     return {"holds": holds, "ratio": mean, "fell": found["fell_at_s"], "drift": found["drift"], "cycles": cycles}
