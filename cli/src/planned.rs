@@ -23,12 +23,12 @@ const ENDING: &str = "ways.json";
 /// Periods of a motion that repeats.
 const CYCLES: u32 = 5;
 
-/// What the plan of a motion or of a transition says.
+/// Plan of a motion or of a transition in brief.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Planned {
     /// Forward and to the left, m, and turned, rad; of a period if it repeats.
     way: [f64; 3],
-    /// Which of these are goals.
+    /// Flags of the components that are goals.
     goals: [bool; 3],
     /// Duration, s; of a period if it repeats.
     duration_s: f64,
@@ -36,7 +36,7 @@ pub struct Planned {
     repeats: bool,
     /// Whether it is a transition, which has no goal of its own.
     joins: bool,
-    /// Why it does not hold without feedback, if its author says so.
+    /// Reason, from the motion file, why the motion needs feedback.
     needs_feedback: Option<String>,
 }
 
@@ -49,9 +49,9 @@ pub struct Judged {
     achieved: Way,
     /// Achieved over planned, of the goal that is missed most; null without a goal.
     pub of_plan: Option<f64>,
-    /// Why the motion does not hold; null if it does.
+    /// Reason why the motion does not hold; null if it does.
     pub miss: Option<String>,
-    /// Whether its author says that it needs feedback.
+    /// Whether the motion file says that the motion needs feedback.
     pub needs_feedback: bool,
 }
 
@@ -69,7 +69,7 @@ impl Planned {
         }
     }
 
-    /// What became of it.
+    /// Compares a run with the plan.
     pub fn judge(&self, travel: &Travel) -> Judged {
         let periods = match self.repeats {
             true => (travel.duration_s() / self.duration_s).round().max(1.0),
@@ -105,19 +105,19 @@ fn of_a_period(way: Way, periods: f64) -> Way {
     [ahead_m, aside_m, turn_rad].into()
 }
 
-/// What the plans of a library say, clip by clip.
+/// Plans of a library in brief, clip by clip.
 pub fn of(plans: &Plans) -> Vec<Planned> {
     plans.all().map(|planned| Planned::of(&planned.plan)).collect()
 }
 
-/// What became of a library in simulation.
+/// Simulated run of a library.
 #[derive(Debug, Serialize)]
 pub struct Simulation {
     /// Motions and transitions in the order in which they were played.
     clips: Vec<Clip>,
     /// When the robot fell, s, and what it played.
     fell: Option<(f64, String)>,
-    /// Why the tour ended before its end.
+    /// Reason why the tour was cut short.
     stopped: Option<String>,
 }
 
@@ -246,12 +246,12 @@ fn then([x_m, y_m, turned_rad]: [f64; 3], [forward_m, left_m, turn_rad]: [f64; 3
     ]
 }
 
-/// Keeps it.
+/// Writes the brief plans of a library to the cache.
 pub fn keep(library: u32, planned: &[Planned]) {
     names::keep_of(library, ENDING, &planned);
 }
 
-/// What is kept of the library with this identity.
+/// Brief plans of the library with this identity, from the cache.
 pub fn kept(library: u32) -> Option<Vec<Planned>> {
     names::kept_of(library, ENDING)
 }

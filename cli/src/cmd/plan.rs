@@ -25,8 +25,8 @@ use std::path::{Path, PathBuf};
 ///
 /// The motion file names its robot. A plan is consistent if it meets every equation, at its samples and as played. A consistent
 /// plan is then simulated as the controller plays it, open loop: the motion holds in simulation if the robot stays on its feet and
-/// comes to 0.95 to 1.05 of its goals, on contacts of half, once and twice the usual stiffness. A plan that is not consistent, or
-/// does not hold, is written, too, so that it can be examined; the exit code is then 3. After Ctrl-C nothing is written, unless a plan had converged and was being
+/// comes to 0.95 to 1.05 of its goals, on contacts of half, once and twice the usual stiffness. The exit code is 3 if either fails; the
+/// plan is written all the same, so that it can be examined. After Ctrl-C nothing is written, unless a plan had converged and was being
 /// refined.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
@@ -215,12 +215,12 @@ fn simulated(plan: &Plan) -> Option<Verdict> {
     verdict
 }
 
-/// How a command ends.
+/// Result of a command: a plan, its report and its simulation.
 struct End<'a> {
     plan: &'a Plan,
     report: &'a Report,
     simulation: Option<Verdict>,
-    /// Of the solve.
+    /// Wall time of the solve, s.
     time_s: f64,
     written: Option<&'a PathBuf>,
 }

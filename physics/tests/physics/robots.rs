@@ -125,20 +125,23 @@ fn on_an_incline_hybrid_friction_holds_a_robot() {
     let angle_rad = 10f64.to_radians();
     let mass: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
     for friction in [Model::Linear, Model::Hybrid] {
-        let parameters = Parameters { friction, ..Parameters::new(&robot) };
+        let usual = Parameters::new(&robot);
+        // Soft enough to creep much faster than legs that settle.
+        let stick_n_s_m = 0.25 * usual.stick_n_s_m;
+        let parameters = Parameters { friction, stick_n_s_m, ..usual };
         let mut world = standing(&robot, Plane::rising(angle_rad), &parameters);
         let mut iterations = 0;
-        for _ in 0..1200 {
+        for _ in 0..360 {
             let report = world.step(STEP_S).unwrap();
             assert_eq!(report.subdivisions, 0, "{friction:?}: {report:?}");
             iterations += report.iterations;
         }
-        assert!(iterations < 4 * 1200, "{friction:?}: {iterations} iterations");
+        assert!(iterations < 4 * 360, "{friction:?}: {iterations} iterations");
         let touches: Vec<_> = (0..4).map(|k| world.touch(k)).collect();
         let sliding = touches.iter().map(|touch| touch.sliding.norm()).sum::<f64>() / 4.0;
         let creep = mass * 9.81 * angle_rad.sin() / (4.0 * parameters.stick_n_s_m);
         match friction {
-            Model::Linear => assert!((sliding / creep - 1.0).abs() < 0.05, "{sliding}, {creep}"),
+            Model::Linear => assert!((sliding / creep - 1.0).abs() < 0.02, "{sliding}, {creep}"),
             _ => assert!(sliding < 1e-8 && world.com().1.norm() < 1e-8, "{sliding}"),
         }
         for touch in touches {
@@ -206,13 +209,17 @@ fn leg_of(range_rad: f64) -> Robot {
 fn hip(world: &mut World, law: Law, duration_s: f64) -> f64 {
     world.set_law(0, law);
     let mut turned_rad = world.shaft(0)[0];
+    // A world has no step before its first; later ones begin here at rest.
+    let mut before_rad = (world.system().time_s() > 0.0).then_some(0.0);
     for _ in 0..(duration_s * 240.0).round() as usize {
         world.step(1.0 / 240.0).unwrap();
         // The angle is what the speed adds up to, and does not jump.
         let [angle_rad, speed_rad_s, _] = world.shaft(0);
-        // A speed that changes at once is shared by some steps.
-        assert!((angle_rad - turned_rad - speed_rad_s / 240.0).abs() < 0.1, "{angle_rad}");
-        turned_rad = angle_rad;
+        // BDF2 goes by a change and the one before it, backward Euler by the change alone.
+        let change_rad = angle_rad - turned_rad;
+        let by_speed_rad = before_rad.map_or(change_rad, |before| 1.5 * change_rad - 0.5 * before);
+        assert!((by_speed_rad - speed_rad_s / 240.0).abs() < 2e-3, "{angle_rad}");
+        (turned_rad, before_rad) = (angle_rad, Some(change_rad));
     }
     turned_rad
 }

@@ -53,7 +53,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     }
     for (k, thesis) in [(1, "1.50"), (2, "1.52")] {
         let what = format!("CPU time of {:?} by that of linear", MODELS[k].0);
-        outcome.checks.push(Check::at_most(&what, thesis, seconds[k] / seconds[0], 2.0));
+        outcome.checks.push(Check::at_most(&what, thesis, seconds[k] / seconds[0], 1.6));
     }
     let drift = drift(CELLS, 200)?;
     outcome.checks.push(Check::at_most(

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 ///
 /// A plan (JSON) plays open loop, without bus and controller: the servos of the robot file play it, with the planned torques on top,
 /// on rigid ground with the friction of the robot file. What becomes of it is compared with the plan: a motion holds in simulation if
-/// the robot stays on its feet and comes to 0.95 to 1.05 of every goal, on the mean of its periods after the first one and in the last;
+/// the robot stays on its feet and comes to 0.95 to 1.05 of every goal, on the mean of its periods after the first one and on that of the last three;
 /// the exit code is 3 if it does not.
 ///
 /// A motion library (LIB.rwl) plays as on the robot: it is flashed to the firmware over the simulated bus, and every
