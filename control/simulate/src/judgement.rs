@@ -36,22 +36,32 @@ impl PlannedWay {
         self.goals[of].then(|| achieved.values()[of] / self.way.values()[of])
     }
 
+    /// Greatest deviation of a way from another one, over the one that is allowed from the plan.
+    pub(crate) fn deviation(&self, one: &Way, other: &Way) -> f64 {
+        let of = |of: usize| (one.values()[of] - other.values()[of]).abs() / self.allowed(of);
+        (0..3).map(of).fold(0.0, f64::max)
+    }
+
+    /// Deviation that is allowed of a component, m or rad.
+    fn allowed(&self, of: usize) -> f64 {
+        match self.goals[of] {
+            true => (BAND[1] - 1.0) * self.way.values()[of].abs(),
+            false => STAYS[of],
+        }
+    }
+
     /// Where a way is not the planned one: the goal that it misses most, 0.95 to 1.05 of it allowed; of a plan without any, the
     /// component that is furthest off, 5 mm and 0.02 rad allowed.
     pub fn astray(&self, achieved: &Way) -> Option<Astray> {
         let has_goals = self.goals.contains(&true);
         let of = |of: usize| {
             let [planned, achieved] = [self.way.values()[of], achieved.values()[of]];
-            let (beyond, limit) = match self.goals[of] {
-                true => (achieved / planned - 1.0, BAND[1] - 1.0),
-                false => (achieved - planned, STAYS[of]),
-            };
             Astray {
                 component: COMPONENTS[of],
                 is_goal: self.goals[of],
                 planned,
                 achieved,
-                part: beyond.abs() / limit,
+                part: (achieved - planned).abs() / self.allowed(of),
             }
         };
         (0..3)
@@ -117,5 +127,23 @@ impl fmt::Display for Astray {
                 write!(f, "it comes {:+.0} mm to the left of its plan", 1e3 * (achieved - planned))
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_deviation_is_compared_with_what_is_allowed() {
+        let way = |forward_m, left_m, turn_rad| Way { forward_m, left_m, turn_rad };
+        let planned = PlannedWay { way: way(0.2, 0.0, 0.0), goals: [true, false, false] };
+        let of = |a: &Way, b: &Way| planned.deviation(a, b);
+        let one = way(0.21, 0.001, 0.01);
+        assert_eq!(of(&one, &one), 0.0);
+        // A twentieth of the goal, 5 mm, 0.02 rad.
+        assert!((of(&one, &way(0.205, 0.001, 0.01)) - 0.5).abs() < 1e-9);
+        assert!((of(&one, &way(0.21, -0.004, 0.01)) - 1.0).abs() < 1e-9);
+        assert!((of(&one, &way(0.21, 0.001, 0.05)) - 2.0).abs() < 1e-9);
     }
 }

@@ -13,6 +13,9 @@ use std::sync::Arc;
 
 /// Periods at the end of a run that count by themselves: what grows shows there, and what alternates from period to period does not.
 const LAST: usize = 3;
+/// Deviation from one period to the next, over the one that is allowed from the plan, of a motion that has settled: to become a miss
+/// within eight periods, it would have to double in each.
+const SETTLED: f64 = 0.02;
 
 /// A run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -168,6 +171,15 @@ impl Tracker {
 
     pub fn has_fallen(&self) -> bool {
         self.fell_at_s.is_some()
+    }
+
+    /// Whether the last periods lead to the same place: neither does the start show in them, nor does an error grow.
+    pub fn has_settled(&self) -> bool {
+        let last = self.cycles.len().saturating_sub(LAST);
+        last > 0
+            && self.cycles[last..]
+                .windows(2)
+                .all(|of| self.planned.deviation(&of[0], &of[1]) < SETTLED)
     }
 
     /// Ends a period.

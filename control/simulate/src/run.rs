@@ -51,6 +51,8 @@ pub struct Moment<'a> {
     pub motion_s: f64,
     /// Whether the robot has fallen, which ends the run.
     pub has_fallen: bool,
+    /// Whether further periods would be like the last ones.
+    pub has_settled: bool,
     /// The world.
     pub world: &'a World,
 }
@@ -91,21 +93,22 @@ pub fn play(
         world.push(mean_force(&options.shoves, world.system().time_s(), step_s, heading_rad));
         let report = world.step(step_s)?;
         tracker.add(&world, step_s, &report);
+        match beat.mark.filter(|_| !tracker.has_fallen()) {
+            Some(Mark::Start) => tracker.begin(),
+            Some(Mark::End) => tracker.end_cycle(),
+            None => {}
+        }
         let moment = Moment {
             done_s,
             all_s: total_s,
             motion_s: beat.time_s,
             has_fallen: tracker.has_fallen(),
+            has_settled: tracker.has_settled(),
             world: &world,
         };
         from_s = time_s;
         if !goes_on(&moment) || tracker.has_fallen() {
             break;
-        }
-        match beat.mark {
-            Some(Mark::Start) => tracker.begin(),
-            Some(Mark::End) => tracker.end_cycle(),
-            None => {}
         }
     }
     Ok(tracker.finish(&world, &controller))

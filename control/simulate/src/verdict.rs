@@ -15,7 +15,8 @@ use std::fmt;
 
 /// Stiffnesses of contacts over the usual one, in the order in which they are tried.
 const STIFFNESSES: [f64; 3] = [1.0, 0.5, 2.0];
-/// Periods of a motion that repeats: the start has worn off after one, and what grows shows after some more.
+/// Periods of a motion that repeats, at most: the start has worn off after one, and what grows shows after some more. A run ends
+/// earlier when it has settled.
 const CYCLES: usize = 8;
 
 /// What becomes of a motion in simulation.
@@ -55,7 +56,7 @@ impl Verdict {
                 at_s = moment.done_s;
                 let done = (number as f64 + at_s / moment.all_s) / STIFFNESSES.len() as f64;
                 stopped = !goes_on(done);
-                !stopped
+                !stopped && !moment.has_settled
             };
             let outcome = play(plan, &options, watch);
             if stopped {

@@ -216,3 +216,17 @@ fn a_known_delay_of_setpoints_costs_nothing() {
     let drive = delayed(&plan("agilebot", "drive_1m"), 0.01);
     assert!((drive - 1.0).abs() < 2e-3, "{drive}");
 }
+
+#[test]
+fn a_walk_that_has_settled_goes_on_like_that() {
+    let plan = plan("agilebot", "walk");
+    let options = Options { cycles: 8, ..Options::new(Control::FeedForward, 240) };
+    let whole = play(&plan, &options, |_| true).unwrap();
+    let settled = play(&plan, &options, |moment| !moment.has_settled).unwrap();
+    let count = settled.cycles.len();
+    assert!(count < 8 && settled.cycles == whole.cycles[..count], "{settled:?}");
+    assert!(settled.holds() && whole.holds(), "{whole:?}");
+    assert!((settled.ratio(0).unwrap() - whole.ratio(0).unwrap()).abs() < 2e-3, "{whole:?}");
+    // One period is compared with the ones before it.
+    assert!(count > 3, "{settled:?}");
+}
