@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 
 impl Desk {
     /// Makes a file by a command that ends in `-o NAME`, or copies it from a test that has run the same command of the same program
-    /// beside the same TOML files.
+    /// beside the same TOML files. What a test is not about is not simulated.
     ///
     /// # Panics
     /// The command fails.
@@ -22,7 +22,9 @@ impl Desk {
         let lock = File::create(kept.with_extension("lock")).expect("a lock file");
         lock.lock().expect("a lock");
         if !kept.exists() {
-            self.run(args).succeeds();
+            let plays = matches!(args, ["plan", ..] | ["library", "build", ..]);
+            let unplayed: &[&str] = if plays { &["--no-simulation"] } else { &[] };
+            self.run(&[args, unplayed].concat()).succeeds();
             let part = kept.with_extension("part");
             fs::copy(self.path(name), &part).expect("a result");
             // A run that is interrupted leaves no half of one.
