@@ -61,7 +61,7 @@ pub(super) fn second_look(
     };
     let most = effort.spent + MOST * request.options.settings.iterations;
     let trials = Trials { request, ways, effort, most };
-    let mut look = Look { trials, nearest: &solution, left: OF_ALL };
+    let mut look = Look { trials, nearest: &solution, left: OF_ALL, taken_back: false };
     let looked = look.at(&mut diagnosis);
     let spent = look.trials.effort.spent;
     let ending = match looked {
@@ -105,6 +105,8 @@ struct Look<'a, 'p> {
     nearest: &'a Solution,
     /// Iterations left in which numbers are sought.
     left: usize,
+    /// Whether a number was tried with which the goal is met by posture alone: no number works then.
+    taken_back: bool,
 }
 
 impl Look<'_, '_> {
@@ -122,7 +124,12 @@ impl Look<'_, '_> {
                 continue;
             }
             let most = trials.next().unwrap_or_default();
-            let Some(works) = self.seek(culprit, estimate, most)? else { continue };
+            let Some(works) = self.seek(culprit, estimate, most)? else {
+                if self.taken_back {
+                    return Ok(Looked::FromBothSides);
+                }
+                continue;
+            };
             if looked.is_some() {
                 tell(culprit, works.number);
                 continue;
@@ -194,8 +201,16 @@ impl Look<'_, '_> {
             let solution = self.trials.solve(&robot, &motion, from, most)?;
             self.left = self.left.saturating_sub(self.trials.effort.spent - before);
             let Some(solution) = solution else { break };
-            if is_consistent(&solution) {
-                return Ok(Some(Works { number, solution }));
+            match worth(&solution) {
+                Some(Judgement::Consistent | Judgement::NeedsFeedback) => {
+                    return Ok(Some(Works { number, solution }));
+                }
+                // What shifts the body over contacts that stay is refused, however little it is.
+                Some(Judgement::TakenBack) => {
+                    self.taken_back = true;
+                    break;
+                }
+                _ => {}
             }
             let why = solution.plan.solve.diagnosis;
             let same = |other: &Culprit| {
@@ -277,9 +292,13 @@ impl Look<'_, '_> {
 
 /// Whether a number works for those who type it: its plan converged, and is consistent as it is played.
 fn is_consistent(solution: &Solution) -> bool {
+    matches!(worth(solution), Some(Judgement::Consistent | Judgement::NeedsFeedback))
+}
+
+/// What a plan is worth as it is played; `None` of one that did not converge.
+fn worth(solution: &Solution) -> Option<Judgement> {
     let plan = &solution.plan;
-    plan.solve.status == Status::Converged
-        && Report::as_played(plan).judgement != Judgement::FailsAsPlayed
+    (plan.solve.status == Status::Converged).then(|| Report::as_played(plan).judgement)
 }
 
 /// The largest number of the goal, as a culprit; `None` if all are 0.
