@@ -1,7 +1,8 @@
 //! How a plan changes with its robot and its goal (thesis 2.5.1): derivatives of the optimum, and plans of neighbours from them.
 //!
 //! A plan as the solver leaves it is good enough to be played and not to be differentiated: it meets its constraints, but its
-//! costs still fall along them. [`Optimal`] takes it to the optimum first. Parameters are pairs of neighbouring robots and
+//! costs still fall along them. [`Optimal`] takes it to the optimum first. Where there is none within reach, or where the Hessian is
+//! not positive definite, changes are estimated with the curvature of Gauss and Newton, and [`Optimal::curvature`] says so. Parameters are pairs of neighbouring robots and
 //! motions, so that whatever can be changed in a robot file or a motion file can be one: the whole problem is built at either
 //! side, standing pose, masses and limits included.
 
@@ -31,7 +32,7 @@ use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 use thiserror::Error;
 
-pub use crate::solve::optimum::Change;
+pub use crate::solve::optimum::{Change, Curvature};
 
 /// Newton steps to the optimum from a plan that is near it, and from any; and the length of the last, scaled variables.
 const POLISH_NEAR: usize = 8;
@@ -102,7 +103,7 @@ pub struct Parameter<'a> {
     pub apart: f64,
 }
 
-/// A plan at its optimum.
+/// A plan at its optimum, or as near to it as Newton's method comes.
 #[derive(Clone, Debug)]
 pub struct Optimal {
     problem: Problem,
@@ -111,6 +112,7 @@ pub struct Optimal {
     shifts: Vec<f64>,
     /// Direction along which nothing determines where the plan is.
     pin: Option<Vec<f64>>,
+    curvature: Curvature,
 }
 
 /// Rows of a system around a point.
@@ -139,10 +141,10 @@ impl Residuals for Around<'_> {
 }
 
 impl Optimal {
-    /// Takes a solution to its optimum.
+    /// Takes a solution to its optimum. If Newton's method does not converge, to where the costs are flat.
     ///
     /// # Errors
-    /// The solution did not converge, or Newton's method finds no optimum near it.
+    /// The solution did not converge, or `progress` stopped it.
     pub fn of(
         solution: &Solution,
         options: &Options,
@@ -154,54 +156,76 @@ impl Optimal {
             return Err(NotOptimal::NotConverged { motion, status });
         }
         let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
-        let mut unknowns = start::neighbour(&problem, &solution.plan);
-        problem.add_up(&mut unknowns);
-        let multipliers = Some(&solution.multipliers);
-        Self::near(problem.clone(), motion, unknowns, multipliers, POLISH_NEAR).or_else(|_| {
+        let near = |solution: &Solution, polish| {
+            let mut unknowns = start::neighbour(&problem, &solution.plan);
+            problem.add_up(&mut unknowns);
+            Self::near(problem.clone(), motion, unknowns, &solution.multipliers, polish)
+        };
+        near(solution, Some(POLISH_NEAR)).or_else(|_| {
             let mut longer = Options { refine: false, ..options.clone() };
             longer.settings.target_level = TAIL_LEVEL;
             longer.settings.flat = TAIL_FLAT;
             longer.settings.iterations = TAIL_ITERATIONS;
-            let solution = solution.replan(robot, motion, &longer, progress)?;
-            let mut unknowns = start::neighbour(&problem, &solution.plan);
-            problem.add_up(&mut unknowns);
-            let multipliers = Some(&solution.multipliers);
-            Self::near(problem, motion, unknowns, multipliers, POLISH_STEPS)
+            let flat = solution.replan(robot, motion, &longer, progress)?;
+            if flat.plan.solve.status == Status::Interrupted {
+                return Err(NotOptimal::Interrupted { motion: motion.name.clone() });
+            }
+            let is_better = flat.plan.solve.status.is_solved();
+            near(&flat, Some(POLISH_STEPS))
+                .or_else(|_| near(if is_better { &flat } else { solution }, None))
         })
     }
 
+    /// From unknowns near the optimum, after at most so many Newton steps; `None` for a point that stays where it is, which is
+    /// differentiated with the curvature of Gauss and Newton.
     fn near(
         problem: Problem,
         motion: &Motion,
         mut unknowns: Unknowns,
-        multipliers: Option<&Multipliers>,
-        steps: usize,
+        multipliers: &Multipliers,
+        polish: Option<usize>,
     ) -> Result<Self, NotOptimal> {
         let failed = |reason| failed(motion, reason);
         let system = System::selected(&problem, Default::default());
         let rows = system.rows(&unknowns, Rows::default());
-        let shifts = multipliers.and_then(|known| known.carried(&rows, system.penalty()));
+        let shifts = multipliers.carried(&rows, system.penalty());
         let shifts = shifts.unwrap_or_else(|| vec![0.0; rows.rows.len()]);
         let pin = time_shift::free(&problem, &unknowns, system.columns());
         let around = Around { system: &system, unknowns: &unknowns };
         let mut optimum = Optimum::near(&around, shifts, pin.clone()).map_err(failed)?;
-        optimum.polish(steps, POLISHED).map_err(failed)?;
+        let curvature = match polish {
+            Some(steps) => {
+                optimum.polish(steps, POLISHED).map_err(failed)?;
+                Curvature::Full
+            }
+            None => Curvature::GaussNewton,
+        };
         let (position, shifts) = (optimum.position().to_vec(), optimum.shifts().to_vec());
         drop(optimum);
         unknowns = system.moved(&unknowns, &position);
         drop(system);
-        Ok(Self { problem, motion: motion.clone(), unknowns, shifts, pin })
+        Ok(Self { problem, motion: motion.clone(), unknowns, shifts, pin, curvature })
+    }
+
+    /// The motion.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// Second derivatives that changes and gradients take into account: after them, those that they took.
+    pub fn curvature(&self) -> Curvature {
+        self.curvature
     }
 
     /// How the optimum changes with parameters, per unit of each.
     ///
     /// # Errors
-    /// A parameter changes what the problem is made of, or the optimum is not a minimum.
-    pub fn changes(&self, parameters: &[Parameter<'_>]) -> Result<Vec<Change>, NotOptimal> {
-        self.linearised(|optimum| {
+    /// A parameter changes what the problem is made of.
+    pub fn changes(&mut self, parameters: &[Parameter<'_>]) -> Result<Vec<Change>, NotOptimal> {
+        self.differentiated(|this, optimum, curvature| {
             let change = |parameter| {
-                let by = self.conditions_by(optimum, parameter)?;
-                optimum.change(&by).map_err(|reason| self.failed(reason))
+                let by = this.conditions_by(optimum, parameter)?;
+                optimum.change(&by, curvature).map_err(|reason| this.failed(reason))
             };
             parameters.iter().map(change).collect()
         })
@@ -214,23 +238,24 @@ impl Optimal {
     /// # Errors
     /// As [`changes`](Self::changes).
     pub fn gradients(
-        &self,
+        &mut self,
         objectives: &[Objective],
         parameters: &[Parameter<'_>],
     ) -> Result<Vec<(f64, Vec<f64>)>, NotOptimal> {
-        self.linearised(|optimum| {
-            let system = System::selected(&self.problem, Default::default());
-            let rows = system.rows(&self.unknowns, Rows::default());
+        self.differentiated(|this, optimum, curvature| {
+            let system = System::selected(&this.problem, Default::default());
+            let rows = system.rows(&this.unknowns, Rows::default());
             let (mut gradients, mut adjoints) = (Vec::new(), Vec::new());
             for objective in objectives {
-                let here = objective.at(&self.problem, &self.motion, &rows);
-                let adjoint = optimum.adjoint(&here.gradient(&rows, system.columns().count));
-                adjoints.push(adjoint.map_err(|reason| self.failed(reason))?);
+                let here = objective.at(&this.problem, &this.motion, &rows);
+                let gradient = here.gradient(&rows, system.columns().count);
+                let adjoint = optimum.adjoint(&gradient, curvature);
+                adjoints.push(adjoint.map_err(|reason| this.failed(reason))?);
                 gradients.push((here.value, Vec::with_capacity(parameters.len())));
             }
             for parameter in parameters {
-                let by = self.conditions_by(optimum, parameter)?;
-                let direct = self.objectives_by(objectives, parameter)?;
+                let by = this.conditions_by(optimum, parameter)?;
+                let direct = this.objectives_by(objectives, parameter)?;
                 for (((_, slopes), adjoint), direct) in
                     gradients.iter_mut().zip(&adjoints).zip(direct)
                 {
@@ -316,15 +341,25 @@ impl Optimal {
         neighbour(&self.problem, design)
     }
 
-    /// Lends the optimum with its factor.
-    fn linearised<T>(
-        &self,
-        work: impl FnOnce(&Optimum<'_>) -> Result<T, NotOptimal>,
+    /// Lends the optimum with its factor and a curvature: again with that of Gauss and Newton if the full one is not positive.
+    fn differentiated<T>(
+        &mut self,
+        work: impl Fn(&Self, &Optimum<'_>, Curvature) -> Result<T, NotOptimal>,
     ) -> Result<T, NotOptimal> {
         let system = System::selected(&self.problem, Default::default());
         let around = Around { system: &system, unknowns: &self.unknowns };
-        let optimum = Optimum::near(&around, self.shifts.clone(), self.pin.clone());
-        work(&optimum.map_err(|reason| self.failed(reason))?)
+        let optimum = Optimum::near(&around, self.shifts.clone(), self.pin.clone())
+            .map_err(|reason| self.failed(reason))?;
+        let mut found = work(self, &optimum, self.curvature);
+        let is_saddle = matches!(found, Err(NotOptimal::NoOptimum { .. }));
+        let curvature = if is_saddle { Curvature::GaussNewton } else { self.curvature };
+        if curvature != self.curvature {
+            found = work(self, &optimum, curvature);
+        }
+        drop(optimum);
+        drop(system);
+        self.curvature = curvature;
+        found
     }
 
     fn failed(&self, reason: NoOptimum) -> NotOptimal {

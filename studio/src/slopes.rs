@@ -31,7 +31,7 @@ pub fn slopes(
     let designed = Designed::with_parameters(named(robot), motions, parameters);
     let designed = designed.map_err(|error| faults(robot.text, &error))?;
     let watch = &mut |motion: &str, state: &_| progress(&Answer::progress(state, motion));
-    let optimal = plans::optimal(solution, watch).map_err(|failed| answer(&failed))?;
+    let mut optimal = plans::optimal(solution, watch).map_err(|failed| answer(&failed))?;
 
     // A parameter at a limit of robot files has a neighbour that breaks a rule: it has no slope, the others do.
     let motion = &solution.plan.motion;
@@ -44,7 +44,7 @@ pub fn slopes(
     let quantities = Quantity::ALL.into_iter().filter(|of| of.objective.is_defined(motion));
     let quantities: Vec<Quantity> = quantities.collect();
     let objectives: Vec<Objective> = quantities.iter().map(|of| of.objective).collect();
-    let gradients = |objectives: &[Objective], of: &[(usize, sensitivity::Parameter<'_>)]| {
+    let mut gradients = |objectives: &[Objective], of: &[(usize, sensitivity::Parameter<'_>)]| {
         let parameters: Vec<_> = of.iter().map(|(_, parameter)| *parameter).collect();
         optimal.gradients(objectives, &parameters)
     };

@@ -161,7 +161,7 @@ fn measured(robot: &Robot, motion: &Motion) -> Option<Row> {
         Parameter { ahead: design(&ahead), behind: design(&behind), apart: 2.0 * HALF_M };
     let clock = ThreadTime::now();
     let derived = Optimal::of(&before.solution, &options, on)
-        .and_then(|optimal| Ok((optimal.changes(&[parameter])?.remove(0), optimal)));
+        .and_then(|mut optimal| Ok((optimal.changes(&[parameter])?.remove(0), optimal)));
     let derived_ms = 1e3 * clock.elapsed().as_secs_f64();
     let clock = ThreadTime::now();
     let predicted = derived.as_ref().ok().and_then(|(change, optimal)| {

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
 use rollwalk_design::plans::Failed;
-use rollwalk_planner::sensitivity::{Feature, Objective};
+use rollwalk_planner::sensitivity::{Curvature, Feature, Objective};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -63,6 +63,9 @@ pub struct Gradients {
     features: HashMap<&'static str, Py<PyArray1<f64>>>,
     /// By name of the feature: its derivatives ∂feature/∂parameter, shape (F, P).
     jacobians: HashMap<&'static str, Py<PyArray2<f64>>>,
+    /// Whether the derivatives are estimates with the curvature of Gauss and Newton: no optimum near the plan was found at which the
+    /// second derivatives are positive.
+    estimated: bool,
 }
 
 /// The numbers of a motion's gradients.
@@ -71,6 +74,8 @@ struct Numbers {
     objectives: Vec<(Objective, f64, Vec<f64>)>,
     /// Values, and changes with each parameter.
     features: Vec<(Feature, Vec<f64>, Vec<Vec<f64>>)>,
+    /// Whether the derivatives are estimates.
+    estimated: bool,
 }
 
 #[pymethods]
@@ -153,7 +158,7 @@ impl Design {
                 return Ok((plans, Err(why)));
             }
             let mut all = Vec::new();
-            self.designed.each_optimum(&plans, see, &mut |optimal, parameters| {
+            self.designed.each_optimum(&plans, see, &mut |mut optimal, parameters| {
                 let mut numbers = Numbers::default();
                 let motion = &plans.solutions[all.len()].plan.motion;
                 let defined = objectives.iter().filter(|of| of.is_defined(motion));
@@ -171,6 +176,7 @@ impl Design {
                     let by = by.collect();
                     numbers.features.push((feature, optimal.feature(feature), by));
                 }
+                numbers.estimated = optimal.curvature() == Curvature::GaussNewton;
                 all.push(numbers);
                 Ok(())
             })?;
@@ -222,6 +228,7 @@ impl Design {
             gradients: HashMap::new(),
             features: HashMap::new(),
             jacobians: HashMap::new(),
+            estimated: of.estimated,
         };
         for (objective, value, slopes) in of.objectives {
             let name = Quantity::of(objective).name;

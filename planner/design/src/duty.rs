@@ -88,18 +88,25 @@ pub fn duties(plans: &Plans) -> Vec<Duty> {
     duties
 }
 
-/// Speeds and torques of each motor, joints first, then driven wheels, as played.
+/// Speeds and torques of each motor, joints first, then driven wheels, as a library holds them: none beyond its limit.
 fn points(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
     let (spline, mut inverse) = (PlanSpline::new(plan), InverseDynamics::new(plan));
-    let wheels = driven_wheels(&plan.robot).count();
+    let joints = plan.robot.joints.iter().map(|joint| &joint.actuator);
+    let wheels = driven_wheels(&plan.robot);
+    let wheels = wheels.filter_map(|wheel| plan.robot.end_effectors[wheel].contact.actuator());
+    let motors: Vec<&Actuator> = joints.chain(wheels).collect();
     let frames = (plan.motion.duration_s * RATE_HZ).round() as usize;
-    let mut points = vec![Vec::with_capacity(frames); plan.robot.joints.len() + wheels];
+    let mut points = vec![Vec::with_capacity(frames); motors.len()];
     for frame in 0..frames {
         let time_s = frame as f64 / RATE_HZ;
         let (speeds, torques) = (spline.setpoints(time_s), inverse.at(time_s));
         let speeds = speeds.joint_speed_rad_s.iter().chain(&speeds.motor_speed_rad_s);
-        for (points, (speed, torque)) in points.iter_mut().zip(speeds.zip(torques.channels_nm())) {
-            points.push([speed.abs(), torque.abs()]);
+        let both = speeds.zip(torques.channels_nm());
+        for ((points, motor), (speed, torque)) in points.iter_mut().zip(&motors).zip(both) {
+            points.push([
+                speed.abs().min(motor.speed_max_rad_s),
+                torque.abs().min(motor.torque_max_nm),
+            ]);
         }
     }
     points

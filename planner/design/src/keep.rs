@@ -128,7 +128,7 @@ impl Linear {
         let mut linear =
             Self { optima: Vec::new(), feature: Vec::new(), jacobian: DMatrix::zeros(0, count) };
         let mut rows: Vec<Vec<f64>> = vec![Vec::new(); count];
-        designed.each_optimum(plans, watch, &mut |optimal, parameters| {
+        designed.each_optimum(plans, watch, &mut |mut optimal, parameters| {
             let changes = optimal.changes(parameters)?;
             linear.feature.extend(optimal.feature(feature));
             for (k, (change, row)) in changes.iter().zip(&mut rows).enumerate() {

@@ -61,11 +61,12 @@ impl Designed {
         let mut best: Option<(bool, f64, Plans)> = None;
         for (_, values) in roundings.into_iter().take(PLANNED) {
             let mut plans = self.plan_from(found, &values, true, watch)?;
-            if plans.all_hold() && !self.kept(&plans).iter().all(Kept::is_within) {
-                // A solve ends when its costs are flat, where torques are still percents from those of the optimum.
-                plans = plans.at_optimum(watch)?;
-            }
             let holds = plans.all_hold();
+            if holds {
+                // A solve ends when its costs are flat, where torques are still percents from those of the optimum.
+                let optima = plans.clone().at_optimum(watch)?;
+                plans = if optima.all_hold() { optima } else { plans };
+            }
             let kept = self.kept(&plans);
             if holds && kept.iter().all(Kept::is_within) {
                 return Ok(plans);

@@ -8,22 +8,24 @@
 //! Σ_motions Σ_objectives w q(p) / q(p₀) + Σ_parameters w p / p₀ + pull ‖Δp‖² + μ Σ max(0, kept / bound − 1),    μ = 10
 //! ```
 //!
-//! A robot that cannot do one of the motions is no step, however good it is at the others.
+//! A robot that cannot do one of the motions is no step, however good it is at the others. Where derivatives are estimates, steps that
+//! do not gain shrink the trust region.
 
 use crate::designed::Designed;
 use crate::goal::{Goal, Quantity};
 use crate::plans::{Failed, Plans, Watch};
 use crate::quadratic::{EXCESS, Quadratic};
 use nalgebra::{DMatrix, DVector};
-use rollwalk_planner::sensitivity::Objective;
+use rollwalk_planner::Weights;
+use rollwalk_planner::sensitivity::{Curvature, Objective};
 
 /// Trust region, in units of the parameters: at first, at most, and when no smaller step is tried.
 const TRUST: f64 = 1.0;
 const TRUST_MAX: f64 = 2.0;
 const TRUST_MIN: f64 = 0.02;
 const STEPS_MAX: usize = 15;
-/// Gain of the merit below which a step is not worth planning.
-const GAIN_MIN: f64 = 2e-4;
+/// Gain of the merit below which a step is not worth planning, and a design is not better.
+pub const GAIN_MIN: f64 = 2e-4;
 /// Curvature to begin with, per square of a unit.
 const CURVATURE: f64 = 1e-2;
 
@@ -34,6 +36,8 @@ pub struct Step {
     pub values: Vec<f64>,
     /// The merit.
     pub merit: f64,
+    /// Gain of the merit that the slopes before this step predicted; `None` of the first design.
+    pub predicted_gain: Option<f64>,
     /// Values of the objectives, then of what is kept, of each motion.
     pub quantities: Vec<Vec<f64>>,
 }
@@ -49,9 +53,18 @@ pub struct Optimised {
     merit: Merit,
     /// Names of motions that robots could not do which were tried on the way, with what their plans came to.
     pub lost: Vec<String>,
+    /// Names of motions whose derivatives are estimates with the curvature of Gauss and Newton.
+    pub estimated: Vec<String>,
 }
 
 impl Optimised {
+    /// Part of the gain that slopes predicted which came true, over all steps; `None` without a step.
+    pub fn came_true(&self) -> Option<f64> {
+        let gains = self.steps.windows(2).map(|of| of[0].merit - of[1].merit);
+        let predicted: f64 = self.steps.iter().filter_map(|step| step.predicted_gain).sum();
+        (predicted > 0.0).then(|| gains.sum::<f64>() / predicted)
+    }
+
     /// What the merit is near the last design, by its slopes there.
     pub fn predicted(&self, designed: &Designed, values: &[f64]) -> f64 {
         let here = &self.plans.variant.values;
@@ -65,6 +78,27 @@ struct Point {
     plans: Plans,
     /// Of each motion and quantity: value, and slopes in units of the parameters.
     quantities: Vec<Vec<(f64, DVector<f64>)>>,
+    /// Names of motions whose slopes are estimates.
+    estimated: Vec<String>,
+}
+
+/// The merit of plans as they are, against those of the original design: whether one design is better than another.
+pub fn merit_of(designed: &Designed, goal: &Goal, plans: &Plans, original: &Plans) -> f64 {
+    let quantities = |plans: &Plans| -> Vec<Vec<f64>> {
+        let wanted = || goal.minimise.iter().chain(&goal.keep);
+        let of_plan = |plan| {
+            wanted().map(|(of, _)| of.of_plan(plan, &Weights::default())).collect::<Vec<_>>()
+        };
+        plans.plans().map(of_plan).collect()
+    };
+    let flat = DVector::zeros(designed.original().len());
+    let with_slopes = |of: Vec<f64>| of.into_iter().map(|value| (value, flat.clone())).collect();
+    let point = Point {
+        plans: plans.clone(),
+        quantities: quantities(plans).into_iter().map(with_slopes).collect(),
+        estimated: Vec::new(),
+    };
+    Outer { designed, goal }.merit(&point, &quantities(original)).value()
 }
 
 /// Optimises a design from plans of the original one. `each` sees every step that is taken.
@@ -83,11 +117,11 @@ pub fn optimise(
     let mut here = problem.point(plans.clone(), watch)?;
     let original: Vec<Vec<f64>> = values_of(&here);
     let mut merit = problem.merit(&here, &original);
-    let mut steps = vec![problem.step(&here, merit.value())];
+    let mut steps = vec![problem.step(&here, merit.value(), None)];
     each(&steps[0]);
     let count = designed.original().len();
     let mut curvature = DMatrix::identity(count, count) * CURVATURE;
-    let (mut trust, mut lost) = (TRUST, Vec::new());
+    let (mut trust, mut lost, mut estimated) = (TRUST, Vec::new(), here.estimated.clone());
     while steps.len() <= STEPS_MAX && trust >= TRUST_MIN {
         let Some((step, multipliers)) = problem.quadratic(&here, &merit, &curvature, trust) else {
             break;
@@ -110,6 +144,11 @@ pub fn optimise(
                 continue;
             }
         };
+        for motion in &there.estimated {
+            if !estimated.contains(motion) {
+                estimated.push(motion.clone());
+            }
+        }
         let next = problem.merit(&there, &original);
         let ratio = (merit.value() - next.value()) / predicted;
         let slopes = [&merit, &next].map(|merit| merit.lagrangian(&multipliers));
@@ -121,13 +160,13 @@ pub fn optimise(
         }
         if ratio > 1e-3 {
             (here, merit) = (there, next);
-            steps.push(problem.step(&here, merit.value()));
+            steps.push(problem.step(&here, merit.value(), Some(predicted)));
             if let Some(step) = steps.last() {
                 each(step);
             }
         }
     }
-    Ok(Optimised { steps, plans: here.plans, merit, lost })
+    Ok(Optimised { steps, plans: here.plans, merit, lost, estimated })
 }
 
 /// Damped update of BFGS: the curvature stays positive.
@@ -204,8 +243,8 @@ impl Outer<'_> {
 
     /// All quantities of a design with their slopes.
     fn point(&self, plans: Plans, watch: &mut Watch<'_>) -> Result<Point, Failed> {
-        let mut quantities = Vec::new();
-        self.designed.each_optimum(&plans, watch, &mut |optimal, parameters| {
+        let (mut quantities, mut estimated) = (Vec::new(), Vec::new());
+        self.designed.each_optimum(&plans, watch, &mut |mut optimal, parameters| {
             let wanted = self.goal.minimise.iter().chain(&self.goal.keep);
             let objectives: Vec<Objective> = wanted.map(|(objective, _)| *objective).collect();
             let of = |(value, slopes): (f64, Vec<f64>)| {
@@ -214,9 +253,12 @@ impl Outer<'_> {
             };
             let gradients = optimal.gradients(&objectives, parameters)?;
             quantities.push(gradients.into_iter().map(of).collect());
+            if optimal.curvature() == Curvature::GaussNewton {
+                estimated.push(optimal.motion().name.clone());
+            }
             Ok(())
         })?;
-        Ok(Point { plans, quantities })
+        Ok(Point { plans, quantities, estimated })
     }
 
     fn merit(&self, at: &Point, original: &[Vec<f64>]) -> Merit {
@@ -271,7 +313,8 @@ impl Outer<'_> {
         quadratic.minimum()
     }
 
-    fn step(&self, at: &Point, merit: f64) -> Step {
-        Step { values: at.plans.variant.values.clone(), merit, quantities: values_of(at) }
+    fn step(&self, at: &Point, merit: f64, predicted_gain: Option<f64>) -> Step {
+        let (values, quantities) = (at.plans.variant.values.clone(), values_of(at));
+        Step { values, merit, predicted_gain, quantities }
     }
 }

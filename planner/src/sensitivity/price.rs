@@ -3,14 +3,11 @@
 //! By the envelope theorem the costs of the best plan change with a number that constraints compare with by Σ λ ∂r/∂number,
 //! without solving for anything. A constraint that does not push has no price.
 
-use super::{NotOptimal, Optimal};
+use super::Optimal;
 use crate::families::Family;
 use crate::formulation::System;
 use crate::formulation::rows::{Role, Row, Rows};
-use crate::planning::{Options, Solution};
 use crate::problem::{Problem, Unknowns};
-use crate::start;
-use rollwalk_multibody::euler::Model;
 
 /// Part of the costs by which a relaxed constraint must lower them to be worth naming.
 const WORTH: f64 = 1e-6;
@@ -34,29 +31,6 @@ impl Optimal {
     /// Prices of all constraints that push, dearest first.
     pub fn prices(&self) -> Vec<Price> {
         of(&self.problem, &self.unknowns, &self.shifts)
-    }
-}
-
-impl Solution {
-    /// Prices of all constraints that push, dearest first, from the multipliers as the solve left them: rough, because a solve
-    /// ends when its constraints hold. [`Optimal::prices`] are those of the optimum.
-    ///
-    /// # Errors
-    /// The plan did not converge.
-    pub fn prices(&self, options: &Options) -> Result<Vec<Price>, NotOptimal> {
-        let motion = &self.plan.motion;
-        if !self.plan.solve.status.is_solved() {
-            let (motion, status) = (motion.name.clone(), self.plan.solve.status);
-            return Err(NotOptimal::NotConverged { motion, status });
-        }
-        let problem = Problem::new(Model::new(&self.plan.robot), motion, options.weights.clone());
-        let mut unknowns = start::neighbour(&problem, &self.plan);
-        problem.add_up(&mut unknowns);
-        let system = System::selected(&problem, Default::default());
-        let rows = system.values(&unknowns, Rows::default());
-        let shifts = self.multipliers.carried(&rows, system.penalty());
-        let shifts = shifts.unwrap_or_else(|| vec![0.0; rows.rows.len()]);
-        Ok(of(&problem, &unknowns, &shifts))
     }
 }
 

@@ -81,7 +81,17 @@ impl Optimal {
         drop(optimum);
         drop(system);
         let pin = self.pin.clone();
-        (step, Self { problem, motion: self.motion.clone(), unknowns, shifts, pin })
+        (
+            step,
+            Self {
+                problem,
+                motion: self.motion.clone(),
+                unknowns,
+                shifts,
+                pin,
+                curvature: self.curvature,
+            },
+        )
     }
 
     fn value(&self, objective: Objective) -> f64 {
@@ -96,7 +106,7 @@ impl Optimal {
 fn compare(motion: &str, measures: &[Measure]) {
     let (robot, motion) = read(motion);
     let name = &motion.name;
-    let optimal = Optimal::of(&planned(&robot, &motion), &Options::default(), &mut on).unwrap();
+    let mut optimal = Optimal::of(&planned(&robot, &motion), &Options::default(), &mut on).unwrap();
     let goes = Objective::CostOfTransport.is_defined(&motion);
     let power = if goes { Objective::CostOfTransport } else { Objective::Power };
     let objectives =
@@ -174,7 +184,7 @@ fn more_plans_on_free_wheels_feet_and_skates_change_as_they_are_optimised_again(
 fn an_edit_is_planned_from_where_the_optimum_goes() {
     let (robot, motion) = read("trot.toml");
     let from_scratch = planned(&robot, &motion);
-    let optimal = Optimal::of(&from_scratch, &Options::default(), &mut on).unwrap();
+    let mut optimal = Optimal::of(&from_scratch, &Options::default(), &mut on).unwrap();
     let [ahead, behind] = [1e-5, -1e-5].map(|by_m| length(&robot, by_m));
     fn design<'a>(robot: &'a Robot, motion: &'a Motion) -> Design<'a> {
         Design { robot, motion }
@@ -245,7 +255,7 @@ fn a_standing_body_rises_with_its_legs() {
     let mut options = Options { refine: false, ..Options::default() };
     options.weights.force = 1e-7;
     let solution = optimise_solution(&robot, &stand, &options, &mut on);
-    let optimal = Optimal::of(&solution, &options, &mut on).unwrap();
+    let mut optimal = Optimal::of(&solution, &options, &mut on).unwrap();
     let thighs = |by_m: f64, which: &str| {
         let mut robot = robot.clone();
         let knees = robot.joints.iter_mut().filter(|joint| joint.name.ends_with("_knee"));
@@ -254,7 +264,7 @@ fn a_standing_body_rises_with_its_legs() {
         }
         robot
     };
-    let rises = |made: &dyn Fn(f64) -> Robot| {
+    let mut rises = |made: &dyn Fn(f64) -> Robot| {
         let [ahead, behind] = [1e-5, -1e-5].map(made);
         let design = |robot| Design { robot, motion: &stand };
         let parameter = Parameter { ahead: design(&ahead), behind: design(&behind), apart: 2e-5 };

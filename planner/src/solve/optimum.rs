@@ -28,11 +28,13 @@ const STIFFNESS_MAX: f64 = 100.0;
 const DAMPING: f64 = 1e-7;
 /// Longest step of a difference, scaled variables: central differences of rows that are curved over 0.1 and more.
 const DIFFERENCE: f64 = 2e-5;
-/// Products after which conjugate gradients end.
-const PRODUCTS_MAX: usize = 120;
 /// How exactly derivatives are solved for, and steps towards the optimum, each of which the next one corrects.
-const DERIVATIVE: Effort = Effort { leave: 1e-9, refinements: 10, curvature: 1.0 };
-const STEP: Effort = Effort { leave: 1e-6, refinements: 3, curvature: 1.0 };
+const DERIVATIVE: Effort = Effort { leave: 1e-9, products: 120, refinements: 10, curvature: 1.0 };
+const STEP: Effort = Effort { leave: 1e-3, products: 60, refinements: 3, curvature: 1.0 };
+/// Newton steps that hardly bring the conditions nearer to zero, one after the other, after which none will: the part of the squares
+/// that such a step leaves.
+const STALLED: usize = 3;
+const HARDLY: f64 = 0.8;
 /// Parts of the second derivatives that steps take into account: away from the optimum the Hessian may be indefinite.
 const CURVATURES: [f64; 3] = [1.0, 0.5, 0.0];
 /// Squares of the conditions, in units of energy, that may be rounding; and length of a step, scaled variables, to which they
@@ -120,6 +122,16 @@ impl Change {
     }
 }
 
+/// Second derivatives that are taken into account where an optimum is differentiated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Curvature {
+    /// All: changes of the optimum are exact.
+    Full,
+    /// The positive ones that Gauss and Newton keep: changes are estimates. Of a plan whose optimum Newton's method does not reach, or
+    /// at which the Hessian of the Lagrangian is not positive definite along the constraints.
+    GaussNewton,
+}
+
 /// Reason for which there is no optimum, or none that can be differentiated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoOptimum {
@@ -134,6 +146,8 @@ pub enum NoOptimum {
 struct Effort {
     /// Part of the residual that conjugate gradients leave, and part of the first solution at which refinement ends.
     leave: f64,
+    /// Products with the Hessian after which conjugate gradients end.
+    products: usize,
     /// Solutions that are added up at most.
     refinements: usize,
     /// Part of the second derivatives that is in the matrix.
@@ -176,6 +190,7 @@ impl<'a> Optimum<'a> {
     /// # Errors
     /// It is not reached in `steps` steps.
     pub fn polish(&mut self, steps: usize, length: f64) -> Result<(), NoOptimum> {
+        let (mut stalled, mut least) = (0, f64::INFINITY);
         for _ in 0..steps {
             let here = self.conditions(&self.rows, &self.shifts);
             let step = CURVATURES
@@ -184,6 +199,11 @@ impl<'a> Optimum<'a> {
             let Some(step) = step else { return Err(NoOptimum::Saddle) };
             let last = norm(&step.unknowns);
             let before = here.squares(self.penalty());
+            stalled = if before > HARDLY * least { stalled + 1 } else { 0 };
+            least = before.min(least);
+            if stalled == STALLED && before > ROUNDING {
+                return Err(NoOptimum::Diverges);
+            }
             if !self.take(&step, before) {
                 // At the end rounding decides.
                 let is_there = before < ROUNDING || last < NEARLY_NO_STEP;
@@ -241,8 +261,16 @@ impl<'a> Optimum<'a> {
     ///
     /// # Errors
     /// The point is not a minimum.
-    pub fn change(&self, conditions: &Conditions) -> Result<Change, NoOptimum> {
-        self.solve(conditions, DERIVATIVE)
+    pub fn change(
+        &self,
+        conditions: &Conditions,
+        curvature: Curvature,
+    ) -> Result<Change, NoOptimum> {
+        let curvature = match curvature {
+            Curvature::Full => 1.0,
+            Curvature::GaussNewton => 0.0,
+        };
+        self.solve(conditions, Effort { curvature, ..DERIVATIVE })
     }
 
     /// −J⁻¹·`conditions`: a solution with stiff constraints, and generalised conjugate residuals for what that leaves.
@@ -291,11 +319,11 @@ impl<'a> Optimum<'a> {
     ///
     /// # Errors
     /// The point is not a minimum.
-    pub fn adjoint(&self, gradient: &[f64]) -> Result<Conditions, NoOptimum> {
+    pub fn adjoint(&self, gradient: &[f64], curvature: Curvature) -> Result<Conditions, NoOptimum> {
         let fixed_point = vec![0.0; self.shifts.len()];
         let conditions =
             Conditions { gradient: gradient.iter().map(|g| -g).collect(), fixed_point };
-        let Change { unknowns, shifts } = self.change(&conditions)?;
+        let Change { unknowns, shifts } = self.change(&conditions, curvature)?;
         let scaled = shifts.iter().zip(&self.slack);
         let of_row = |(shift, [b, _]): (&f64, &[f64; 2])| {
             if *b > 0.0 { shift * 2.0 * self.penalty() / b } else { 0.0 }
@@ -384,7 +412,7 @@ impl<'a> Optimum<'a> {
         let mut direction = z.clone();
         let mut size = dot(&right, &z);
         let enough = size * effort.leave * effort.leave;
-        for _ in 0..PRODUCTS_MAX {
+        for _ in 0..effort.products {
             if size <= enough {
                 break;
             }

@@ -3,9 +3,8 @@
 use super::{Shown, plan_original, read, report};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::duty::{self, Duty};
-use rollwalk_design::plans::{self, Failed};
-use rollwalk_planner::Options;
-use rollwalk_planner::sensitivity::Price;
+use rollwalk_design::plans;
+use rollwalk_planner::sensitivity::{Curvature, Price};
 use rollwalk_terminal::Exit;
 use rollwalk_terminal::output::{self, Table};
 use serde::Serialize;
@@ -87,15 +86,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut all = Vec::new();
     for solution in &plans.solutions {
         let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
-        let prices = match plans::optimal(solution, watch) {
-            Ok(optimal) => (optimal.prices(), None),
-            Err(Failed::Interrupted) => return Err(report(Failed::Interrupted)),
-            Err(reason) => {
-                let prices = solution.prices(&Options::default());
-                (prices.map_err(|error| report(error.into()))?, Some(reason.to_string()))
-            }
-        };
-        let (prices, estimated) = prices;
+        let optimal = plans::optimal(solution, watch).map_err(report)?;
+        let estimated = (optimal.curvature() == Curvature::GaussNewton)
+            .then(|| "Newton's method does not reach the optimum of its plan".to_owned());
+        let prices = optimal.prices();
         let motion = solution.plan.motion.name.clone();
         let prices = prices.into_iter().map(limit).collect();
         all.push(Limits { motion, prices, estimated });

@@ -4,7 +4,7 @@ use super::outcome::{Folder, Outcome};
 use super::{Shown, plan_original, read, report};
 use miette::miette;
 use rollwalk_design::optimise;
-use rollwalk_design::plans::Repaired;
+use rollwalk_design::plans::{Plans, Repaired};
 use rollwalk_terminal::{Exit, output};
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use std::path::PathBuf;
 ///
 /// What is best stands in the design file's `[goal]`: quantities to minimise, and bounds to keep. Several motions are optimised
 /// at once (thesis 2.5.3). A robot that cannot do a motion as it is designed is repaired first, by the smallest changes with
-/// which it can; without `[goal]` that is all. Writes what `rollwalk design edit` writes, with a row for every step of the design.
+/// which it can; without `[goal]` that is all. If no design within the bounds is better, the robot stays as it is. Writes what `rollwalk design edit` writes, with a row for every step of the design.
 /// The exit code is 3 if no design within the bounds can do the motions, or a quantity under `keep` is beyond its bound.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
@@ -76,13 +76,31 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         // Of a repaired design the nearest comes first.
         found.as_ref().map_or(0.0, |found| found.predicted(&designed, values))
     };
-    let after = designed.made(last, &predicted, watch).map_err(report)?;
+    let mut after = designed.made(last, &predicted, watch).map_err(report)?;
+    let mut is_better = None;
+    if let Some(goal) = &designed.file.goal {
+        // As the plans are that are written: a robot that was repaired is compared with its repair.
+        let baseline = match repairs.is_empty() {
+            true => before.clone(),
+            false => designed.made(&start, &|_| 0.0, watch).map_err(report)?,
+        };
+        let [of_after, of_baseline] =
+            [&after, &baseline].map(|plans| optimise::merit_of(&designed, goal, plans, &baseline));
+        let better = match [&after, &baseline].map(Plans::all_hold) {
+            [holds, held] if holds == held => of_after < of_baseline - optimise::GAIN_MIN,
+            [holds, _] => holds,
+        };
+        is_better = Some(better);
+        after = if better { after } else { baseline };
+    }
     drop(shown);
     let mut outcome = Outcome::new("optimise", &designed, Some(&before), &after)?;
     outcome.repairs = repairs;
     outcome.kept = designed.kept(&after);
     if let Some(found) = found {
+        outcome.came_true = found.came_true();
         (outcome.steps, outcome.lost) = (found.steps, found.lost);
+        (outcome.is_better, outcome.estimated) = (is_better, found.estimated);
     }
     folder.write(&outcome, Some(&before), &after)
 }

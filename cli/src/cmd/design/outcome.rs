@@ -127,9 +127,9 @@ impl Place<'_> {
                 "{text}\nwrote {robot}, with motions, plans, figures and report.md beside it"
             ))?;
         }
-        let holds = outcome.motions.iter().all(|of| of.holds);
+        let is_consistent = outcome.motions.iter().all(|of| of.consistent);
         let is_kept = outcome.kept.iter().all(Kept::is_within);
-        Ok(if holds && is_kept { Exit::Ok } else { Exit::DoesNotHold })
+        Ok(if is_consistent && is_kept { Exit::Ok } else { Exit::DoesNotHold })
     }
 
     /// A motion file that names the robot file beside it.
@@ -171,6 +171,15 @@ pub struct Outcome {
     /// Of `optimise`: the designs on the way.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "steps")]
     pub steps: Vec<Step>,
+    /// Of `optimise` with a goal: whether a design was found that is better than the one it began with.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub is_better: Option<bool>,
+    /// Of `optimise`: motions whose derivatives are estimates.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub estimated: Vec<String>,
+    /// Of `optimise`: part of the predicted gain that came true.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub came_true: Option<f64>,
     /// Of `optimise` of a robot that could not do a motion: the designs until it could.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "repairs")]
     pub repairs: Vec<repair::Step>,
@@ -235,7 +244,7 @@ pub struct Swapped {
 #[derive(Serialize)]
 struct Compared {
     motion: String,
-    holds: bool,
+    consistent: bool,
     /// What its plan is worth.
     conclusion: String,
     /// What becomes of it in the simulated world, before and after; absent of plans that did not converge.
@@ -314,6 +323,9 @@ impl Outcome {
             drifts: Vec::new(),
             kept: Vec::new(),
             steps: Vec::new(),
+            is_better: None,
+            estimated: Vec::new(),
+            came_true: None,
             repairs: Vec::new(),
             lost: Vec::new(),
         })
@@ -404,6 +416,20 @@ impl Outcome {
             let rows = self.steps.iter().map(|step| (format!("{:.4}", step.merit), &step.values));
             parts.push(self.steps_table("step", "objective", rows).render());
         }
+        if !self.estimated.is_empty() {
+            let motions = self.estimated.join(", ");
+            let gain = self.came_true.map_or(String::new(), |part| {
+                format!("; of the gain that they predicted, {:.0} % came true", part * 100.0)
+            });
+            parts.push(format!(
+                "derivatives of {motions} are estimates with the curvature of Gauss and Newton, because no optimum near the plan was \
+                 found at which the second derivatives are positive{gain}"
+            ));
+        }
+        if self.is_better == Some(false) {
+            parts
+                .push("no better design was found within the bounds: it stays as it is".to_owned());
+        }
         parts.extend(self.lost.iter().map(|lost| format!("on the way: {lost}")));
         parts.join("\n\n")
     }
@@ -461,7 +487,7 @@ fn compared(before: Option<&Plan>, after: &Plan) -> miette::Result<Compared> {
     };
     Ok(Compared {
         motion: after.motion.name.clone(),
-        holds: report.judgement.is_good(),
+        consistent: report.judgement.is_good(),
         conclusion: report.words(&after.solve),
         simulated: [simulated(before)?, simulated(Some(after))?],
         quantities: quantities.collect(),

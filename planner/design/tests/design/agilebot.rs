@@ -5,7 +5,7 @@ use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::duty::{self, Duty};
 use rollwalk_design::goal::Goal;
 use rollwalk_design::keep::keep;
-use rollwalk_design::optimise::optimise;
+use rollwalk_design::optimise::{merit_of, optimise};
 use rollwalk_design::plans::{Failed, Plans, optimal};
 use rollwalk_planner::Progress;
 use rollwalk_planner::families::Family;
@@ -132,7 +132,7 @@ fn plans_at_their_optimum_have_the_quantities_that_were_optimised() {
     let designed = legs(&["motions/trot.toml"]);
     let solved = planned(&designed);
     let objective = Objective::PeakJointTorque;
-    let optimum = optimal(&solved.solutions[0], &mut on).unwrap();
+    let mut optimum = optimal(&solved.solutions[0], &mut on).unwrap();
     let (at_optimum, _) = optimum.gradients(&[objective], &[]).unwrap()[0];
     let of = |plans: &Plans| {
         objective.of_plan(&plans.solutions[0].plan, &Default::default()) / at_optimum - 1.0
@@ -177,6 +177,27 @@ fn designs_that_can_be_made_are_within_their_bounds_or_say_by_how_much_they_are_
 }
 
 #[test]
+fn a_walk_whose_optimum_is_out_of_reach_is_optimised_with_estimates() {
+    let design = NamedText {
+        name: "pup".to_owned(),
+        text: "name = \"pup\"\nrobot = \"../robots/pup.toml\"\nmotions = [ { file = \"../motions/pup_walk.toml\" } ]\n\
+               [[parameter]]\nname = \"thigh\"\nlength_of = \"leg/*_thigh\"\nmin_m = 0.056\nmax_m = 0.091\n\
+               [goal]\nminimise = { peak_joint_speed = 1.0 }\n"
+            .to_owned(),
+    };
+    let walk = vec![read("motions/pup_walk.toml")];
+    let designed = Designed::new(&design, read("robots/pup.toml"), walk).unwrap();
+    let goal = designed.file.goal.clone().unwrap();
+    let before = planned(&designed);
+    let found = optimise(&designed, &before, &goal, &mut on, &mut |_| ()).unwrap();
+    assert_eq!(found.estimated, ["walk"]);
+    assert!(found.came_true() > Some(0.5), "{:?}", found.steps);
+    let after = designed.made(&found.plans, &|_| 0.0, &mut on).unwrap();
+    let gain = 1.0 - merit_of(&designed, &goal, &after, &before);
+    assert!(gain > 0.03 && after.all_hold(), "{gain}");
+}
+
+#[test]
 fn prices_say_what_a_stronger_servo_is_worth() {
     let mut design = read("designs/agilebot_legs.toml");
     let first = design.text.find("[[parameter]]").unwrap();
@@ -190,7 +211,7 @@ fn prices_say_what_a_stronger_servo_is_worth() {
     let before = planned(&designed);
     let solution = &before.solutions[0];
     let on = &mut |_: &Progress| ControlFlow::Continue(());
-    let optimal = Optimal::of(solution, &Default::default(), on).unwrap();
+    let mut optimal = Optimal::of(solution, &Default::default(), on).unwrap();
     let prices = optimal.prices();
     let torque = prices.iter().find(|price| price.family == Family::JointTorque).unwrap();
     assert_eq!(torque.given, Some(("torque_max_nm", 1.79)));

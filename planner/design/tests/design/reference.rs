@@ -34,7 +34,7 @@ fn thighs(limbs: &[[&str; 2]], motion: &str) -> Designed {
 fn linear(designed: &Designed) -> (Optimal, Vec<Change>) {
     let plans = designed.plan(designed.original(), &mut on).unwrap();
     let solution = &plans.solutions[0];
-    let optimal = optimal(solution, &mut on).unwrap();
+    let mut optimal = optimal(solution, &mut on).unwrap();
     let planned = &solution.plan.motion;
     let around = (0..designed.original().len())
         .map(|k| designed.around(designed.original(), k).unwrap())
