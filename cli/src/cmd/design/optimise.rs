@@ -90,8 +90,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             [holds, held] if holds == held => of_after < of_baseline - optimise::GAIN_MIN,
             [holds, _] => holds,
         };
-        is_better = Some(better);
-        after = if better { after } else { baseline };
+        // The same robot at the optimum of its plan is no other design.
+        let is_other = after.variant.values != baseline.variant.values;
+        is_better = Some(is_other && better);
+        after = if is_other && better { after } else { baseline };
     }
     drop(shown);
     let mut outcome = Outcome::new("optimise", &designed, Some(&before), &after)?;
