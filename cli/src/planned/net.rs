@@ -1,0 +1,49 @@
+//! Net ways of a library's motions: from SAFE, and back to it.
+
+use rollwalk_planner::motion::Ends;
+use rollwalk_simulate::PlannedWay;
+use rollwalk_terminal::planning::Plans;
+
+/// Goals of motions at rest that the way from SAFE and back does not leave: the body shifts over contacts that stay, and the
+/// transitions shift it back.
+pub fn taken_back(plans: &Plans) -> Vec<String> {
+    const NAMES: [&str; 3] = ["forward_m", "left_m", "turn_rad"];
+    let joined = |from: usize, to: usize| {
+        let found = plans.transitions.iter().find(|of| (of.from, of.to) == (from, to));
+        found.map(|of| of.planned.plan.reached())
+    };
+    let mut found = Vec::new();
+    for (number, motion) in plans.motions.iter().enumerate() {
+        let plan = &motion.plan;
+        let PlannedWay { way, goals } = PlannedWay::new(plan);
+        if plan.motion.ends != Ends::AtRest || !goals.contains(&true) {
+            continue;
+        }
+        let (Some(there), Some(back)) = (joined(plans.safe, number), joined(number, plans.safe))
+        else {
+            continue;
+        };
+        let net = [there, way.values(), back].into_iter().fold([0.0; 3], then);
+        for of in (0..3).filter(|&of| goals[of]) {
+            let (wanted, left) = (way.values()[of], net[of]);
+            if !(0.95..=1.05).contains(&(left / wanted)) {
+                found.push(format!(
+                    "{}: of its {} = {wanted:.3}, {left:.3} are left after SAFE, the motion and SAFE again: it shifts the body over contacts that stay, \
+                     and its transitions shift it back",
+                    plan.motion.name, NAMES[of]
+                ));
+            }
+        }
+    }
+    found
+}
+
+/// A way, and another one after it, each in the heading in which it begins.
+fn then([x_m, y_m, turned_rad]: [f64; 3], [forward_m, left_m, turn_rad]: [f64; 3]) -> [f64; 3] {
+    let (sine, cosine) = turned_rad.sin_cos();
+    [
+        x_m + forward_m * cosine - left_m * sine,
+        y_m + forward_m * sine + left_m * cosine,
+        turned_rad + turn_rad,
+    ]
+}

@@ -1,0 +1,107 @@
+//! A library played on level ground over every transition, judged against its plans.
+
+use super::{Judged, Planned};
+use crate::terrain::FEET_MIN;
+use crate::tour::{self, Options, Played};
+use rollwalk_multibody::ground::{Ground, Plane};
+use rollwalk_sim_host::ground::Travel;
+use rollwalk_terminal::output;
+use rollwalk_terminal::packed::Packed;
+use serde::Serialize;
+use std::fmt;
+use std::sync::Arc;
+
+/// Periods of a motion that repeats.
+const CYCLES: u32 = 5;
+
+/// Simulated run of a library.
+#[derive(Debug, Serialize)]
+pub struct Simulation {
+    /// Motions and transitions in the order in which they were played.
+    clips: Vec<Clip>,
+    /// When the robot fell, s, and what it played.
+    fell: Option<(f64, String)>,
+    /// Reason why the tour was cut short.
+    stopped: Option<String>,
+}
+
+/// A clip that was played.
+#[derive(Debug, Serialize)]
+struct Clip {
+    name: String,
+    #[serde(flatten)]
+    judged: Judged,
+}
+
+/// Plays a library on level ground, over every transition; `None` for a robot that stands on a stand, and if SAFE itself needs
+/// feedback.
+///
+/// # Errors
+/// The controller refused the library.
+pub fn simulate(packed: &Packed, planned: &[Planned]) -> miette::Result<Option<Simulation>> {
+    let catalog = packed.catalog();
+    let safe_needs = planned.get(catalog.safe).is_some_and(|safe| safe.needs_feedback.is_some());
+    if packed.robot.end_effectors.len() < FEET_MIN || safe_needs {
+        return Ok(None);
+    }
+    output::say("simulation on level ground, as the controller plays it:");
+    let ground: Arc<dyn Ground> = Arc::new(Plane::level());
+    let options = Options {
+        ground: Some(&ground),
+        shoves: Vec::new(),
+        feed_forward: true,
+        cycles: CYCLES,
+        world_log: None,
+    };
+    let Played { rig, travels, stopped, .. } = tour::play(packed, options)?;
+    let name = |travel: &Travel| catalog.clip(travel.clip.0).unwrap_or_default();
+    let falls = rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();
+    let fell = falls.first().map(|fall| {
+        let during = travels.iter().rev().find(|travel| travel.from <= fall.at);
+        (fall.at.as_s(), during.map(name).unwrap_or_default())
+    });
+    let judge = |travel: &Travel| {
+        let judged = planned.get(usize::from(travel.clip.0))?.judge(travel);
+        Some(Clip { name: name(travel), judged })
+    };
+    let clips = travels.iter().filter_map(judge).collect();
+    Ok(Some(Simulation { clips, fell, stopped: stopped.map(|why| why.to_string()) }))
+}
+
+impl Simulation {
+    /// What does not hold, a line each.
+    pub fn misses(&self) -> Vec<String> {
+        let motions = self.clips.iter().filter(|clip| !clip.judged.needs_feedback);
+        let astray = motions.filter_map(|Clip { name, judged }| {
+            Some(format!("{name} does not hold in simulation: {}", judged.miss.as_ref()?))
+        });
+        let needs =
+            |of: &str| self.clips.iter().any(|clip| clip.name == of && clip.judged.needs_feedback);
+        let fell = self.fell.iter().filter(|(_, during)| !needs(during)).map(|(at_s, during)| {
+            format!(
+                "{during} does not hold in simulation: the robot falls {at_s:.2} s after power-on"
+            )
+        });
+        let stopped = self.stopped.iter().filter(|_| self.fell.is_none());
+        let stopped = stopped.map(|why| format!("the library does not hold in simulation: {why}"));
+        fell.chain(stopped).chain(astray).collect()
+    }
+}
+
+impl fmt::Display for Simulation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ratios = self.clips.iter().filter_map(|Clip { name, judged }| {
+            let remark = if judged.needs_feedback { ", needs feedback" } else { "" };
+            Some(format!("{name} {:.2}{remark}", judged.of_plan?))
+        });
+        let ratios: Vec<_> = ratios.collect();
+        match (self.misses().is_empty(), ratios.is_empty()) {
+            (true, true) => f.write_str("holds in simulation"),
+            (true, false) => {
+                write!(f, "holds in simulation; of their plans: {}", ratios.join(", "))
+            }
+            (false, true) => f.write_str("in simulation"),
+            (false, false) => write!(f, "in simulation, of their plans: {}", ratios.join(", ")),
+        }
+    }
+}
