@@ -55,7 +55,7 @@ pub mod whole_body;
 
 pub use planning::{
     Editing, Options, ReplanError, Search, Solution, TransitionError, candidates, optimise,
-    optimise_solution, optimise_transition, replan, replan_solution,
+    optimise_solution, optimise_transition, replan, replan_finer, replan_solution,
 };
 pub use problem::Weights;
 pub use solve::{ACCEPTED_LEVEL, Method, Progress, Settings};

@@ -36,7 +36,7 @@ pub use editing::Editing;
 pub(crate) use effort::Effort;
 pub use neighbour::ReplanError;
 pub(crate) use neighbour::{from_near, same_structure};
-pub use replan::{replan, replan_solution};
+pub use replan::{replan, replan_finer, replan_solution};
 pub use request::Options;
 pub use search::{Search, candidates};
 pub use solution::Solution;

@@ -2,7 +2,8 @@
 //!
 //! A plan as the solver leaves it is good enough to be played and not to be differentiated: it meets its constraints, but its
 //! costs still fall along them. [`Optimal`] takes it to the optimum first. Where there is none within reach, or where the Hessian is
-//! not positive definite, changes are estimated with the curvature of Gauss and Newton, and [`Optimal::curvature`] says so. Parameters are pairs of neighbouring robots and
+//! not positive definite, changes are estimated with the curvature of Gauss and Newton, and [`Optimal::curvature`] says so.
+//! Parameters are pairs of neighbouring robots and
 //! motions, so that whatever can be changed in a robot file or a motion file can be one: the whole problem is built at either
 //! side, standing pose, masses and limits included.
 
@@ -103,7 +104,7 @@ pub struct Parameter<'a> {
     pub apart: f64,
 }
 
-/// A plan at its optimum, or as near to it as Newton's method comes.
+/// A plan at its optimum; where Newton's method does not come there, a plan near one.
 #[derive(Clone, Debug)]
 pub struct Optimal {
     problem: Problem,
@@ -141,10 +142,10 @@ impl Residuals for Around<'_> {
 }
 
 impl Optimal {
-    /// Takes a solution to its optimum. If Newton's method does not converge, to where the costs are flat.
+    /// Takes a solution to its optimum. Where Newton's method does not come there, the solution is solved on until its costs are flatter.
     ///
     /// # Errors
-    /// The solution did not converge, or `progress` stopped it.
+    /// The solution did not converge, its rows determine no step, or `progress` stopped it.
     pub fn of(
         solution: &Solution,
         options: &Options,
@@ -170,9 +171,9 @@ impl Optimal {
             if flat.plan.solve.status == Status::Interrupted {
                 return Err(NotOptimal::Interrupted { motion: motion.name.clone() });
             }
-            let is_better = flat.plan.solve.status.is_solved();
+            let is_solved = flat.plan.solve.status.is_solved();
             near(&flat, Some(POLISH_STEPS))
-                .or_else(|_| near(if is_better { &flat } else { solution }, None))
+                .or_else(|_| near(if is_solved { &flat } else { solution }, None))
         })
     }
 
@@ -212,7 +213,7 @@ impl Optimal {
         &self.motion
     }
 
-    /// Second derivatives that changes and gradients take into account: after them, those that they took.
+    /// Second derivatives with which the last changes or gradients were found; before any, those with which the next ones begin.
     pub fn curvature(&self) -> Curvature {
         self.curvature
     }
@@ -220,7 +221,7 @@ impl Optimal {
     /// How the optimum changes with parameters, per unit of each.
     ///
     /// # Errors
-    /// A parameter changes what the problem is made of.
+    /// A parameter changes what the problem is made of, or the rows determine no change.
     pub fn changes(&mut self, parameters: &[Parameter<'_>]) -> Result<Vec<Change>, NotOptimal> {
         self.differentiated(|this, optimum, curvature| {
             let change = |parameter| {

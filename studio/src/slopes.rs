@@ -9,7 +9,7 @@ use rollwalk_design::file::Parameter;
 use rollwalk_design::goal::Quantity;
 use rollwalk_design::plans::{self, Failed};
 use rollwalk_planner::Solution;
-use rollwalk_planner::sensitivity::{self, NotOptimal, Objective};
+use rollwalk_planner::sensitivity::{self, Curvature, NotOptimal, Objective};
 use std::ops::ControlFlow;
 
 /// Slopes of every quantity that the motion has.
@@ -62,6 +62,12 @@ pub fn slopes(
         SlopesOf { name: of.name, unit: of.unit, value, little: of.little, slopes }
     };
     let found = found.map_err(|why| answer(&why.into()))?;
+    // Sliders show slopes without a word.
+    if optimal.curvature() == Curvature::GaussNewton {
+        let (motion, reason) =
+            (motion.name.clone(), "its second derivatives are not positive near it");
+        return Err(answer(&NotOptimal::NoOptimum { motion, reason }.into()));
+    }
     Ok(quantities.into_iter().zip(found).map(of_quantity).collect())
 }
 

@@ -7,7 +7,7 @@ use cpu_time::ThreadTime;
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::report::Report;
-use rollwalk_planner::sensitivity::{Design, Objective, Optimal, Parameter};
+use rollwalk_planner::sensitivity::{Curvature, Design, Objective, Optimal, Parameter};
 use rollwalk_planner::{Editing, Options, Solution};
 use rollwalk_robot::Robot;
 use rollwalk_terminal::{interrupt, output};
@@ -161,10 +161,12 @@ fn measured(robot: &Robot, motion: &Motion) -> Option<Row> {
         Parameter { ahead: design(&ahead), behind: design(&behind), apart: 2.0 * HALF_M };
     let clock = ThreadTime::now();
     let derived = Optimal::of(&before.solution, &options, on)
-        .and_then(|mut optimal| Ok((optimal.changes(&[parameter])?.remove(0), optimal)));
+        .and_then(|mut optimal| Ok((optimal.changes(&[parameter])?.remove(0), optimal)))
+        .ok()
+        .filter(|(_, optimal)| optimal.curvature() == Curvature::Full);
     let derived_ms = 1e3 * clock.elapsed().as_secs_f64();
     let clock = ThreadTime::now();
-    let predicted = derived.as_ref().ok().and_then(|(change, optimal)| {
+    let predicted = derived.as_ref().and_then(|(change, optimal)| {
         let by = [(EDIT_M, change)];
         optimal.replan(design(&edited), &by, &options, on).ok()
     });
@@ -179,7 +181,7 @@ fn measured(robot: &Robot, motion: &Motion) -> Option<Row> {
         edit_iterations: plan.solve.iterations,
         cost_ratio: cost(&plan) / cost(scratch.plan()),
         report_ms,
-        derived_ms: derived.is_ok().then_some(derived_ms),
+        derived_ms: derived.is_some().then_some(derived_ms),
         predicted_ms: predicted.as_ref().map(|_| predicted_ms),
         predicted_iterations: predicted.as_ref().map(|of| of.plan.solve.iterations),
         solved: scratch.solved()

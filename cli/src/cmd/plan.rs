@@ -7,7 +7,7 @@ use rollwalk_planner::plan::{
     Diagnosis, Plan, Refinement, SolveSummary, StartKind, Started, Status,
 };
 use rollwalk_planner::report::{Judgement, Report};
-use rollwalk_planner::{Options, replan};
+use rollwalk_planner::{Options, replan, replan_finer};
 use rollwalk_simulate::Verdict;
 use rollwalk_terminal::choices::{self, Choices, MethodChoice, StartChoice};
 use rollwalk_terminal::files::Output;
@@ -20,6 +20,9 @@ use rollwalk_terminal::{Exit, inputs, interrupt, output};
 use serde::Serialize;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
+
+/// Times that the samples of a plan are doubled because it misses its goals in simulation.
+const FINER: usize = 2;
 
 /// Optimise a motion and write the plan.
 ///
@@ -63,7 +66,8 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     iterations: Option<NonZeroU32>,
     /// Keep the number of samples of the motion file. By default `plan` doubles it when a residual between the samples
-    /// exceeds its tolerance, up to as many as a motion file may have.
+    /// exceeds its tolerance, up to as many as a motion file may have, and up to twice when the motion misses its goals by little
+    /// in simulation.
     #[arg(long)]
     samples_fixed: bool,
     /// Leave the simulation out.
@@ -118,15 +122,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let options = Options::from(problem.options);
     let watch = Watch::start(&motion.name, args.verbose);
     let is_given = from.is_some();
-    let plan = match from {
+    let mut plan = match from {
         Some(previous) => {
             let progress = &mut |progress: &_| watch.iteration(progress);
             replan(&previous, &robot, &motion, &options, progress).into_diagnostic()?
         }
         None => planning::optimise(&robot, &motion, &options, &|state| watch.iteration(state)),
     };
-    let time_s = watch.finish().as_secs_f64();
-    let report = Report::new(&plan);
+    let mut time_s = watch.finish().as_secs_f64();
+    let mut report = Report::new(&plan);
     let interrupted = interrupt::requested();
     // An interrupted refinement leaves the last plan that converged.
     let written = (plan.solve.status != Status::Interrupted).then_some(&args.output);
@@ -134,10 +138,17 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         place.write(plan.to_json().as_bytes())?;
     }
     let is_good = report.judgement.is_good();
-    let simulation = match is_good && !interrupted && !args.no_simulation {
+    let mut simulation = match is_good && !interrupted && !args.no_simulation {
         true => simulated(&plan),
         false => None,
     };
+    if let Some((finer, verdict, more_s)) =
+        simulation.and_then(|verdict| refined(&plan, verdict, &options, args))
+    {
+        place.write(finer.to_json().as_bytes())?;
+        (report, simulation) = (Report::new(&finer), Some(verdict));
+        (plan, time_s) = (finer, time_s + more_s);
+    }
     let interrupted = interrupted || interrupt::requested();
     let end = End { plan: &plan, report: &report, simulation, time_s, written };
     if args.json {
@@ -213,6 +224,39 @@ fn simulated(plan: &Plan) -> Option<Verdict> {
     });
     bar.finish_and_clear();
     verdict
+}
+
+/// A plan with more samples that holds in simulation where this one does not, its verdict, and the wall time of its solves, s: between
+/// samples that are far apart the body moves otherwise than planned.
+fn refined(
+    plan: &Plan,
+    verdict: Verdict,
+    options: &Options,
+    args: &Args,
+) -> Option<(Plan, Verdict, f64)> {
+    if !options.refine || plan.motion.needs_feedback.is_some() {
+        return None;
+    }
+    let (mut finer, mut verdict, mut more_s) = (plan.clone(), verdict, 0.0);
+    for _ in 0..FINER {
+        if !verdict.misses_by_little() {
+            return None;
+        }
+        output::say(format_args!(
+            "with {} samples {}: planning with twice as many",
+            finer.samples.len(),
+            verdict
+        ));
+        let watch = Watch::start(&plan.motion.name, args.verbose);
+        let found = replan_finer(&finer, options, &mut |progress| watch.iteration(progress));
+        more_s += watch.finish().as_secs_f64();
+        finer = found.filter(|_| !interrupt::requested())?;
+        verdict = simulated(&finer)?;
+        if verdict.holds() {
+            return Some((finer, verdict, more_s));
+        }
+    }
+    None
 }
 
 /// Result of a command: a plan, its report and its simulation.

@@ -9,6 +9,8 @@ use std::fmt;
 pub const BAND: [f64; 2] = [0.95, 1.05];
 /// What a motion may miss where it has no goal, over the whole motion or a period: m ahead and to the left, rad.
 const STAYS: [f64; 3] = [0.005, 0.005, 0.02];
+/// Deviation over the allowed one up to which a way is near the planned one.
+const LITTLE: f64 = 4.0;
 
 /// Planned way of a motion or of a period, and what of it is a goal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -40,6 +42,14 @@ impl PlannedWay {
     pub(crate) fn deviation(&self, one: &Way, other: &Way) -> f64 {
         let of = |of: usize| (one.values()[of] - other.values()[of]).abs() / self.allowed(of);
         (0..3).map(of).fold(0.0, f64::max)
+    }
+
+    /// Greatest deviation of a way from the plan's, over the one that is allowed, of what is judged: of the goals, if there are any.
+    pub(crate) fn miss(&self, achieved: &Way) -> f64 {
+        let judged = |of: &usize| self.goals[*of] || !self.goals.contains(&true);
+        let of =
+            |of: usize| (achieved.values()[of] - self.way.values()[of]).abs() / self.allowed(of);
+        (0..3).filter(judged).map(of).fold(0.0, f64::max)
     }
 
     /// Deviation that is allowed of a component, m or rad.
@@ -102,6 +112,13 @@ pub struct Astray {
     /// Deviation over the one that is allowed.
     #[serde(skip)]
     part: f64,
+}
+
+impl Astray {
+    /// Whether it is near the planned one.
+    pub(crate) fn is_little(&self) -> bool {
+        self.part < LITTLE
+    }
 }
 
 impl fmt::Display for Astray {

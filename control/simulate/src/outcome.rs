@@ -13,9 +13,10 @@ use std::sync::Arc;
 
 /// Periods at the end of a run that count by themselves: what grows shows there, and what alternates from period to period does not.
 const LAST: usize = 3;
-/// Deviation from one period to the next, over the one that is allowed from the plan, of a motion that has settled: to become a miss
-/// within eight periods, it would have to double in each.
+/// Deviation from one period to the next, over the one that is allowed from the plan, of a motion that has settled.
 const SETTLED: f64 = 0.02;
+/// Periods for which such deviations might add up without a change of the verdict.
+const AHEAD: f64 = 5.0;
 
 /// A run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -173,13 +174,19 @@ impl Tracker {
         self.fell_at_s.is_some()
     }
 
-    /// Whether the last periods lead to the same place: neither does the start show in them, nor does an error grow.
+    /// Whether the last periods are alike, and the verdict on them is further away from the other one than a drift like theirs leads in
+    /// five periods more.
     pub fn has_settled(&self) -> bool {
-        let last = self.cycles.len().saturating_sub(LAST);
-        last > 0
-            && self.cycles[last..]
-                .windows(2)
-                .all(|of| self.planned.deviation(&of[0], &of[1]) < SETTLED)
+        let count = self.cycles.len();
+        let Some(last) = count.checked_sub(LAST).filter(|first| *first > 0) else { return false };
+        let last = &self.cycles[last..];
+        let steps = last.windows(2).map(|of| self.planned.deviation(&of[0], &of[1]));
+        let step = steps.fold(0.0, f64::max);
+        let miss = last.iter().map(|way| self.planned.miss(way));
+        let (least, most) =
+            miss.fold((f64::INFINITY, 0.0_f64), |(a, b), miss| (a.min(miss), b.max(miss)));
+        let drift = AHEAD * step;
+        step < SETTLED && (most + drift < 1.0 || least - drift > 1.0)
     }
 
     /// Ends a period.

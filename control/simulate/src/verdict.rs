@@ -76,6 +76,14 @@ impl Verdict {
         *self == Self::Holds
     }
 
+    /// Whether the robot stays on its feet and comes near to where its plan says, and not near enough.
+    pub fn misses_by_little(&self) -> bool {
+        match self {
+            Self::Fails { miss: Miss::Astray { astray, .. }, .. } => astray.is_little(),
+            _ => false,
+        }
+    }
+
     /// Whether the motion holds, or its author knows that it needs feedback.
     pub fn is_good(&self, plan: &Plan) -> bool {
         self.holds() || plan.motion.needs_feedback.is_some()

@@ -88,13 +88,15 @@ pub fn duties(plans: &Plans) -> Vec<Duty> {
     duties
 }
 
-/// Speeds and torques of each motor, joints first, then driven wheels, as a library holds them: none beyond its limit.
+/// Speeds and torques of each motor, joints first, then driven wheels, as a library has them: it keeps speeds of wheels and torques
+/// within their limits.
 fn points(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
     let (spline, mut inverse) = (PlanSpline::new(plan), InverseDynamics::new(plan));
-    let joints = plan.robot.joints.iter().map(|joint| &joint.actuator);
-    let wheels = driven_wheels(&plan.robot);
-    let wheels = wheels.filter_map(|wheel| plan.robot.end_effectors[wheel].contact.actuator());
-    let motors: Vec<&Actuator> = joints.chain(wheels).collect();
+    let robot = &plan.robot;
+    let wheel = |index: usize| robot.end_effectors[index].contact.actuator();
+    let joints = robot.joints.iter().map(|joint| (&joint.actuator, f64::INFINITY));
+    let wheels = driven_wheels(robot).filter_map(wheel).map(|of| (of, of.speed_max_rad_s));
+    let motors: Vec<(&Actuator, f64)> = joints.chain(wheels).collect();
     let frames = (plan.motion.duration_s * RATE_HZ).round() as usize;
     let mut points = vec![Vec::with_capacity(frames); motors.len()];
     for frame in 0..frames {
@@ -102,11 +104,10 @@ fn points(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
         let (speeds, torques) = (spline.setpoints(time_s), inverse.at(time_s));
         let speeds = speeds.joint_speed_rad_s.iter().chain(&speeds.motor_speed_rad_s);
         let both = speeds.zip(torques.channels_nm());
-        for ((points, motor), (speed, torque)) in points.iter_mut().zip(&motors).zip(both) {
-            points.push([
-                speed.abs().min(motor.speed_max_rad_s),
-                torque.abs().min(motor.torque_max_nm),
-            ]);
+        for ((points, (motor, most_rad_s)), (speed, torque)) in
+            points.iter_mut().zip(&motors).zip(both)
+        {
+            points.push([speed.abs().min(*most_rad_s), torque.abs().min(motor.torque_max_nm)]);
         }
     }
     points

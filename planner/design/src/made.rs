@@ -44,7 +44,7 @@ impl Designed {
     }
 
     /// Plans of a design around `found` that can be made. Of the nearest designs those are planned first of which `predicted` is
-    /// least. The first is taken with which all motions hold and keep the bounds of the goal, if the design file has one. If there
+    /// least, and taken to their optima. The first is taken with which all motions hold and keep the bounds of the goal, if the design file has one. If there
     /// is none, motions that hold are worth more than bounds.
     ///
     /// # Errors
@@ -63,9 +63,10 @@ impl Designed {
             let mut plans = self.plan_from(found, &values, true, watch)?;
             let holds = plans.all_hold();
             if holds {
-                // A solve ends when its costs are flat, where torques are still percents from those of the optimum.
-                let optima = plans.clone().at_optimum(watch)?;
-                plans = if optima.all_hold() { optima } else { plans };
+                let polished = plans.clone().polished(watch)?;
+                // The optimum is that of the costs, not of what is kept.
+                let within = |of: &Plans| self.kept(of).iter().all(Kept::is_within);
+                plans = if within(&plans) && !within(&polished) { plans } else { polished };
             }
             let kept = self.kept(&plans);
             if holds && kept.iter().all(Kept::is_within) {

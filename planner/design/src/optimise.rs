@@ -8,8 +8,7 @@
 //! Σ_motions Σ_objectives w q(p) / q(p₀) + Σ_parameters w p / p₀ + pull ‖Δp‖² + μ Σ max(0, kept / bound − 1),    μ = 10
 //! ```
 //!
-//! A robot that cannot do one of the motions is no step, however good it is at the others. Where derivatives are estimates, steps that
-//! do not gain shrink the trust region.
+//! A robot that cannot do one of the motions is no step, however good it is at the others.
 
 use crate::designed::Designed;
 use crate::goal::{Goal, Quantity};
@@ -25,7 +24,7 @@ const TRUST_MAX: f64 = 2.0;
 const TRUST_MIN: f64 = 0.02;
 const STEPS_MAX: usize = 15;
 /// Gain of the merit below which a step is not worth planning, and a design is not better.
-pub const GAIN_MIN: f64 = 2e-4;
+const GAIN_MIN: f64 = 2e-4;
 /// Curvature to begin with, per square of a unit.
 const CURVATURE: f64 = 1e-2;
 
@@ -36,8 +35,6 @@ pub struct Step {
     pub values: Vec<f64>,
     /// The merit.
     pub merit: f64,
-    /// Gain of the merit that the slopes before this step predicted; `None` of the first design.
-    pub predicted_gain: Option<f64>,
     /// Values of the objectives, then of what is kept, of each motion.
     pub quantities: Vec<Vec<f64>>,
 }
@@ -53,16 +50,17 @@ pub struct Optimised {
     merit: Merit,
     /// Names of motions that robots could not do which were tried on the way, with what their plans came to.
     pub lost: Vec<String>,
+    /// Gain of the merit, and the predicted one, summed over all steps that were tried and planned.
+    gains: [f64; 2],
     /// Names of motions whose derivatives are estimates with the curvature of Gauss and Newton.
     pub estimated: Vec<String>,
 }
 
 impl Optimised {
-    /// Part of the gain that slopes predicted which came true, over all steps; `None` without a step.
-    pub fn came_true(&self) -> Option<f64> {
-        let gains = self.steps.windows(2).map(|of| of[0].merit - of[1].merit);
-        let predicted: f64 = self.steps.iter().filter_map(|step| step.predicted_gain).sum();
-        (predicted > 0.0).then(|| gains.sum::<f64>() / predicted)
+    /// Gain of the merit by the gain that slopes and curvature predicted, over all steps that were tried and planned; `None` without one.
+    pub fn gain_of_predicted(&self) -> Option<f64> {
+        let [gain, predicted] = self.gains;
+        (predicted > 0.0).then(|| gain / predicted)
     }
 
     /// What the merit is near the last design, by its slopes there.
@@ -82,23 +80,28 @@ struct Point {
     estimated: Vec<String>,
 }
 
-/// The merit of plans as they are, against those of the original design: whether one design is better than another.
+/// Whether a design is better than another, by the plans as they are: motions that may be played are worth more than the merit, and of
+/// plans that may not be played nothing is known.
+pub fn is_better(designed: &Designed, goal: &Goal, one: &Plans, other: &Plans) -> bool {
+    let gain = || merit_of(designed, goal, other, other) - merit_of(designed, goal, one, other);
+    let is_other = one.variant.values != other.variant.values;
+    is_other && one.all_hold() && (!other.all_hold() || gain() > GAIN_MIN)
+}
+
+/// The merit of plans as they are, against those of the original design.
 pub fn merit_of(designed: &Designed, goal: &Goal, plans: &Plans, original: &Plans) -> f64 {
-    let quantities = |plans: &Plans| -> Vec<Vec<f64>> {
-        let wanted = || goal.minimise.iter().chain(&goal.keep);
-        let of_plan = |plan| {
-            wanted().map(|(of, _)| of.of_plan(plan, &Weights::default())).collect::<Vec<_>>()
-        };
-        plans.plans().map(of_plan).collect()
+    let wanted: Vec<Objective> =
+        goal.minimise.iter().chain(&goal.keep).map(|(objective, _)| *objective).collect();
+    let values = |plans: &Plans| -> Vec<Vec<f64>> {
+        let of = |plan| wanted.iter().map(|of| of.of_plan(plan, &Weights::default())).collect();
+        plans.plans().map(of).collect()
     };
     let flat = DVector::zeros(designed.original().len());
     let with_slopes = |of: Vec<f64>| of.into_iter().map(|value| (value, flat.clone())).collect();
-    let point = Point {
-        plans: plans.clone(),
-        quantities: quantities(plans).into_iter().map(with_slopes).collect(),
-        estimated: Vec::new(),
-    };
-    Outer { designed, goal }.merit(&point, &quantities(original)).value()
+    let (quantities, estimated) =
+        (values(plans).into_iter().map(with_slopes).collect(), Vec::new());
+    let point = Point { plans: plans.clone(), quantities, estimated };
+    Outer { designed, goal }.merit(&point, &values(original)).value()
 }
 
 /// Optimises a design from plans of the original one. `each` sees every step that is taken.
@@ -117,11 +120,12 @@ pub fn optimise(
     let mut here = problem.point(plans.clone(), watch)?;
     let original: Vec<Vec<f64>> = values_of(&here);
     let mut merit = problem.merit(&here, &original);
-    let mut steps = vec![problem.step(&here, merit.value(), None)];
+    let mut steps = vec![problem.step(&here, merit.value())];
     each(&steps[0]);
     let count = designed.original().len();
     let mut curvature = DMatrix::identity(count, count) * CURVATURE;
     let (mut trust, mut lost, mut estimated) = (TRUST, Vec::new(), here.estimated.clone());
+    let mut gains = [0.0; 2];
     while steps.len() <= STEPS_MAX && trust >= TRUST_MIN {
         let Some((step, multipliers)) = problem.quadratic(&here, &merit, &curvature, trust) else {
             break;
@@ -150,7 +154,9 @@ pub fn optimise(
             }
         }
         let next = problem.merit(&there, &original);
-        let ratio = (merit.value() - next.value()) / predicted;
+        let gain = merit.value() - next.value();
+        let ratio = gain / predicted;
+        gains = [gains[0] + gain, gains[1] + predicted];
         let slopes = [&merit, &next].map(|merit| merit.lagrangian(&multipliers));
         update(&mut curvature, &step, &(&slopes[1] - &slopes[0]));
         if ratio > 0.75 && step.amax() > 0.9 * trust {
@@ -160,13 +166,13 @@ pub fn optimise(
         }
         if ratio > 1e-3 {
             (here, merit) = (there, next);
-            steps.push(problem.step(&here, merit.value(), Some(predicted)));
+            steps.push(problem.step(&here, merit.value()));
             if let Some(step) = steps.last() {
                 each(step);
             }
         }
     }
-    Ok(Optimised { steps, plans: here.plans, merit, lost, estimated })
+    Ok(Optimised { steps, plans: here.plans, merit, lost, gains, estimated })
 }
 
 /// Damped update of BFGS: the curvature stays positive.
@@ -313,8 +319,7 @@ impl Outer<'_> {
         quadratic.minimum()
     }
 
-    fn step(&self, at: &Point, merit: f64, predicted_gain: Option<f64>) -> Step {
-        let (values, quantities) = (at.plans.variant.values.clone(), values_of(at));
-        Step { values, merit, predicted_gain, quantities }
+    fn step(&self, at: &Point, merit: f64) -> Step {
+        Step { values: at.plans.variant.values.clone(), merit, quantities: values_of(at) }
     }
 }

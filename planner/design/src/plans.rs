@@ -69,7 +69,17 @@ impl Plans {
         lost.map_or(Ok(()), |plan| Err(cannot(plan)))
     }
 
-    /// The same plans at their optima, where they have one that is found.
+    /// The same plans at their optima, or where their costs are flatter, if all may be played there; the plans as they are otherwise. A
+    /// solve ends when its costs are flat, where torques are still percents from those of the optimum.
+    ///
+    /// # Errors
+    /// The caller stops it.
+    pub fn polished(self, watch: &mut Watch<'_>) -> Result<Self, Failed> {
+        let optima = self.clone().at_optimum(watch)?;
+        Ok(if optima.all_hold() { optima } else { self })
+    }
+
+    /// The same plans at their optima, or where their costs are flatter.
     ///
     /// # Errors
     /// The caller stops it.
@@ -209,7 +219,7 @@ impl Designed {
     /// units: what derivatives are taken of.
     ///
     /// # Errors
-    /// There is no robot around these values, a plan has no optimum, `work` fails, or the caller stops it.
+    /// There is no robot around these values, a motion did not converge, `work` fails, or the caller stops it.
     pub fn each_optimum(
         &self,
         plans: &Plans,
@@ -239,10 +249,10 @@ pub(crate) fn unless_interrupted(solution: Solution) -> Result<Solution, Failed>
     }
 }
 
-/// The optimum of a solution.
+/// The optimum of a solution, or a plan near it.
 ///
 /// # Errors
-/// It has none, or the caller stops it.
+/// The solution did not converge, or the caller stops it.
 pub fn optimal(solution: &Solution, watch: &mut Watch<'_>) -> Result<Optimal, Failed> {
     let motion = &solution.plan.motion.name;
     let mut stopped = false;

@@ -28,6 +28,8 @@ const FOOTFALLS: [Family; 3] =
     [Family::AngularDynamics, Family::LinearDynamics, Family::SwingForce];
 /// Relative change of a motor limit up to which weak motors are a likely cause.
 const LIKELY_CHANGE: f64 = 2.0;
+/// Relative change of a motor limit up to which it may be the cause although it is hardly exceeded: it is stiffer than what gives way.
+const LITTLE_CHANGE: f64 = 0.5;
 /// Relative change of a goal beyond which the goal is not the cause.
 const HOPELESS_CHANGE: f64 = 1.5;
 /// Rank of groups without an estimate, after all others.
@@ -231,8 +233,8 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
             Kind::Request if group.is_swing() && !number => &mut builds,
             Kind::Request if !(pulls || group.family.is_goal() || group.is_swing()) => continue,
             Kind::Request => &mut requests,
-            // A limit that is hardly exceeded is not the cause, whatever its lever.
-            Kind::Limit if !group.is_exceeded() => continue,
+            // A limit that is hardly exceeded is not the cause, unless a little more of it would do.
+            Kind::Limit if !group.is_exceeded() && rank > LITTLE_CHANGE => continue,
             Kind::Limit => &mut limits,
             Kind::Build => &mut builds,
             Kind::Cost | Kind::Check => continue,

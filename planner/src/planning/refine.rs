@@ -108,7 +108,7 @@ fn solved(
 
 /// The motion with twice the intervals; `None` if that would be too many samples, or too close. Feet lift off and land when
 /// they did: as played a foot stands between two samples if it stands at both.
-fn doubled(motion: &Motion) -> Option<Motion> {
+pub(super) fn doubled(motion: &Motion) -> Option<Motion> {
     let next = |i: usize| match motion.stance.get(i + 1) {
         None if motion.ends == Ends::Periodic => motion.stance.first(),
         next => next,

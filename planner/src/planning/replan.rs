@@ -14,6 +14,7 @@ use super::solution::Solution;
 use super::trials::OwnEnds;
 use crate::motion::Motion;
 use crate::plan::{Plan, Status};
+use crate::report::Report;
 use crate::solve::{Multipliers, Progress};
 use crate::start::Start;
 use rollwalk_robot::Robot;
@@ -36,6 +37,21 @@ pub fn replan(
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Plan, ReplanError> {
     Ok(replan_solution(previous, robot, motion, options, progress)?.plan)
+}
+
+/// Plans the motion of a plan with twice its samples, from that plan; `None` if that would be too many of them, or if no consistent plan
+/// is found.
+pub fn replan_finer(
+    plan: &Plan,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Option<Plan> {
+    let finer = refine::doubled(&plan.motion)?;
+    let mut found = replan(plan, &plan.robot, &finer, options, progress).ok()?;
+    found.solve.start = plan.solve.start;
+    found.solve.refinements.splice(0..0, plan.solve.refinements.iter().cloned());
+    let is_solved = found.solve.status.is_solved();
+    (is_solved && Report::as_played(&found).judgement.is_good()).then_some(found)
 }
 
 /// Does the same as [`replan`] and returns the multipliers too.

@@ -14,7 +14,7 @@ use crate::diagnose::Mobility;
 use crate::families::{Family, Kind};
 use crate::motion::{Goal, Motion};
 use crate::plan::{Culprit, DURATION, Diagnosis, Ending, Status, Verdict};
-use crate::report::{Judgement, Report};
+use crate::report::{Report, TakenBack};
 use rollwalk_robot::Robot;
 
 /// Relative change of a number up to which a request misses by little. Then a trial starts from the point with the least
@@ -69,7 +69,7 @@ pub(super) fn second_look(
             solution = *found;
             Ending::Decided
         }
-        Ok(Looked::FromBothSides) => Ending::Decided,
+        Ok(Looked::FromBothSides | Looked::Never) => Ending::Decided,
         Ok(Looked::Open) => ending,
         Err(Stopped) => {
             solution.plan.solve.status = Status::Interrupted;
@@ -88,6 +88,8 @@ enum Looked {
     Found(Box<Solution>),
     /// A number near the one asked for works, and no way leads from there to the request.
     FromBothSides,
+    /// The goal is met by posture alone, whatever its number.
+    Never,
     /// Other starts may find a plan.
     Open,
 }
@@ -96,6 +98,8 @@ enum Looked {
 struct Works {
     number: f64,
     solution: Solution,
+    /// Whether it was found from scratch, as those who type the number find it.
+    cold: bool,
 }
 
 /// A second look in progress.
@@ -105,7 +109,7 @@ struct Look<'a, 'p> {
     nearest: &'a Solution,
     /// Iterations left in which numbers are sought.
     left: usize,
-    /// Whether a number was tried with which the goal is met by posture alone: no number works then.
+    /// Whether a number was tried with which contacts that stay leave nothing of the goal.
     taken_back: bool,
 }
 
@@ -115,8 +119,11 @@ impl Look<'_, '_> {
         let Diagnosis { verdict, culprits } = diagnosis;
         let mut trials = TRIALS.into_iter();
         let mut looked = None;
-        for culprit in culprits.iter_mut() {
-            let Some(estimate) = culprit.would_do.take().or_else(|| guess(culprit)) else {
+        // A number that is not tried is not said.
+        let estimates: Vec<_> =
+            culprits.iter_mut().map(|culprit| culprit.would_do.take()).collect();
+        for (culprit, estimate) in culprits.iter_mut().zip(estimates) {
+            let Some(estimate) = estimate.or_else(|| guess(culprit)) else {
                 continue;
             };
             // The time of one that misses by little goes into the number that is the easiest to change.
@@ -125,8 +132,8 @@ impl Look<'_, '_> {
             }
             let most = trials.next().unwrap_or_default();
             let Some(works) = self.seek(culprit, estimate, most)? else {
-                if self.taken_back {
-                    return Ok(Looked::FromBothSides);
+                if self.taken_back && looked.is_none() {
+                    return Ok(Looked::Never);
                 }
                 continue;
             };
@@ -201,16 +208,14 @@ impl Look<'_, '_> {
             let solution = self.trials.solve(&robot, &motion, from, most)?;
             self.left = self.left.saturating_sub(self.trials.effort.spent - before);
             let Some(solution) = solution else { break };
-            match worth(&solution) {
-                Some(Judgement::Consistent | Judgement::NeedsFeedback) => {
-                    return Ok(Some(Works { number, solution }));
-                }
-                // What shifts the body over contacts that stay is refused, however little it is.
-                Some(Judgement::TakenBack) => {
-                    self.taken_back = true;
-                    break;
-                }
-                _ => {}
+            if is_consistent(&solution) {
+                return Ok(Some(Works { number, solution, cold: from.is_none() }));
+            }
+            if solution.plan.solve.status == Status::Converged
+                && TakenBack::of(&solution.plan).is_some_and(|of| of.is_whole())
+            {
+                self.taken_back = true;
+                break;
             }
             let why = solution.plan.solve.diagnosis;
             let same = |other: &Culprit| {
@@ -238,7 +243,7 @@ impl Look<'_, '_> {
         let Request { robot, motion, .. } = self.trials.request;
         let asked = Asked::by(culprit);
         let given = asked.number;
-        let mut worked = vec![works.number];
+        let (mut worked, found_cold) = (vec![works.number], works.cold);
         let mut left = OF_STEPS;
         let mut step = given - works.number;
         let mut near = asked.is_near(works.number);
@@ -263,7 +268,7 @@ impl Look<'_, '_> {
                 return Ok(Looked::Found(Box::new(solution)));
             } else {
                 worked.push(number);
-                works = Works { number, solution };
+                works = Works { number, solution, cold: false };
                 near = asked.is_near(number);
             }
         }
@@ -272,8 +277,8 @@ impl Look<'_, '_> {
         while let Some((robot, other)) = culprit.with_number(robot, motion, worked[last]) {
             let samples = other.stance.len();
             let typed = other.sampled_as(motion);
-            // The first was found from scratch, but with the samples of the shorter motion, between which a wheel may slip.
-            if last == 0 && typed.stance.len() == samples {
+            // With the samples of a shorter motion a wheel may slip between them.
+            if last == 0 && found_cold && typed.stance.len() == samples {
                 break;
             }
             let solved = self.trials.solve(&robot, &typed, None, OF_TRIAL)?;
@@ -292,13 +297,8 @@ impl Look<'_, '_> {
 
 /// Whether a number works for those who type it: its plan converged, and is consistent as it is played.
 fn is_consistent(solution: &Solution) -> bool {
-    matches!(worth(solution), Some(Judgement::Consistent | Judgement::NeedsFeedback))
-}
-
-/// What a plan is worth as it is played; `None` of one that did not converge.
-fn worth(solution: &Solution) -> Option<Judgement> {
     let plan = &solution.plan;
-    (plan.solve.status == Status::Converged).then(|| Report::as_played(plan).judgement)
+    plan.solve.status == Status::Converged && Report::as_played(plan).judgement.is_good()
 }
 
 /// The largest number of the goal, as a culprit; `None` if all are 0.

@@ -11,6 +11,8 @@ use std::fmt;
 const UNSAID: f64 = 0.1;
 /// Part of a goal that posture may add or take: beyond, the goal is not that of the motion's contacts.
 const ALLOWED: f64 = 0.5;
+/// Part of a goal that is next to nothing of it.
+const WHOLE: f64 = 0.1;
 
 /// The goal of a motion at rest of which posture adds or takes the largest part.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -25,7 +27,7 @@ pub struct TakenBack {
 
 impl TakenBack {
     /// Of a motion at rest with goals; `None` for others.
-    pub(super) fn of(plan: &Plan) -> Option<Self> {
+    pub(crate) fn of(plan: &Plan) -> Option<Self> {
         let goal = &plan.motion.goal;
         let goals =
             [("forward_m", goal.forward_m), ("left_m", goal.left_m), ("turn_rad", goal.turn_rad)];
@@ -48,6 +50,11 @@ impl TakenBack {
     /// Whether it is worth a word.
     pub fn is_said(&self) -> bool {
         self.part() > UNSAID
+    }
+
+    /// Whether next to nothing is left of the goal.
+    pub(crate) fn is_whole(&self) -> bool {
+        (self.left / self.goal).abs() < WHOLE
     }
 
     /// Whether it is too much for the motion to have met its goal.

@@ -31,8 +31,7 @@ const DIFFERENCE: f64 = 2e-5;
 /// How exactly derivatives are solved for, and steps towards the optimum, each of which the next one corrects.
 const DERIVATIVE: Effort = Effort { leave: 1e-9, products: 120, refinements: 10, curvature: 1.0 };
 const STEP: Effort = Effort { leave: 1e-3, products: 60, refinements: 3, curvature: 1.0 };
-/// Newton steps that hardly bring the conditions nearer to zero, one after the other, after which none will: the part of the squares
-/// that such a step leaves.
+/// Newton steps in a row after which the method gives up, if each leaves more than this part of the squares of the conditions.
 const STALLED: usize = 3;
 const HARDLY: f64 = 0.8;
 /// Parts of the second derivatives that steps take into account: away from the optimum the Hessian may be indefinite.
@@ -188,26 +187,26 @@ impl<'a> Optimum<'a> {
     /// Goes to the optimum by Newton's method, until a step is this short.
     ///
     /// # Errors
-    /// It is not reached in `steps` steps.
+    /// It is not reached in `steps` steps, or three of them hardly come nearer.
     pub fn polish(&mut self, steps: usize, length: f64) -> Result<(), NoOptimum> {
-        let (mut stalled, mut least) = (0, f64::INFINITY);
+        let (mut stalled, mut previous, mut last) = (0, f64::INFINITY, f64::INFINITY);
         for _ in 0..steps {
             let here = self.conditions(&self.rows, &self.shifts);
+            let before = here.squares(self.penalty());
+            // At the end rounding decides.
+            let is_there = |last: f64| before < ROUNDING || last < NEARLY_NO_STEP;
+            stalled = if before > HARDLY * previous { stalled + 1 } else { 0 };
+            if stalled == STALLED {
+                return if is_there(last) { Ok(()) } else { Err(NoOptimum::Diverges) };
+            }
+            previous = before;
             let step = CURVATURES
                 .into_iter()
                 .find_map(|curvature| self.solve(&here, Effort { curvature, ..STEP }).ok());
             let Some(step) = step else { return Err(NoOptimum::Saddle) };
-            let last = norm(&step.unknowns);
-            let before = here.squares(self.penalty());
-            stalled = if before > HARDLY * least { stalled + 1 } else { 0 };
-            least = before.min(least);
-            if stalled == STALLED && before > ROUNDING {
-                return Err(NoOptimum::Diverges);
-            }
+            last = norm(&step.unknowns);
             if !self.take(&step, before) {
-                // At the end rounding decides.
-                let is_there = before < ROUNDING || last < NEARLY_NO_STEP;
-                return if is_there { Ok(()) } else { Err(NoOptimum::Diverges) };
+                return if is_there(last) { Ok(()) } else { Err(NoOptimum::Diverges) };
             }
             self.factorise()?;
             if last < length {

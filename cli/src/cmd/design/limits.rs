@@ -58,8 +58,8 @@ struct Motors {
 struct Limits {
     motion: String,
     prices: Vec<Limit>,
-    /// Why the prices are estimates, if they are.
-    estimated: Option<String>,
+    /// Whether the prices are those of a plan near the optimum.
+    estimated: bool,
 }
 
 /// A constraint that pushes.
@@ -87,8 +87,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     for solution in &plans.solutions {
         let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
         let optimal = plans::optimal(solution, watch).map_err(report)?;
-        let estimated = (optimal.curvature() == Curvature::GaussNewton)
-            .then(|| "Newton's method does not reach the optimum of its plan".to_owned());
+        let estimated = optimal.curvature() == Curvature::GaussNewton;
         let prices = optimal.prices();
         let motion = solution.plan.motion.name.clone();
         let prices = prices.into_iter().map(limit).collect();
@@ -153,8 +152,12 @@ fn limit(price: Price) -> Limit {
 }
 
 fn describe(limits: &Limits) -> String {
+    let note = match limits.estimated {
+        true => "\nonly roughly: Newton's method does not reach the optimum of its plan",
+        false => "",
+    };
     if limits.prices.is_empty() {
-        return format!("{}: nothing limits it but its goal", limits.motion);
+        return format!("{}: nothing limits it but its goal{note}", limits.motion);
     }
     let mut table = Table::new([&limits.motion, "number", "cost for 1 % of it", "where"]);
     for of in limits.prices.iter().take(SHOWN) {
@@ -168,6 +171,5 @@ fn describe(limits: &Limits) -> String {
         };
         table.row([of.constraint.clone(), number, cost, of.subjects.join(", ")]);
     }
-    let note = limits.estimated.as_ref().map(|why| format!("\nonly roughly: {why}"));
-    table.render() + &note.unwrap_or_default()
+    table.render() + note
 }

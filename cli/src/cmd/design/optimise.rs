@@ -4,7 +4,7 @@ use super::outcome::{Folder, Outcome};
 use super::{Shown, plan_original, read, report};
 use miette::miette;
 use rollwalk_design::optimise;
-use rollwalk_design::plans::{Plans, Repaired};
+use rollwalk_design::plans::Repaired;
 use rollwalk_terminal::{Exit, output};
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -81,28 +81,22 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if let Some(goal) = &designed.file.goal {
         // As the plans are that are written: a robot that was repaired is compared with its repair.
         let baseline = match repairs.is_empty() {
-            true => before.clone(),
-            false => designed.made(&start, &|_| 0.0, watch).map_err(report)?,
+            true => before.clone().polished(watch),
+            false => designed.made(&start, &|_| 0.0, watch),
         };
-        let [of_after, of_baseline] =
-            [&after, &baseline].map(|plans| optimise::merit_of(&designed, goal, plans, &baseline));
-        let better = match [&after, &baseline].map(Plans::all_hold) {
-            [holds, held] if holds == held => of_after < of_baseline - optimise::GAIN_MIN,
-            [holds, _] => holds,
-        };
-        // The same robot at the optimum of its plan is no other design.
-        let is_other = after.variant.values != baseline.variant.values;
-        is_better = Some(is_other && better);
-        after = if is_other && better { after } else { baseline };
+        let baseline = baseline.map_err(report)?;
+        let better = optimise::is_better(&designed, goal, &after, &baseline);
+        is_better = Some(better);
+        after = if better { after } else { baseline };
     }
     drop(shown);
     let mut outcome = Outcome::new("optimise", &designed, Some(&before), &after)?;
     outcome.repairs = repairs;
     outcome.kept = designed.kept(&after);
     if let Some(found) = found {
-        outcome.came_true = found.came_true();
+        outcome.gain_of_predicted = found.gain_of_predicted();
         (outcome.steps, outcome.lost) = (found.steps, found.lost);
-        (outcome.is_better, outcome.estimated) = (is_better, found.estimated);
+        (outcome.is_better, outcome.estimated_motions) = (is_better, found.estimated);
     }
     folder.write(&outcome, Some(&before), &after)
 }

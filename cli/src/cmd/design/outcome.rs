@@ -171,15 +171,15 @@ pub struct Outcome {
     /// Of `optimise`: the designs on the way.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "steps")]
     pub steps: Vec<Step>,
-    /// Of `optimise` with a goal: whether a design was found that is better than the one it began with.
+    /// Whether `optimise` found a design that is better than the original one, or than its repair.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub is_better: Option<bool>,
-    /// Of `optimise`: motions whose derivatives are estimates.
+    /// Motions whose derivatives are estimates in `optimise`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub estimated: Vec<String>,
-    /// Of `optimise`: part of the predicted gain that came true.
+    pub estimated_motions: Vec<String>,
+    /// Gain of the objective by the predicted one, over all steps that `optimise` tried.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub came_true: Option<f64>,
+    pub gain_of_predicted: Option<f64>,
     /// Of `optimise` of a robot that could not do a motion: the designs until it could.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "repairs")]
     pub repairs: Vec<repair::Step>,
@@ -324,8 +324,8 @@ impl Outcome {
             kept: Vec::new(),
             steps: Vec::new(),
             is_better: None,
-            estimated: Vec::new(),
-            came_true: None,
+            estimated_motions: Vec::new(),
+            gain_of_predicted: None,
             repairs: Vec::new(),
             lost: Vec::new(),
         })
@@ -416,19 +416,22 @@ impl Outcome {
             let rows = self.steps.iter().map(|step| (format!("{:.4}", step.merit), &step.values));
             parts.push(self.steps_table("step", "objective", rows).render());
         }
-        if !self.estimated.is_empty() {
-            let motions = self.estimated.join(", ");
-            let gain = self.came_true.map_or(String::new(), |part| {
-                format!("; of the gain that they predicted, {:.0} % came true", part * 100.0)
+        if !self.estimated_motions.is_empty() {
+            let gain = self.gain_of_predicted.map_or(String::new(), |part| {
+                format!("; steps gained {:.0} % of what was predicted", part * 100.0)
             });
             parts.push(format!(
-                "derivatives of {motions} are estimates with the curvature of Gauss and Newton, because no optimum near the plan was \
-                 found at which the second derivatives are positive{gain}"
+                "derivatives of {} are estimates with the curvature of Gauss and Newton: no optimum near its plan was found at which second \
+                 derivatives are positive{gain}",
+                self.estimated_motions.join(", ")
             ));
         }
         if self.is_better == Some(false) {
-            parts
-                .push("no better design was found within the bounds: it stays as it is".to_owned());
+            let stays = match self.repairs.is_empty() {
+                true => "the robot stays as it is",
+                false => "the robot is the repaired one",
+            };
+            parts.push(format!("no better design was found within the bounds: {stays}"));
         }
         parts.extend(self.lost.iter().map(|lost| format!("on the way: {lost}")));
         parts.join("\n\n")

@@ -227,6 +227,4 @@ fn a_walk_that_has_settled_goes_on_like_that() {
     assert!(count < 8 && settled.cycles == whole.cycles[..count], "{settled:?}");
     assert!(settled.holds() && whole.holds(), "{whole:?}");
     assert!((settled.ratio(0).unwrap() - whole.ratio(0).unwrap()).abs() < 2e-3, "{whole:?}");
-    // One period is compared with the ones before it.
-    assert!(count > 3, "{settled:?}");
 }

@@ -5,7 +5,7 @@ use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::duty::{self, Duty};
 use rollwalk_design::goal::Goal;
 use rollwalk_design::keep::keep;
-use rollwalk_design::optimise::{merit_of, optimise};
+use rollwalk_design::optimise::{is_better, merit_of, optimise};
 use rollwalk_design::plans::{Failed, Plans, optimal};
 use rollwalk_planner::Progress;
 use rollwalk_planner::families::Family;
@@ -191,10 +191,16 @@ fn a_walk_whose_optimum_is_out_of_reach_is_optimised_with_estimates() {
     let before = planned(&designed);
     let found = optimise(&designed, &before, &goal, &mut on, &mut |_| ()).unwrap();
     assert_eq!(found.estimated, ["walk"]);
-    assert!(found.came_true() > Some(0.5), "{:?}", found.steps);
+    assert!(found.gain_of_predicted() > Some(0.5), "{:?}", found.steps);
     let after = designed.made(&found.plans, &|_| 0.0, &mut on).unwrap();
     let gain = 1.0 - merit_of(&designed, &goal, &after, &before);
     assert!(gain > 0.03 && after.all_hold(), "{gain}");
+    let better = |one, other| is_better(&designed, &goal, one, other);
+    assert!(better(&after, &before) && !better(&before, &after));
+    assert!(!better(&after, &after), "the same robot");
+    let mut lost = after.clone();
+    lost.solutions[0].plan.solve.status = Status::Infeasible;
+    assert!(!better(&lost, &before) && better(&before, &lost) && !better(&lost, &lost));
 }
 
 #[test]
