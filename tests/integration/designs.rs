@@ -132,6 +132,12 @@ fn requests_that_make_no_sense_are_refused_with_what_would() {
     desk.edit(legs, "peak_joint_speed = 1.0", "peak_speed = 1.0");
     run(&["optimise", legs, "-o", "x"])
         .fails(1, &["`peak_speed` is neither a quantity nor a parameter", "peak_joint_speed"]);
+    let turn = desk.read_text(legs).replace("trot.toml", "turn_in_place.toml");
+    desk.write("turn.toml", turn.replace("../", "").replace("peak_speed", "cost_of_transport"));
+    run(&["optimise", "turn.toml", "-o", "x"]).fails(
+        1,
+        &["`turn_in_place` goes nowhere, so that it has no cost_of_transport", "`power`"],
+    );
     let robot = ["check", "robots/agilebot.toml"];
     run(&robot).fails(1, &["robots/agilebot.toml is a robot file"]);
     // An input is not written over.

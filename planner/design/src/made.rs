@@ -61,7 +61,7 @@ impl Designed {
         let mut best: Option<(bool, f64, Plans)> = None;
         for (_, values) in roundings.into_iter().take(PLANNED) {
             let mut plans = self.plan_from(found, &values, true, watch)?;
-            let holds = plans.all_hold();
+            let holds = plans.all_hold() && self.all_defined(&plans.variant.motions).is_ok();
             if holds {
                 let polished = plans.clone().polished(watch)?;
                 // The optimum is that of the costs, not of what is kept.
@@ -93,7 +93,10 @@ impl Designed {
             let of = |&(objective, bound): &(Objective, f64)| Kept {
                 motion: motion.name.clone(),
                 quantity: Quantity::of(objective),
-                value: objective.of_plan(plan, &weights),
+                value: match plan.solve.status.is_solved() {
+                    true => objective.of_plan(plan, &weights),
+                    false => f64::NAN,
+                },
                 bound,
             };
             has.map(of).collect::<Vec<_>>()
@@ -109,7 +112,7 @@ pub struct Kept {
     pub motion: String,
     /// What is kept.
     pub quantity: Quantity,
-    /// What it comes to.
+    /// What it comes to; NaN without a plan.
     pub value: f64,
     /// What it must not exceed.
     pub bound: f64,

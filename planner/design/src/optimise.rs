@@ -85,7 +85,8 @@ struct Point {
 pub fn is_better(designed: &Designed, goal: &Goal, one: &Plans, other: &Plans) -> bool {
     let gain = || merit_of(designed, goal, other, other) - merit_of(designed, goal, one, other);
     let is_other = one.variant.values != other.variant.values;
-    is_other && one.all_hold() && (!other.all_hold() || gain() > GAIN_MIN)
+    let is_defined = designed.all_defined(&one.variant.motions).is_ok();
+    is_other && is_defined && one.all_hold() && (!other.all_hold() || gain() > GAIN_MIN)
 }
 
 /// The merit of plans as they are, against those of the original design.
@@ -249,6 +250,7 @@ impl Outer<'_> {
 
     /// All quantities of a design with their slopes.
     fn point(&self, plans: Plans, watch: &mut Watch<'_>) -> Result<Point, Failed> {
+        self.designed.all_defined(&plans.variant.motions)?;
         let (mut quantities, mut estimated) = (Vec::new(), Vec::new());
         self.designed.each_optimum(&plans, watch, &mut |mut optimal, parameters| {
             let wanted = self.goal.minimise.iter().chain(&self.goal.keep);

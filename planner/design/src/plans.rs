@@ -2,7 +2,9 @@
 
 use crate::designed::{Designed, Variant, on_samples_of};
 use crate::file::Parameter;
+use crate::goal::Quantity;
 use crate::repair::{self, Free, Made, Outcome, Repair, Shown};
+use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::Report;
 use rollwalk_planner::sensitivity::{self, Design, NotOptimal, Optimal};
@@ -46,6 +48,14 @@ pub enum Failed {
     /// A plan has no derivatives.
     #[error(transparent)]
     NotOptimal(#[from] NotOptimal),
+    /// A motion has not what the goal of the design minimises or keeps.
+    #[error("`{motion}` goes nowhere, so that it has no {quantity}")]
+    Undefined {
+        /// Name of the motion.
+        motion: String,
+        /// Name of the quantity.
+        quantity: &'static str,
+    },
 }
 
 impl Plans {
@@ -110,6 +120,25 @@ fn cannot(plan: &Plan) -> Failed {
 }
 
 impl Designed {
+    /// That motions of this design have all that its goal minimises and keeps.
+    ///
+    /// # Errors
+    /// The first that has not.
+    pub fn all_defined<'a>(
+        &self,
+        motions: impl IntoIterator<Item = &'a Motion>,
+    ) -> Result<(), Failed> {
+        let Some(goal) = &self.file.goal else { return Ok(()) };
+        for motion in motions {
+            let mut quantities = goal.minimise.iter().chain(&goal.keep).map(|(of, _)| *of);
+            if let Some(objective) = quantities.find(|of| !of.is_defined(motion)) {
+                let (motion, quantity) = (motion.name.clone(), Quantity::of(objective).name);
+                return Err(Failed::Undefined { motion, quantity });
+            }
+        }
+        Ok(())
+    }
+
     /// Plans all motions from scratch.
     ///
     /// # Errors
@@ -156,7 +185,7 @@ impl Designed {
     }
 }
 
-fn named(motion: &rollwalk_planner::motion::Motion) -> &str {
+fn named(motion: &Motion) -> &str {
     &motion.name
 }
 

@@ -68,6 +68,9 @@ fn report(failed: Failed) -> Report {
             help = "`rollwalk design optimise` looks for the smallest changes with which it can",
             "{failed}"
         ),
+        Failed::Undefined { .. } => {
+            miette!(help = "give `power` in its place, or leave the motion out", "{failed}")
+        }
         Failed::NotOptimal(_) => miette!(
             help = "`rollwalk design edit` works without derivatives; leave this motion out, or give it footfalls or targets",
             "{failed}"

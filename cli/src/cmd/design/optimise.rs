@@ -32,6 +32,10 @@ pub struct Args {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
+    // Before it is planned for.
+    if let Ok(original) = designed.at(designed.original()) {
+        designed.all_defined(&original.motions).map_err(report)?;
+    }
     let folder = args.folder.open(&designed)?;
     let shown = RefCell::new(Shown::new("planning"));
     let watch = &mut |motion: &str, state: &_| shown.borrow_mut().iteration(motion, state);
@@ -77,6 +81,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         found.as_ref().map_or(0.0, |found| found.predicted(&designed, values))
     };
     let mut after = designed.made(last, &predicted, watch).map_err(report)?;
+    if !after.all_hold() && last.all_hold() {
+        output::say(
+            "rounded to the steps of its parameters no robot near the one that was found can do its motions: give finer steps",
+        );
+    }
     let mut is_better = None;
     if let Some(goal) = &designed.file.goal {
         // As the plans are that are written: a robot that was repaired is compared with its repair.

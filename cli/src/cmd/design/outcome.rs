@@ -383,6 +383,7 @@ impl Outcome {
             for of in &self.kept {
                 let beyond = match of.is_within() {
                     true => "within".to_owned(),
+                    false if of.value.is_nan() => "no plan".to_owned(),
                     false => format!("beyond by {:.2} %", of.excess() * 100.0),
                 };
                 table.row([
