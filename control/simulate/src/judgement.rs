@@ -40,16 +40,24 @@ impl PlannedWay {
 
     /// Greatest deviation of a way from another one, over the one that is allowed from the plan.
     pub(crate) fn deviation(&self, one: &Way, other: &Way) -> f64 {
-        let of = |of: usize| (one.values()[of] - other.values()[of]).abs() / self.allowed(of);
-        (0..3).map(of).fold(0.0, f64::max)
+        (0..3).map(|of| self.part(one, other, of)).fold(0.0, f64::max)
+    }
+
+    /// The same of goals alone.
+    pub(crate) fn deviation_of_goals(&self, one: &Way, other: &Way) -> f64 {
+        let goals = (0..3).filter(|of| self.goals[*of]);
+        goals.map(|of| self.part(one, other, of)).fold(0.0, f64::max)
+    }
+
+    fn part(&self, one: &Way, other: &Way, of: usize) -> f64 {
+        (one.values()[of] - other.values()[of]).abs() / self.allowed(of)
     }
 
     /// Greatest deviation of a way from the plan's, over the one that is allowed, of what is judged: of the goals, if there are any.
     pub(crate) fn miss(&self, achieved: &Way) -> f64 {
         let judged = |of: &usize| self.goals[*of] || !self.goals.contains(&true);
-        let of =
-            |of: usize| (achieved.values()[of] - self.way.values()[of]).abs() / self.allowed(of);
-        (0..3).filter(judged).map(of).fold(0.0, f64::max)
+        let parts = (0..3).filter(judged).map(|of| self.part(achieved, &self.way, of));
+        parts.fold(0.0, f64::max)
     }
 
     /// Deviation that is allowed of a component, m or rad.

@@ -1,7 +1,7 @@
 //! What became of a plan in the world, against the plan.
 
 use crate::control::Controller;
-use crate::judgement::{Astray, PlannedWay};
+use crate::judgement::{Astray, BAND, PlannedWay};
 use crate::script::Script;
 use nalgebra::Rotation3;
 use rollwalk_multibody::ground::Ground;
@@ -17,6 +17,11 @@ const LAST: usize = 3;
 const SETTLED: f64 = 0.02;
 /// Periods for which such deviations might add up without a change of the verdict.
 const AHEAD: f64 = 5.0;
+
+/// Periods from which on a run shows whether its way still changes from period to period, and the change that is too much, over
+/// the deviation that is allowed: 2 % of a goal. Where it does, no mean says where the robot comes.
+const SHOWS_CHANGE: usize = 7;
+const CHANGES: f64 = 0.4;
 
 /// A run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -69,8 +74,15 @@ impl Outcome {
         };
         let first = |from: usize| self.cycles.len() - settled.len() + from + 1;
         let on = |way: &Way, from| self.planned.astray(way).map(|astray| (astray, first(from)));
-        let (astray, from_period) = on(&all, 0).or_else(|| on(&late, last))?;
-        Some(Miss::Astray { astray, from_period })
+        if let Some((astray, from_period)) = on(&all, 0).or_else(|| on(&late, last)) {
+            return Some(Miss::Astray { astray, from_period });
+        }
+        let before = self.cycles.len().saturating_sub(LAST + 1);
+        let steps = self.cycles[before..].windows(2);
+        let change =
+            steps.map(|of| self.planned.deviation_of_goals(&of[0], &of[1])).fold(0.0, f64::max);
+        let changes = self.cycles.len() >= SHOWS_CHANGE && change > CHANGES;
+        changes.then(|| Miss::Changes { part: change * (BAND[1] - 1.0) })
     }
 
     /// Whether the robot stayed on its feet and came where the plan says.
@@ -97,6 +109,11 @@ pub enum Miss {
     },
     /// No period came to its end.
     Unfinished,
+    /// It stays on its feet, and its way changes from period to period.
+    Changes {
+        /// Change over the goal.
+        part: f64,
+    },
     /// It stays on its feet and comes somewhere else.
     Astray {
         /// Where.
@@ -111,6 +128,13 @@ impl fmt::Display for Miss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Falls { at_s } => write!(f, "the robot falls after {at_s:.2} s"),
+            Self::Changes { part } => {
+                write!(
+                    f,
+                    "its way still changes by {:.1} % of its goal from period to period",
+                    100.0 * part
+                )
+            }
             Self::Unfinished => f.write_str("it was stopped before its end"),
             Self::Astray { astray, from_period } if *from_period > 2 => {
                 write!(f, "{astray} from period {from_period} on")

@@ -80,6 +80,7 @@ impl Verdict {
     pub fn misses_by_little(&self) -> bool {
         match self {
             Self::Fails { miss: Miss::Astray { astray, .. }, .. } => astray.is_little(),
+            Self::Fails { miss: Miss::Changes { .. }, .. } => true,
             _ => false,
         }
     }
