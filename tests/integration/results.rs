@@ -250,6 +250,23 @@ fn a_consistent_plan_whose_robot_tips_does_not_hold_in_simulation() {
 }
 
 #[test]
+fn a_glide_that_goes_too_far_on_a_coarse_grid_is_planned_on_a_finer_one() {
+    let desk = desk_with_shipped_files();
+    let glide = "name = \"glide\"\nrobot = \"robots/swizzlebot.toml\"\nends = \"periodic\"\nduration_s = 1.883333\n\
+                 [footfalls]\nall = \"stance\"\n[goal]\nforward_m = 0.0851\nturn_rad = 0.0\n";
+    desk.write("glide.toml", glide);
+    let plan = ["plan", "glide.toml", "-o", "plan.json"];
+    let fixed = desk.run(&[&plan[..], &["--samples-fixed"]].concat());
+    fixed.succeeds_with(3, &["does not hold in simulation: it comes to 1.0"]);
+    let finer = desk.run(&plan);
+    assert_eq!(finer.code, 0, "{}", finer.stderr);
+    assert!(finer.stdout.contains(", 56 samples") && finer.stdout.contains("holds in simulation"));
+    let told = ["with 28 samples does not hold", "give samples = 56 in the motion file"];
+    assert!(told.iter().all(|told| finer.stderr.contains(told)), "{}", finer.stderr);
+    desk.run(&["simulate", "plan.json", "--cycles", "8"]).succeeds();
+}
+
+#[test]
 fn a_goal_that_only_posture_meets_is_refused_and_a_lean_is_not() {
     let desk = desk_with_shipped_files();
     let lean = |goal: &str| {

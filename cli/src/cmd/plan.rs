@@ -253,6 +253,10 @@ fn refined(
         finer = found.filter(|_| !interrupt::requested())?;
         verdict = simulated(&finer)?;
         if verdict.holds() {
+            output::say(format_args!(
+                "give samples = {} in the motion file: libraries are planned with what it says",
+                finer.samples.len()
+            ));
             return Some((finer, verdict, more_s));
         }
     }
