@@ -7,8 +7,8 @@ Requests are eight motions of each imported robot, random ones of robots that sh
 request is planned, with its verdict; a plan that the planner does not call infeasible is replayed in MuJoCo on contacts of three
 stiffnesses, eight periods each. Each request is a line of FOLDER/results.jsonl; what has a line there is not run again.
 
-Exit code: 0 if at most one in forty of the good plans misses 0.95 to 1.05 of a goal in MuJoCo on any contact, and at most one in forty of the refused
-ones would have held on all of them; 1 if not, 2 if nothing was run.
+Exit code: 0 if at most one in forty of the good plans does not hold in MuJoCo on any contact, by the rules of our simulator, and at most one in forty of
+all that are judged was refused and holds on all of them; 1 if not, 2 if nothing was run.
 """
 
 import argparse
