@@ -2,10 +2,11 @@
 //! simulated robot plays it within the bounds of the demo.
 
 use crate::desk_with_shipped_files;
+use rollwalk_tests::Desk;
 use serde_json::Value;
 
-#[test]
-fn every_shipped_library_builds_and_opens() {
+/// Builds every shipped library, and lends its file and the output of the build.
+fn each_built(options: &[&str], mut look: impl FnMut(&Desk, &str, Value)) {
     let desk = desk_with_shipped_files();
     let folder = std::fs::read_dir(desk.path("motions")).unwrap();
     let mut files: Vec<String> = folder
@@ -16,12 +17,28 @@ fn every_shipped_library_builds_and_opens() {
     assert!(files.len() >= 5, "{files:?}");
     for file in files {
         let file = format!("motions/{file}");
-        desk.run(&["library", "build", &file, "-o", "a.rwl", "--json"]).succeeds();
+        let build = ["library", "build", &file, "-o", "a.rwl", "--json"];
+        let built = desk.run(&[&build[..], options].concat()).succeeds();
+        look(&desk, &file, serde_json::from_str(&built).unwrap());
+    }
+}
+
+#[test]
+fn every_shipped_library_builds_and_opens() {
+    each_built(&["--no-simulation"], |desk, file, _| {
         let told = desk.run(&["library", "inspect", "a.rwl", "--json"]).succeeds();
         let told: Value = serde_json::from_str(&told).unwrap();
-        let motions = desk.read_text(&file).matches("[[motion]]").count();
+        let motions = desk.read_text(file).matches("[[motion]]").count();
         assert_eq!(told["motions"].as_array().unwrap().len(), motions, "{file}");
-    }
+    });
+}
+
+#[test]
+#[ignore = "minutes: cargo xtask nightly --only long"]
+fn every_shipped_library_holds_in_simulation() {
+    let mut simulated = 0;
+    each_built(&[], |_, _, built| simulated += usize::from(!built["simulation"].is_null()));
+    assert!(simulated >= 4, "{simulated}");
 }
 
 #[test]
