@@ -86,7 +86,7 @@ def _comes_there(cycles):
     if any(abs(of - 1) > 0.05 for of in _mean(rest) + _mean(rest[-3:])):
         return False
     changes = [abs(a - b) for one, other in zip(cycles[-4:], cycles[-3:]) for a, b in zip(one, other)]
-    return len(cycles) < CYCLES or max(changes) <= 0.02
+    return bool(len(cycles) < CYCLES or max(changes) <= 0.02)
 
 
 def _mean(cycles):
