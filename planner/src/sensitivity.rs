@@ -177,8 +177,8 @@ impl Optimal {
         })
     }
 
-    /// From unknowns near the optimum, after at most so many Newton steps; `None` for a point that stays where it is, which is
-    /// differentiated with the curvature of Gauss and Newton.
+    /// Takes unknowns to the optimum by at most `polish` Newton steps. `None` leaves them where they are, with the curvature of Gauss
+    /// and Newton.
     fn near(
         problem: Problem,
         motion: &Motion,

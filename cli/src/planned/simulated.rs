@@ -69,7 +69,7 @@ pub fn simulate(packed: &Packed, planned: &[Planned]) -> miette::Result<Option<S
 }
 
 impl Simulation {
-    /// What does not hold, a line each.
+    /// Motions that do not hold, with the reason, a line each.
     pub fn misses(&self) -> Vec<String> {
         let motions = self.clips.iter().filter(|clip| !clip.judged.needs_feedback);
         let astray = motions.filter_map(|Clip { name, judged }| {

@@ -109,12 +109,12 @@ pub enum Miss {
     },
     /// No period came to its end.
     Unfinished,
-    /// It stays on its feet, and its way changes from period to period.
+    /// Way that changes from period to period, without a fall.
     Changes {
         /// Change over the goal.
         part: f64,
     },
-    /// It stays on its feet and comes somewhere else.
+    /// Way that leads somewhere else, without a fall.
     Astray {
         /// Where.
         #[serde(flatten)]

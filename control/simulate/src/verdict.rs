@@ -23,9 +23,9 @@ const CYCLES: usize = 8;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "verdict")]
 pub enum Verdict {
-    /// It stays on its feet and comes where its plan says, on all contacts.
+    /// Motion that comes where its plan says without a fall, on all contacts.
     Holds,
-    /// It does not.
+    /// Motion that falls or comes somewhere else.
     Fails {
         /// Stiffness of contacts over the usual one, with which it does not.
         contact_stiffness: f64,

@@ -112,7 +112,7 @@ pub struct Kept {
     pub motion: String,
     /// What is kept.
     pub quantity: Quantity,
-    /// What it comes to; NaN without a plan.
+    /// Value in the plan; NaN without one.
     pub value: f64,
     /// What it must not exceed.
     pub bound: f64,

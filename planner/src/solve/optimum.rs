@@ -187,7 +187,7 @@ impl<'a> Optimum<'a> {
     /// Goes to the optimum by Newton's method, until a step is this short.
     ///
     /// # Errors
-    /// It is not reached in `steps` steps, or three of them hardly come nearer.
+    /// The optimum is not reached in `steps` steps, or three of them hardly come nearer.
     pub fn polish(&mut self, steps: usize, length: f64) -> Result<(), NoOptimum> {
         let (mut stalled, mut previous, mut last) = (0, f64::INFINITY, f64::INFINITY);
         for _ in 0..steps {
