@@ -5,7 +5,7 @@
 
 Requests are eight motions of each imported robot, random ones of robots that ship with Rollwalk, and the motions that ship. Every
 request is planned, with its verdict; a plan that the planner does not call infeasible is replayed in MuJoCo on contacts of three
-stiffnesses, eight periods each. Each request is a line of FOLDER/results.jsonl; what has a line there is not run again.
+stiffnesses, eight periods each, and by `rollwalk simulate` at other rates and stiffnesses. Each request is a line of FOLDER/results.jsonl; what has a line there is not run again.
 
 Exit code: 0 if at most one in forty of the good plans does not hold in MuJoCo on any contact, by the rules of our simulator, and at most one in forty of
 all that are judged was refused and holds on all of them; 1 if not, 2 if nothing was run.
@@ -22,7 +22,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import drawing  # noqa: E402
-from judging import ROOT, judge, run  # noqa: E402
+from judging import CONTACTS_S, ROOT, SIMULATED, judge, run  # noqa: E402
 
 # Robots that ship with Rollwalk, with what their end effectors can do.
 SHIPPED = {
@@ -90,6 +90,14 @@ def summary(lines):
         for line in wrong:
             why = line["simulation"] if line["consistent"] else line["judgement"]
             print(f"{title}: {line['key']}, {ratios(line)}, {why}")
+    # With what of our own, and with which contacts of MuJoCo, the verdict of `plan` agrees.
+    others = {name: {line["key"]: line["verdicts"][name] for line in judged} for name in ("report", *SIMULATED)}
+    for name in CONTACTS_S:
+        others[f"MuJoCo, {name} contacts"] = {line["key"]: bool(line["mujoco"][name].get("holds")) for line in judged}
+    print(f"{'of':30}{'both hold':>12}{'plan only':>12}{'it only':>12}{'neither':>12}")
+    for name, verdicts in others.items():
+        counts = [sum((line["holds"], verdicts[line["key"]]) == of for line in judged) for of in ((True, True), (True, False), (False, True), (False, False))]
+        print(f"{name:30}" + "".join(f"{count:12}" for count in counts))
     infeasible = sum(bool(line.get("diagnosis")) for line in lines)
     errors = [line["key"] for line in lines if "error" in line]
     print(

@@ -20,8 +20,17 @@ ROOT = Path(__file__).resolve().parents[2]
 CYCLES = 8
 # Longest run of a command, s.
 COMMAND_S = 1800
-# Time constants of MuJoCo's contacts: stiffness goes with the inverse of the square.
-STIFFNESSES = {"soft": 0.5, "usual": 1.0, "hard": 2.0}
+# Time constants of MuJoCo's contacts, s; stiffness goes with the inverse of the square. With the middle one the feet of a robot that
+# stands sink in by 0.2 to 0.5 mm, as with the usual contacts of our simulator: what is refused for soft ground has to meet such ground.
+CONTACTS_S = {"soft": 0.0141, "usual": 0.01, "hard": 0.0071}
+# Runs of `rollwalk simulate`: at the usual rate and at two and four times it, and on softer and harder contacts.
+SIMULATED = {
+    "simulate": [],
+    "simulate at 2 x the rate": ["--rate", "960"],
+    "simulate at 4 x the rate": ["--rate", "1920"],
+    "simulate at 1/2 the stiffness": ["--contact-stiffness", "0.5"],
+    "simulate at 2 x the stiffness": ["--contact-stiffness", "2"],
+}
 
 
 def run(options, *words):
@@ -55,18 +64,21 @@ def _judge(options, request):
     line["holds"] = planned.returncode == 0
     line["samples"] = outcome["samples"]
     line["diagnosis"] = bool(outcome.get("diagnosis"))
-    report = json.loads(run(options, "report", plan, "--json").stdout)
+    reported = run(options, "report", plan, "--json")
+    report = json.loads(reported.stdout)
     line["growth"], line["needs_feedback"] = report.get("growth_per_cycle"), "needs_feedback" in report
     if line["diagnosis"]:
         return line
-    line["mujoco"] = {name: replayed(plan, request.robot.file, stiffness) for name, stiffness in STIFFNESSES.items()}
+    line["verdicts"] = {"report": reported.returncode == 0}
+    for name, words in SIMULATED.items():
+        line["verdicts"][name] = run(options, "simulate", plan, "--cycles", CYCLES, *words).returncode == 0
+    line["mujoco"] = {name: replayed(plan, request.robot.file, time_constant_s) for name, time_constant_s in CONTACTS_S.items()}
     return line
 
 
-def replayed(plan, robot, stiffness):
+def replayed(plan, robot, time_constant_s):
     try:
         motion, robot_data, frames, torques = jobs.load(str(plan), "none", jobs.Inputs(str(robot), ROOT))
-        time_constant_s = Ground().solref[0] / stiffness**0.5
         ground = replace(Ground(), solref=(time_constant_s, 1.0))
         track = world.run(motion, robot_data, robot_files.feed_forward(robot), cycles=CYCLES, ground=ground)
     except Unusable as error:
