@@ -60,6 +60,9 @@ pub struct DesignFile {
     pub repair_pull: Option<f64>,
 }
 
+/// The least step of a parameter, in its unit.
+const STEP_LEAST: f64 = 1e-6;
+
 /// A motion that a design is for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightedMotion {
@@ -211,8 +214,14 @@ fn parameter(mut table: Table<'_>) -> Option<Parameter> {
         let problem = format_args!("is {max_value}, not above `{min}` = {min_value}");
         table.fault(max, problem, "no room", "give the least value first");
     }
-    if step_given.is_some_and(|step| step <= 0.0) {
-        table.fault(step, "must be above 0", "no step", "the smallest change that can be made");
+    if kind.is_positive() && min_value <= 0.0 {
+        let problem = format_args!("is {min_value}, and must be above 0");
+        table.fault(min, problem, "nothing is left", "give the least that can be made");
+    }
+    if step_given.is_some_and(|step| step < STEP_LEAST) {
+        let problem = format_args!("must be at least {STEP_LEAST}");
+        let help = "give the smallest change that can be made, or leave it out";
+        table.fault(step, problem, "no step", help);
     }
     Some(Parameter { name, place: place?, min: min_value, max: max_value, step: step_given })
 }

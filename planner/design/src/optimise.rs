@@ -22,6 +22,7 @@ use rollwalk_planner::sensitivity::{Curvature, Objective};
 const TRUST: f64 = 1.0;
 const TRUST_MAX: f64 = 2.0;
 const TRUST_MIN: f64 = 0.02;
+/// Steps that are taken at most.
 const STEPS_MAX: usize = 15;
 /// Gain of the merit below which a step is not worth planning, and a design is not better.
 const GAIN_MIN: f64 = 2e-4;
@@ -61,6 +62,11 @@ impl Optimised {
     pub fn gain_of_predicted(&self) -> Option<f64> {
         let [gain, predicted] = self.gains;
         (predicted > 0.0).then(|| gain / predicted)
+    }
+
+    /// Whether another step might have made it better: as many were taken as may be.
+    pub fn is_cut_short(&self) -> bool {
+        self.steps.len() > STEPS_MAX
     }
 
     /// What the merit is near the last design, by its slopes there.

@@ -116,6 +116,19 @@ impl Kind {
         matches!(self, Self::MotionLength | Self::MotionTime | Self::MotionAngle)
     }
 
+    /// Whether nothing is left of what it changes at a value of 0 or less.
+    pub const fn is_positive(self) -> bool {
+        matches!(
+            self,
+            Self::Length
+                | Self::Radius
+                | Self::Speed
+                | Self::Torque
+                | Self::Mass
+                | Self::MotionTime
+        )
+    }
+
     /// Whether its value is a coordinate, which a design file names with a dot: `leg/*_knee.z`.
     pub const fn has_axis(self) -> bool {
         matches!(self, Self::Joint | Self::Mount | Self::Center)

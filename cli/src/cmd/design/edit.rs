@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// Change parameters of a robot by hand and plan its motions again.
 ///
 /// Writes a folder with the changed robot file, its comments kept, a plan of each motion, figures of each motion before and after,
-/// and a report. The exit code is 3 if a motion does not hold afterwards.
+/// and a report. The exit code is 3 if a motion does not hold in simulation afterwards.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -59,7 +59,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Some(_) => (None, changed.plan(&values, watch).map_err(report)?),
     };
     drop(shown);
-    let mut outcome = Outcome::new("edit", &designed, before.as_ref(), &after)?;
+    let mut outcome = Outcome::new("edit", &designed, before.as_ref(), &after);
     outcome.servos = servos;
     folder.write(&outcome, before.as_ref(), &after)
 }

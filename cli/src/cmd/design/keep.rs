@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let manual = designed.plan_from(&before, &by_hand, true, again).map_err(report)?;
     drop(shown);
     let drift = |plans| Drift::between(args.feature, &before, plans);
-    let mut outcome = Outcome::new("keep", &designed, Some(&before), &after)?;
+    let mut outcome = Outcome::new("keep", &designed, Some(&before), &after);
     outcome.drifts = vec![("by hand", drift(&manual)), ("kept", drift(&after))];
     folder.write(&outcome, Some(&before), &after)
 }

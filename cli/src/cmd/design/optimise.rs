@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// What is best stands in the design file's `[goal]`: quantities to minimise, and bounds to keep. Several motions are optimised
 /// at once (thesis 2.5.3). A robot that cannot do a motion as it is designed is repaired first, by the smallest changes with
 /// which it can; without `[goal]` that is all. If no design within the bounds is better, the robot stays as it is. Writes what `rollwalk design edit` writes, with a row for every step of the design.
-/// The exit code is 3 if no design within the bounds can do the motions, or a quantity under `keep` is beyond its bound.
+/// The exit code is 3 if no design within the bounds can do the motions, if one does not hold in simulation afterwards, or if a quantity under `keep` is beyond its bound.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -99,11 +99,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         after = if better { after } else { baseline };
     }
     drop(shown);
-    let mut outcome = Outcome::new("optimise", &designed, Some(&before), &after)?;
+    let mut outcome = Outcome::new("optimise", &designed, Some(&before), &after);
     outcome.repairs = repairs;
     outcome.kept = designed.kept(&after);
     if let Some(found) = found {
         outcome.gain_of_predicted = found.gain_of_predicted();
+        outcome.is_cut_short = found.is_cut_short();
         (outcome.steps, outcome.lost) = (found.steps, found.lost);
         (outcome.is_better, outcome.estimated_motions) = (is_better, found.estimated);
     }

@@ -1,6 +1,5 @@
 //! What a change of a design came to: robot file, plans, figures and report in a folder.
 
-use crate::played;
 use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
 use rollwalk_design::made::Kept;
@@ -13,10 +12,10 @@ use rollwalk_planner::plot::{self, JointPanels};
 use rollwalk_planner::report::Report;
 use rollwalk_planner::sample::resample;
 use rollwalk_planner::sensitivity::Feature;
-use rollwalk_simulate::Control;
-use rollwalk_terminal::Exit;
+use rollwalk_simulate::Verdict;
 use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::output::{self, Table};
+use rollwalk_terminal::{Exit, interrupt};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use toml_edit::{DocumentMut, Item, Value};
@@ -127,9 +126,13 @@ impl Place<'_> {
                 "{text}\nwrote {robot}, with motions, plans, figures and report.md beside it"
             ))?;
         }
-        let is_consistent = outcome.motions.iter().all(|of| of.consistent);
+        let holds = outcome.motions.iter().all(Compared::holds);
         let is_kept = outcome.kept.iter().all(Kept::is_within);
-        Ok(if is_consistent && is_kept { Exit::Ok } else { Exit::DoesNotHold })
+        Ok(match interrupt::requested() {
+            true => Exit::Interrupted,
+            false if holds && is_kept => Exit::Ok,
+            false => Exit::DoesNotHold,
+        })
     }
 
     /// A motion file that names the robot file beside it.
@@ -174,6 +177,9 @@ pub struct Outcome {
     /// Whether `optimise` found a design that is better than the original one, or than its repair.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub is_better: Option<bool>,
+    /// Whether `optimise` took as many steps as it may.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_cut_short: bool,
     /// Motions whose derivatives are estimates in `optimise`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub estimated_motions: Vec<String>,
@@ -247,9 +253,20 @@ struct Compared {
     consistent: bool,
     /// What its plan is worth.
     conclusion: String,
-    /// What becomes of it in the simulated world, before and after; absent of plans that did not converge.
-    simulated: [Option<String>; 2],
+    /// Verdicts of the simulation, before and after; null for a plan that did not converge, and after Ctrl-C.
+    simulated: [Option<Verdict>; 2],
+    /// Reason, from the motion file, why the motion needs feedback.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    needs_feedback: Option<String>,
     quantities: Vec<Pair>,
+}
+
+impl Compared {
+    /// Whether the motion is consistent afterwards, and holds in simulation or is known to need feedback.
+    fn holds(&self) -> bool {
+        let simulated = self.simulated[1].is_none_or(|verdict| verdict.holds());
+        self.consistent && (simulated || self.needs_feedback.is_some())
+    }
 }
 
 /// A quantity of a motion before and after.
@@ -293,15 +310,12 @@ impl Drift {
 impl Outcome {
     /// Compares two designs, or shows one whose motions could not be asked of the original; plays their plans in the simulated
     /// world.
-    ///
-    /// # Errors
-    /// A step of that world has no solution.
     pub fn new(
         command: &'static str,
         designed: &Designed,
         before: Option<&Plans>,
         after: &Plans,
-    ) -> miette::Result<Self> {
+    ) -> Self {
         let values = designed.original().iter().zip(&after.variant.values);
         let parameters = designed.file.parameters.iter().zip(values).map(|(of, values)| Changed {
             name: of.name.clone(),
@@ -313,22 +327,23 @@ impl Outcome {
         });
         let motions = plans_of(before, after).into_iter().zip(after.plans());
         let motions = motions.map(|(before, after)| compared(before, after));
-        Ok(Self {
+        Self {
             command,
             design: designed.file.name.clone(),
             parameters: parameters.collect(),
             servos: Vec::new(),
             mass_kg: [before.map(mass_kg), Some(mass_kg(after))],
-            motions: motions.collect::<miette::Result<_>>()?,
+            motions: motions.collect(),
             drifts: Vec::new(),
             kept: Vec::new(),
             steps: Vec::new(),
             is_better: None,
+            is_cut_short: false,
             estimated_motions: Vec::new(),
             gain_of_predicted: None,
             repairs: Vec::new(),
             lost: Vec::new(),
-        })
+        }
     }
 
     fn text(&self) -> String {
@@ -369,13 +384,20 @@ impl Outcome {
                 ]);
             }
             let [before, after] = &motion.simulated;
-            let simulated = |of: &Option<String>| of.clone().unwrap_or("no plan".to_owned());
+            let simulated =
+                |of: &Option<Verdict>| of.map_or("not simulated".to_owned(), |of| of.to_string());
+            let needs = motion.needs_feedback.as_ref().map_or(String::new(), |why| {
+                format!("\nits motion file says that it needs feedback: {why}")
+            });
+            let before = match before == after {
+                true => ", as before".to_owned(),
+                false => format!("; before: {}", simulated(before)),
+            };
             parts.push(format!(
-                "{}\n{}\nsimulated: {}; before: {}",
+                "{}\n{}\n{}{before}{needs}",
                 table.render(),
                 motion.conclusion,
-                simulated(after),
-                simulated(before)
+                simulated(after)
             ));
         }
         if !self.kept.is_empty() {
@@ -427,6 +449,12 @@ impl Outcome {
                 self.estimated_motions.join(", ")
             ));
         }
+        if self.is_cut_short {
+            let taken = self.steps.len() - 1;
+            parts.push(format!(
+                "stopped after {taken} steps: optimise the design again from the robot that is written to go on"
+            ));
+        }
         if self.is_better == Some(false) {
             let stays = match self.repairs.is_empty() {
                 true => "the robot stays as it is",
@@ -469,7 +497,7 @@ fn plans_of<'p>(before: Option<&'p Plans>, after: &Plans) -> Vec<Option<&'p Plan
     before.chain(std::iter::repeat(None)).take(count).collect()
 }
 
-fn compared(before: Option<&Plan>, after: &Plan) -> miette::Result<Compared> {
+fn compared(before: Option<&Plan>, after: &Plan) -> Compared {
     let weights = Weights::default();
     let is_solved = |plan: &&Plan| plan.solve.status.is_solved();
     let of = |quantity: Quantity| {
@@ -484,18 +512,16 @@ fn compared(before: Option<&Plan>, after: &Plan) -> miette::Result<Compared> {
     let quantities = all.filter(|of| of.objective.is_defined(&after.motion)).map(of);
     let report = Report::new(after);
     let simulated = |plan: Option<&Plan>| {
-        let control = Control::FeedForward;
-        let play = |plan| played::play(plan, control, control.usual_rate_hz());
-        let outcome = plan.filter(is_solved).map(play);
-        outcome.transpose().map(|outcome| outcome.as_ref().map(played::ratios))
+        plan.filter(is_solved).and_then(|plan| Verdict::of(plan, |_| !interrupt::requested()))
     };
-    Ok(Compared {
+    Compared {
         motion: after.motion.name.clone(),
         consistent: report.judgement.is_good(),
         conclusion: report.words(&after.solve),
-        simulated: [simulated(before)?, simulated(Some(after))?],
+        simulated: [simulated(before), simulated(Some(after))],
+        needs_feedback: after.motion.needs_feedback.clone(),
         quantities: quantities.collect(),
-    })
+    }
 }
 
 /// A number with four digits that count, not in exponents.
