@@ -222,7 +222,12 @@ mod tests {
             (
                 "\"duration_s\": 2.0",
                 "\"duration_s\": 0.0",
-                "motion.duration_s is 0; expected a positive time",
+                "motion.duration_s is 0; expected a time above 0",
+            ),
+            (
+                "\"duration_s\": 2.0",
+                "\"duration_s\": 1e5",
+                "motion.duration_s is 100000; expected a time above 0, at most",
             ),
             (
                 "\"duration_s\": 2.0",

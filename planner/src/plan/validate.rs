@@ -8,7 +8,7 @@ use super::{EndEffectorSample, FORMAT, Plan, PlanError, Sample, Status, VERSION}
 use crate::families::{AGREEMENT, Kind};
 use crate::motion::{Ends, Reserve, Subject};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
-use rollwalk_protocol::library::MAX_NAME;
+use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
 use rollwalk_protocol::text::{Shown, is_plain_name};
 use std::fmt::Display;
 
@@ -113,8 +113,10 @@ impl Plan {
             at.of("motion.reserve").of(name).holds(ok, share, "a share above 0, at most 1")?;
         }
         let duration_s = self.motion.duration_s;
-        let positive = duration_s.is_finite() && duration_s > 0.0;
-        at.of("motion.duration_s").holds(positive, duration_s, "a positive time in s")?;
+        let longest_s = f64::from(MAX_CLIP_FRAMES) / f64::from(RATE_HZ);
+        let of_motion = duration_s > 0.0 && duration_s <= longest_s;
+        let expected = format!("a time above 0, at most {longest_s:.2} s");
+        at.of("motion.duration_s").holds(of_motion, duration_s, expected)?;
         let intervals = match self.motion.ends {
             Ends::Periodic => count,
             Ends::AtRest | Ends::Prescribed => count - 1,
