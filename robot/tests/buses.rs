@@ -283,6 +283,11 @@ fn a_bus_that_cannot_be_is_refused() {
         let expected = format!("is {}, to which no STS3215-C018 can be set", rate.replace('_', ""));
         assert_fault(1, &fast, "bit_rate", &expected, "1000000, 500000, 250000");
     }
+    for rate in ["1_500_000", "250_000"] {
+        let odd = DYNAMIXEL.replace("1_000_000", rate);
+        let expected = format!("is {}, to which no XM430-W210 can be set", rate.replace('_', ""));
+        assert_fault(1, &odd, "bit_rate", &expected, "57600, 115200, 1000000");
+    }
     let flat = ODRIVE.replace("-9", "0");
     assert_fault(1, &flat, "reduction", "is 0", "turns of the motor");
     let motor = ODRIVE.replace("0.05", "-0.05");

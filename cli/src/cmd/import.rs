@@ -68,8 +68,10 @@ fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Res
     let side = Text { name: &side.to_string_lossy(), text: &text };
     let imported = urdf::import(urdf, side).map_err(Report::new)?;
     Output::of_source(output)?.write(imported.toml.as_bytes())?;
-    let overlaps = StandingReport::new(&imported.robot).and_then(|standing| standing.overlaps());
-    let warnings: Vec<_> = imported.warnings.iter().cloned().chain(overlaps).collect();
+    let standing = StandingReport::new(&imported.robot);
+    let standing = standing.iter();
+    let found = standing.flat_map(|of| of.doubts().iter().cloned().chain(of.overlaps()));
+    let warnings: Vec<_> = imported.warnings.iter().cloned().chain(found).collect();
     output::say_warnings(&warnings);
     if json {
         let mass_kg = imported.robot.total_mass_kg();

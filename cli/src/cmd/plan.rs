@@ -112,7 +112,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let (problem, origin) = problem(args)?;
     let Parsed { robot, motion, from } = problem.parse(origin)?;
     let place = Output::at(&args.output)?;
-    print_robot_warnings(&robot);
+    print_robot_warnings(&robot, &problem.robot);
     if let Some(path) = &args.dump {
         let dump = Output::at(path)?;
         place.apart_from(&dump)?;

@@ -8,8 +8,9 @@ use super::robot_export;
 use super::standing::StandingReport;
 use crate::buses::BusLoads;
 use miette::IntoDiagnostic;
+use rollwalk_design::catalog::Catalog;
 use rollwalk_robot::Robot;
-use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::inputs::{Source, TextFile};
 use rollwalk_terminal::{Exit, output};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -60,25 +61,60 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
 }
 
 /// Prints what `robot check` warns of, for commands that plan motions of the robot.
-pub fn print_robot_warnings(robot: &Robot) {
+pub fn print_robot_warnings(robot: &Robot, text: &TextFile) {
     let buses = BusLoads::new(robot).ok();
-    output::say_warnings(&warnings(StandingReport::new(robot).as_ref(), buses.as_ref()));
+    let standing = StandingReport::new(robot);
+    output::say_warnings(&warnings(robot, text, standing.as_ref(), buses.as_ref()));
 }
 
-fn warnings(standing: Option<&StandingReport>, buses: Option<&BusLoads>) -> Vec<String> {
+fn warnings(
+    robot: &Robot,
+    text: &TextFile,
+    standing: Option<&StandingReport>,
+    buses: Option<&BusLoads>,
+) -> Vec<String> {
     let flat = || {
         vec!["a wheel lies flat in the nominal pose: check `axis_in_link` of the wheels, and `nominal_rad` of the joints that turn them".to_owned()]
     };
-    let mut warnings = standing.map_or_else(flat, |s| s.warnings().to_vec());
+    let mut warnings = Robot::side_doubts(&text.path, &text.text);
+    warnings.extend(beyond_data_sheets(robot));
+    warnings.extend(standing.map_or_else(flat, |s| s.warnings().to_vec()));
     warnings.extend(buses.map(BusLoads::warnings).into_iter().flatten());
     warnings
 }
 
+/// Limits beyond what the servo of that name has by its data sheet, a line for each servo and limit.
+fn beyond_data_sheets(robot: &Robot) -> Vec<String> {
+    let catalog = Catalog::shipped();
+    let mut warnings = Vec::new();
+    for channel in robot.channels() {
+        let motor = channel.actuator();
+        let Some(servo) = catalog.servos().iter().find(|servo| servo.name == motor.model) else {
+            continue;
+        };
+        let speed = ("speed_max_rad_s", motor.speed_max_rad_s, Some(servo.no_load_speed_rad_s));
+        let torque = ("torque_max_nm", motor.torque_max_nm, servo.stall_torque_nm);
+        for (field, given, most) in [speed, torque] {
+            let Some(most) = most.filter(|most| given > *most) else { continue };
+            let warning = format!(
+                "actuator {}: `{field}` is {given}, and its data sheet has {most:.3} at {} V, {}",
+                motor.model,
+                servo.voltage_v,
+                if field.starts_with("speed") { "without a load" } else { "at stall" }
+            );
+            if !warnings.contains(&warning) {
+                warnings.push(warning);
+            }
+        }
+    }
+    warnings
+}
+
 fn check(check: &Check) -> miette::Result<Exit> {
-    let robot = Source::Disk.robot(&check.robot)?;
+    let (robot, text) = Source::Disk.robot_and_text(&check.robot)?;
     let buses = BusLoads::new(&robot).into_diagnostic()?;
     let standing = StandingReport::new(&robot);
-    let warnings = warnings(standing.as_ref(), Some(&buses));
+    let warnings = warnings(&robot, &text, standing.as_ref(), Some(&buses));
     if check.json {
         let mass_kg = robot.total_mass_kg();
         output::print_json(&Report { mass_kg, robot: &robot, standing })?;

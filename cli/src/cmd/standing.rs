@@ -1,7 +1,7 @@
 //! How a robot stands in its nominal pose: heights, forces, torques against limits, sag, clearance; and what speaks
 //! against it, as warnings of `rollwalk robot check`.
 
-use rollwalk_multibody::{Standing, Tree};
+use rollwalk_multibody::{Standing, Tree, doubts};
 use rollwalk_robot::Robot;
 use rollwalk_terminal::output::Table;
 use serde::Serialize;
@@ -9,8 +9,6 @@ use std::fmt::Write;
 
 /// Share of its torque limit above which a joint is too weak: on two of four legs, as in a trot, it needs twice as much.
 const SHARE_MAX: f64 = 0.6;
-/// How far a joint may yield as the robot stands, rad; one that yields further hardly carries it, or its stiffness is in N·m per degree.
-const YIELDS_MAX_RAD: f64 = 0.25;
 /// Distance below which contacts are in the same place, m.
 const SAME_PLACE_M: f64 = 1e-3;
 /// Closest pairs of shapes in the table.
@@ -30,6 +28,9 @@ pub struct StandingReport {
     clearances: Vec<Clearance>,
     /// Heights of links with shapes above the ground.
     heights: Vec<Height>,
+    /// The first of the warnings: numbers that no robot of its size has.
+    #[serde(skip)]
+    doubts: Vec<String>,
     warnings: Vec<String>,
 }
 
@@ -113,15 +114,23 @@ impl StandingReport {
             clearance_margin_m: robot.clearance_margin_m,
             clearances,
             heights: links.filter_map(height).collect(),
+            doubts: Vec::new(),
             warnings: Vec::new(),
         };
-        report.warnings = report.warn(standing.balanced);
+        report.doubts = doubts(&tree, &standing);
+        report.warnings = report.doubts.clone();
+        report.warnings.extend(report.warn(standing.balanced));
         Some(report)
     }
 
     /// What speaks against the robot.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// Numbers that no robot of its size has, and what would explain them.
+    pub fn doubts(&self) -> &[String] {
+        &self.doubts
     }
 
     /// The pairs of links that overlap as they stand, as one warning.
@@ -177,13 +186,6 @@ impl StandingReport {
                 100.0 * joint.share,
                 joint.torque_max_nm,
                 100.0 * SHARE_MAX
-            ));
-        }
-        for joint in self.joints.iter().filter(|joint| joint.yields_rad.abs() > YIELDS_MAX_RAD) {
-            warnings.push(format!(
-                "joint `{}` yields by {:.2} rad as the robot stands, which is too much to carry it: a larger `kp_nm_rad`; a value in N·m per degree has to be multiplied by 57.3",
-                joint.name,
-                joint.yields_rad.abs(),
             ));
         }
         let margin_mm = 1e3 * self.clearance_margin_m;

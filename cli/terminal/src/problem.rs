@@ -27,7 +27,8 @@ pub struct Problem {
     program: String,
     pub options: Choices,
     motion: TextFile,
-    robot: TextFile,
+    /// Text of the robot file.
+    pub robot: TextFile,
     /// The plan to start from.
     from: Option<TextFile>,
 }

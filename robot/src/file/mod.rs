@@ -11,6 +11,7 @@ pub(crate) mod parts;
 mod places;
 mod read;
 mod shapes;
+mod sides;
 
 use crate::document::{Document, DocumentError};
 use crate::model::Robot;

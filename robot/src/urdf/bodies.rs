@@ -136,6 +136,20 @@ fn masses(
             let inertia_kg_m2 = Matrix3::from_diagonal_element(mass_kg * 1e-4);
             MassProperties { mass_kg, com_m: Vector3::zeros(), inertia_kg_m2 }
         } else {
+            // Of several links the sum may be sound where one is not.
+            for link in links.iter().filter(|_| links.len() > 1).map(|&link| &urdf.links[link]) {
+                let moments = link.mass.map(|mass| mass.inertia_kg_m2.symmetric_eigenvalues());
+                let (least, most) = moments.map_or((0.0, 0.0), |of| (of.min(), of.max()));
+                if least < -1e-9 * most {
+                    notes.warn(
+                        &link.span,
+                        format_args!(
+                            "link `{}`: a moment of inertia is {least:.3e} kg·m²: all are above 0; check its sign",
+                            link.name
+                        ),
+                    );
+                }
+            }
             let sum = sum(&parts);
             let (inertia_kg_m2, repair) = physical(sum.mass_kg, &sum.inertia_kg_m2);
             if let Some(repair) = repair {

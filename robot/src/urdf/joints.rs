@@ -7,9 +7,13 @@ use super::notes::Notes;
 use super::side::{JointSide, Side};
 use super::toml_text::{key, show};
 use crate::document::Document;
+use std::ops::RangeInclusive;
 
 /// Limit of a joint that turns without end: below 2π also when written with twelve digits.
 pub(super) const TURN_RAD: f64 = std::f64::consts::TAU - 1e-6;
+
+/// Limits that are rather degrees than radians, in absolute value: three turns and less are some joint's, and files without limits have more.
+const DEGREES: RangeInclusive<f64> = 19.0..=360.0;
 
 /// Limits of a joint and its angle in the standing pose, rad.
 #[derive(Clone, Copy, Debug, Default)]
@@ -27,7 +31,7 @@ pub(super) fn ranges(
     bodies: &Bodies,
     notes: &mut Notes<'_>,
 ) -> Vec<Range> {
-    let mut reader = Reader { document, notes, endless: Vec::new() };
+    let mut reader = Reader { document, notes, endless: Vec::new(), degrees: Vec::new() };
     let mut unposed = Vec::new();
     let mut ranges = Vec::new();
     for moving in &bodies.moving {
@@ -44,7 +48,7 @@ pub(super) fn ranges(
         });
         ranges.push(Range { min_rad, max_rad, nominal_rad });
     }
-    reader.warn_endless();
+    reader.warn_wide();
     if let Some((first, _)) = unposed.first() {
         let names = some_names(unposed.iter().map(|(joint, _)| &joint.name));
         let shown: Vec<_> = unposed.iter().take(4).map(|(_, angle)| show(*angle)).collect();
@@ -58,6 +62,8 @@ struct Reader<'a, 'n, 't> {
     notes: &'n mut Notes<'t>,
     /// Joints without limits within a turn.
     endless: Vec<&'a Joint>,
+    /// Joints with limits that would be right in degrees.
+    degrees: Vec<&'a Joint>,
 }
 
 impl<'a> Reader<'a, '_, '_> {
@@ -76,13 +82,30 @@ impl<'a> Reader<'a, '_, '_> {
             }
             (lower, upper) = (upper, lower);
         }
-        if min.is_none() && lower <= -TURN_RAD || max.is_none() && upper >= TURN_RAD {
+        if min.is_none() && DEGREES.contains(&lower.abs())
+            || max.is_none() && DEGREES.contains(&upper.abs())
+        {
+            self.degrees.push(joint);
+        } else if min.is_none() && lower <= -TURN_RAD || max.is_none() && upper >= TURN_RAD {
             self.endless.push(joint);
         }
         let min_rad = min.unwrap_or(lower.clamp(-TURN_RAD, TURN_RAD));
         let max_rad = max.unwrap_or(upper.clamp(-TURN_RAD, TURN_RAD));
         if min_rad < max_rad {
             return Some((min_rad, max_rad));
+        }
+        if self.degrees.last().is_some_and(|last| std::ptr::eq(*last, joint)) {
+            let message = format!(
+                "joint `{}` cannot move: its limits are {lower} and {upper} rad, beyond a turn",
+                joint.name
+            );
+            let help = format!(
+                "a URDF has radians; as degrees they are {:.4} and {:.4} rad",
+                lower.to_radians(),
+                upper.to_radians()
+            );
+            self.notes.fault(joint.span.clone(), message, "in degrees?", help);
+            return None;
         }
         let message = format!(
             "joint `{}` cannot move: its limits are {min_rad} and {max_rad} rad",
@@ -103,7 +126,13 @@ impl<'a> Reader<'a, '_, '_> {
         None
     }
 
-    fn warn_endless(&mut self) {
+    fn warn_wide(&mut self) {
+        if let Some(first) = self.degrees.first() {
+            let names = some_names(self.degrees.iter().map(|joint| &joint.name));
+            let of = |limit: Option<f64>| limit.unwrap_or_default();
+            let (lower, upper) = (of(first.limit.lower), of(first.limit.upper));
+            self.notes.warn(&first.span, format_args!("joint {names}: position limits of many turns, {lower} to {upper} rad, taken within ±2π: a URDF has radians; as degrees they are {:.3} to {:.3} rad", lower.to_radians(), upper.to_radians()));
+        }
         if let Some(first) = self.endless.first() {
             let names = some_names(self.endless.iter().map(|joint| &joint.name));
             self.notes.warn(&first.span, format_args!("joint {names}: no position limits within a turn: taken as ±2π; give `position_min_rad` and `position_max_rad` in the side file where the robot is narrower"));

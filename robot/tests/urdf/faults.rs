@@ -37,6 +37,12 @@ fn numbers_that_are_none() {
 }
 
 #[test]
+fn limits_in_degrees_that_leave_no_room() {
+    let words = ["-150 and -50 rad, beyond a turn", "as degrees they are -2.6180 and -0.8727 rad"];
+    urdf("lower=\"-1\" upper=\"2\"", "lower=\"-150\" upper=\"-50\"", &words);
+}
+
+#[test]
 fn numbers_say_their_unit_and_files_where_they_end() {
     urdf("mass value=\"5.0\"", "mass value=\"heavy\"", &["`trunk`: <mass>", "one number in kg"]);
     urdf("ixx=\"0.03\"", "ixx=\"much\"", &["`trunk`: <inertia>", "`ixx`", "in kg·m²"]);

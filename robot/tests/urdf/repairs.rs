@@ -120,6 +120,27 @@ fn limits_are_put_right() {
 }
 
 #[test]
+fn limits_in_degrees_are_named() {
+    let limits = "lower=\"-1\" upper=\"2\"";
+    let degrees = edited(URDF, limits, "lower=\"-60\" upper=\"110\"");
+    warns(&degrees, SIDE, &["`left_hip`", "-60 to 110 rad", "as degrees they are -1.047 to 1.920"]);
+}
+
+#[test]
+fn a_negative_moment_of_one_of_several_links_is_named() {
+    let foot = "izz=\"0.0001\"/>
+    </inertial>
+  </link>
+  <joint name=\"left_ankle\"";
+    let negative = edited(URDF, foot, &foot.replace("0.0001", "-0.0001"));
+    warns(
+        &negative,
+        SIDE,
+        &["`left_shank`: a moment of inertia is -1.000e-4 kg·m²", "check its sign"],
+    );
+}
+
+#[test]
 fn motors_without_limits_get_documented_ones() {
     let knee = "lower=\"0.3\" upper=\"2.5\" velocity=\"12\" effort=\"20\"";
     let weight_n = good(URDF, SIDE).robot.total_mass_kg() * 9.806_65;

@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let library = Source::Disk.library(&args.library)?;
     let key = args.sign.as_deref().map(signing::private_key).transpose()?;
     let place = Output::at(&args.output)?;
-    print_robot_warnings(&library.robot);
+    print_robot_warnings(&library.robot, &library.robot_text);
     let Some(plans) = plan_all(&library, args.verbose)? else { return Ok(Exit::Interrupted) };
     let converged = plans.failures().is_empty();
     let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };

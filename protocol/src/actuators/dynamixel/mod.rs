@@ -418,6 +418,10 @@ impl Codec for Dynamixel {
         Self { model, watchdog_20ms, return_delay_us, reads_fast }
     }
 
+    fn bit_rates(&self) -> &'static [u32] {
+        &table::BIT_RATES
+    }
+
     fn check_settings(&self, report: &mut dyn Report) {
         let watchdog_ms = u32::from(self.watchdog_20ms) * WATCHDOG_STEP_MS;
         check_integer(report, "watchdog_ms", watchdog_ms, WATCHDOGS_MS, " ms");

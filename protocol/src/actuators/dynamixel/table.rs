@@ -9,6 +9,9 @@ use core::f32::consts::TAU;
 
 use crate::actuators::named::Named;
 
+/// Bits per second by the values of the baud rate (8), 0 to 7.
+pub const BIT_RATES: [u32; 8] =
+    [9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000];
 /// Operating mode, 1 byte, only while torque is off: 0 current, 1 velocity, 3 position, 4 extended
 /// position, 5 current-based position, 16 PWM.
 pub const OPERATING_MODE: u16 = 11;

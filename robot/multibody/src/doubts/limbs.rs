@@ -1,0 +1,79 @@
+//! Joints that move nothing, and a pose in which hardly any foot carries the robot.
+
+use super::seen::{Doubt, Seen};
+use nalgebra::Vector3;
+
+/// Distance of two axes, or of a contact from an axis, below which they are one, as a share of the robot's size.
+const SAME: f64 = 0.003;
+/// Sine of the angle between axes that are parallel.
+const PARALLEL: f64 = 0.02;
+/// Share of the mean force below which a contact hardly carries.
+const CARRIES: f64 = 0.25;
+/// Contacts that stand, from which on the shares are doubtful.
+const MANY: usize = 4;
+
+pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
+    let mut doubts = axes(seen);
+    doubts.extend(ends(seen));
+    doubts.extend(loads(seen));
+    doubts
+}
+
+/// Joints that turn about the axis of the joint before them.
+fn axes(seen: &Seen<'_>) -> Vec<Doubt> {
+    let (robot, frames) = (seen.tree.robot(), &seen.standing.frames);
+    let mut doubts = Vec::new();
+    for (after, joint) in robot.joints.iter().enumerate() {
+        let Some(before) = robot.joints.iter().position(|other| other.child == joint.parent) else {
+            continue;
+        };
+        let axis = frames.joint_axes[before];
+        let apart = frames.link_origins[joint.child] - frames.link_origins[joint.parent];
+        let parallel = axis.cross(&frames.joint_axes[after]).norm() < PARALLEL;
+        if parallel && is_same(seen, &apart, &axis) {
+            let text = "an axis that is that of the joint before it: the link between them has a length of 0; check `origin_in_parent_m`";
+            doubts.push(Doubt::of("joint", &joint.name, text.to_owned()));
+        }
+    }
+    doubts
+}
+
+/// Joints that do not move the contact at the end of their limb.
+fn ends(seen: &Seen<'_>) -> Vec<Doubt> {
+    let (robot, frames) = (seen.tree.robot(), &seen.standing.frames);
+    let mut doubts = Vec::new();
+    for end in &robot.end_effectors {
+        let Some(last) = robot.joints.iter().position(|joint| joint.child == end.link) else {
+            continue;
+        };
+        let axis = frames.joint_axes[last];
+        let center = frames.point(end.link, &end.center_in_link_m);
+        let across = end.contact.axis_in_link().map(|of| frames.world_from_link[end.link] * of);
+        // A wheel whose axis is another one is steered by the joint.
+        let parallel = across.is_none_or(|across| axis.cross(&across).norm() < PARALLEL);
+        if parallel && is_same(seen, &(center - frames.link_origins[end.link]), &axis) {
+            let text = "on the axis of its last joint, which does not move it: the link has a length of 0; check `center_in_link_m`";
+            doubts.push(Doubt::of("end effector", &end.name, text.to_owned()));
+        }
+    }
+    doubts
+}
+
+fn is_same(seen: &Seen<'_>, apart: &Vector3<f64>, axis: &Vector3<f64>) -> bool {
+    axis.cross(apart).norm() < SAME * seen.size_m
+}
+
+/// Contacts that stand and hardly carry: the others are not where legs of the right signs put them.
+fn loads(seen: &Seen<'_>) -> Option<Doubt> {
+    let contacts = seen.tree.robot().end_effectors.iter().zip(&seen.standing.contacts);
+    let standing: Vec<_> = contacts.filter(|(_, contact)| contact.force_n > 0.0).collect();
+    if standing.len() < MANY || !seen.standing.balanced {
+        return None;
+    }
+    let mean_n = standing.iter().map(|(_, of)| of.force_n).sum::<f64>() / standing.len() as f64;
+    let idle = standing.iter().filter(|(_, of)| of.force_n < CARRIES * mean_n);
+    let names: Vec<_> = idle.map(|(end, _)| end.name.clone()).collect();
+    let text = "next to no load, because the centre of mass is nearly beyond the other contacts: check the signs of `axis_in_joint` and `nominal_rad` of the joints, \
+                from the body outwards, and the places of heavy parts";
+    (!names.is_empty()).then(|| Doubt { kind: "end effector", names, text: text.to_owned() })
+}

@@ -1,0 +1,88 @@
+//! Masses against the room that they fill, inertias against the robot's size.
+
+use super::seen::{Doubt, Seen};
+use rollwalk_robot::Link;
+use std::ops::RangeInclusive;
+
+/// Radii of gyration of links, as a share of the robot's size: 0.03 to 0.37 in robots that were built.
+const GYRATION: [f64; 2] = [0.003, 0.8];
+/// Radii of gyration, as shares of that size, that a slip of a unit explains.
+const GYRATION_USUAL: RangeInclusive<f64> = 0.03..=0.5;
+/// Densities of links, kg/m³: 100 to 3300 in robots that were built, in the box that has their inertia.
+const DENSITY: [f64; 2] = [15.0, 25_000.0];
+/// Edges of that box are at least this share of the longest: inertias of thin rods say little about the others.
+const EDGE_LEAST: f64 = 0.1;
+/// Links with less of the robot's mass are not looked at: many files have light ones with made-up inertias.
+const MASS_LEAST: f64 = 1e-4;
+/// Units in which an inertia may have been given, with their values in kg·m².
+const UNITS: [(&str, f64); 5] =
+    [("g·m²", 1e-3), ("kg·cm²", 1e-4), ("kg·mm²", 1e-6), ("g·cm²", 1e-7), ("g·mm²", 1e-9)];
+
+pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
+    let robot = seen.tree.robot();
+    let total_kg = robot.total_mass_kg();
+    let links = robot.links.iter();
+    // A mass that is far too small is not seen by its share.
+    let counts = |link: &&Link| link.mass_kg > MASS_LEAST * total_kg;
+    let doubt = |link: &Link| {
+        let text = inertia(seen, link).or_else(|| density(link))?;
+        Some(Doubt::of("link", &link.name, text))
+    };
+    links.filter(counts).filter_map(doubt).collect()
+}
+
+/// Largest moment of inertia and radius of gyration.
+fn largest(link: &Link) -> (f64, f64) {
+    let inertia = link.inertia_in_link_kg_m2.symmetric_eigenvalues().max();
+    (inertia, (inertia / link.mass_kg).sqrt())
+}
+
+fn inertia(seen: &Seen<'_>, link: &Link) -> Option<String> {
+    let (inertia_kg_m2, radius_m) = largest(link);
+    let share = radius_m / seen.size_m;
+    let [least, most] = GYRATION;
+    let mass_kg = link.mass_kg;
+    if share > most {
+        let explains = |unit: f64| GYRATION_USUAL.contains(&(share * unit.sqrt()));
+        let slips = UNITS.into_iter().filter(|(_, value)| explains(*value));
+        let slips: Vec<_> = slips.map(|(unit, value)| format!("in {unit} by {value:e}")).collect();
+        let slip = match slips.is_empty() {
+            true => "check its unit, kg·m²".to_owned(),
+            false => format!("an inertia has to be multiplied, {}", slips.join(", ")),
+        };
+        return Some(format!(
+            "an inertia of {inertia_kg_m2:.3} kg·m² at {mass_kg} kg, as if it reached {radius_m:.1} m far on a robot of {:.2} m: {slip}",
+            seen.size_m
+        ));
+    }
+    (share < least).then(|| {
+        format!(
+            "an inertia of {inertia_kg_m2:.1e} kg·m² at {mass_kg} kg, as if it were a point {:.2} mm wide: check its unit, kg·m²",
+            1e3 * radius_m
+        )
+    })
+}
+
+/// Of the box with the link's mass and inertia.
+fn density(link: &Link) -> Option<String> {
+    let moments = link.inertia_in_link_kg_m2.symmetric_eigenvalues();
+    let half = 0.5 * moments.sum();
+    let edges_m = moments.map(|moment| (12.0 * (half - moment).max(0.0) / link.mass_kg).sqrt());
+    let longest_m = edges_m.max();
+    let volume_m3: f64 = edges_m.iter().map(|edge| edge.max(EDGE_LEAST * longest_m)).product();
+    let density = link.mass_kg / volume_m3;
+    let [least, most] = DENSITY;
+    let slip = if density < least {
+        "far lighter than foam; masses are in kg"
+    } else if density > most {
+        "heavier than any metal; a mass in g has to be divided by 1000, and a length in m too small makes it so too"
+    } else {
+        return None;
+    };
+    let decimals = if density < 10.0 { 2 } else { 0 };
+    Some(format!(
+        "{} kg in {:.1} cm³, {density:.decimals$} kg/m³: {slip}",
+        link.mass_kg,
+        1e6 * volume_m3
+    ))
+}

@@ -1,0 +1,183 @@
+//! Slips that a reader of robot files lets pass, each with the doubt that names it; robots that were built, without any.
+
+use super::doubts;
+use crate::{Standing, Tree};
+use rollwalk_robot::Robot;
+
+const PUP: &str = include_str!("../../../../shipped/robots/pup.toml");
+
+fn of(text: &str) -> Vec<String> {
+    let robot = Robot::from_toml("robot.toml", text).unwrap();
+    let tree = Tree::new(&robot);
+    doubts(&tree, &Standing::new(&tree).unwrap())
+}
+
+#[test]
+fn robots_that_ship_raise_none() {
+    for entry in std::fs::read_dir("../../shipped/robots").unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let Ok(text) = std::fs::read_to_string(&path) else { continue };
+        // Its wheels are tilted as far as a design can mend.
+        if path.extension().is_none_or(|of| of != "toml") || name == "car_tilted" {
+            continue;
+        }
+        assert_eq!(of(&text), [""; 0], "{name}");
+    }
+}
+
+/// A robot of one link on four feet, with its numbers.
+fn table(changes: &[(&str, &str)]) -> String {
+    let mut text = r#"
+name = "table"
+
+[actuator.servo]
+model = "servo"
+speed_max_rad_s = 6.0
+torque_max_nm = 3.0
+kp_nm_rad = 60.0
+kd_nm_s_rad = 0.8
+armature_kg_m2 = 0.004
+
+[[link]]
+name = "body"
+parts = [{ mass_kg = 1.5, at_m = [0.0, 0.0, 0.0], box_m = [0.30, 0.16, 0.06] }]
+
+[[template.leg.link]]
+name = "*_thigh"
+parts = [{ mass_kg = 0.15, at_m = [0.0, 0.0, -0.05], box_m = [0.03, 0.03, 0.10] }]
+
+[[template.leg.link]]
+name = "*_shank"
+parts = [{ mass_kg = 0.20, at_m = [0.0, 0.0, -0.08], box_m = [0.03, 0.03, 0.10] }]
+
+[[template.leg.joint]]
+name = "*_hip"
+parent = "mount"
+child = "*_thigh"
+origin_in_parent_m = [0.0, 0.0, 0.0]
+axis_in_joint = [0.0, 1.0, 0.0]
+position_min_rad = -0.5
+position_max_rad = 1.5
+nominal_rad = 0.6
+actuator = "servo"
+
+[[template.leg.joint]]
+name = "*_knee"
+parent = "*_thigh"
+child = "*_shank"
+origin_in_parent_m = [0.0, 0.0, -0.10]
+axis_in_joint = [0.0, 1.0, 0.0] # knee
+position_min_rad = -2.2
+position_max_rad = -0.2
+nominal_rad = -1.2
+actuator = "servo"
+
+[[template.leg.end_effector]]
+name = "*"
+link = "*_shank"
+center_in_link_m = [0.0, 0.0, -0.10]
+radius_m = 0.04
+friction_coefficient = 0.8
+contact = "passive_wheel"
+axis_in_link = [0.0, 1.0, 0.0] # wheel
+rolling_resistance = 0.01
+rolling_drag_s_m = 0.0
+"#
+    .to_owned();
+    for (name, x, y) in [
+        ("front_left", 0.13, 0.1),
+        ("front_right", 0.13, -0.1),
+        ("rear_left", -0.13, 0.1),
+        ("rear_right", -0.13, -0.1),
+    ] {
+        let side = if y > 0.0 { "left" } else { "right" };
+        let first_id = 1 + 2 * text.matches("[[limb]]").count();
+        text += &format!(
+            "\n[[limb]]\nname = \"{name}\"\ntemplate = \"leg\"\nparent = \"body\"\norigin_in_parent_m = [{x}, {y}, 0.0]\nside = \"{side}\"\nbus = 0\nfirst_id = {first_id}\n"
+        );
+    }
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    text
+}
+
+#[test]
+fn a_slip_is_named_with_its_value() {
+    let body = "parts = [{ mass_kg = 1.5, at_m = [0.0, 0.0, 0.0], box_m = [0.30, 0.16, 0.06] }]";
+    let inertia = |diagonal: [f64; 3]| {
+        format!(
+            "mass_kg = 1.5\ncom_in_link_m = [0, 0, 0]\ninertia_in_link_kg_m2 = [{}, {}, {}, 0, 0, 0]",
+            diagonal[0], diagonal[1], diagonal[2]
+        )
+    };
+    assert_eq!(of(&table(&[])), [""; 0]);
+    let (g_mm2, kg_mm2) = (inertia([3.65e6, 1.17e7, 1.44e7]), inertia([3650.0, 11700.0, 14400.0]));
+    let (g_m2, point) = (inertia([3.65, 11.7, 14.4]), inertia([1e-7, 1e-7, 1e-7]));
+    let cases: [(Vec<(&str, &str)>, &str); 22] = [
+        (vec![(body, &g_mm2)], "link `body`: an inertia of 14400000.000 kg·m²"),
+        (vec![(body, &g_mm2)], ", in g·mm² by 1e-9"),
+        (vec![(body, &kg_mm2)], ", in kg·mm² by 1e-6"),
+        (vec![(body, &g_m2)], ", in g·m² by 1e-3"),
+        (vec![(body, &point)], "as if it were a point 0.26 mm wide"),
+        (
+            vec![("mass_kg = 1.5,", "mass_kg = 0.0015,")],
+            "link `body`: 0.0015 kg in 2880.0 cm³, 0.52 kg/m³",
+        ),
+        (
+            vec![("mass_kg = 0.15,", "mass_kg = 150,")],
+            "`rear_right_thigh`: 150 kg in 90.0 cm³, 1666667 kg/m³",
+        ),
+        (vec![("armature_kg_m2 = 0.004", "armature_kg_m2 = 0.4")], "`armature_kg_m2` is 0.4, "),
+        (vec![("armature_kg_m2 = 0.004", "armature_kg_m2 = 4.0")], "`armature_kg_m2` is 4, "),
+        (vec![("kp_nm_rad = 60.0", "kp_nm_rad = 1.1")], "`kp_nm_rad` is 1.1, too soft to carry"),
+        (vec![("kd_nm_s_rad = 0.8", "kd_nm_s_rad = 40")], "`kd_nm_s_rad` is 40, more than a loop"),
+        (
+            vec![("[0.0, 0.0, -0.10]\naxis_in_joint", "[0.0, 0.0, 0.0]\naxis_in_joint")],
+            "joints `front_left_knee`, `front_right_knee`, `rear_left_knee`, `rear_right_knee`: an axis that is",
+        ),
+        (
+            vec![("center_in_link_m = [0.0, 0.0, -0.10]", "center_in_link_m = [0.0, 0.01, 0.0]")],
+            "`rear_right`: on the axis of its last joint",
+        ),
+        (vec![("[0.0, 1.0, 0.0] # wheel", "[0.0, 0.3, 1.0]")], "`rear_right`: an axis 52° out"),
+        (vec![("radius_m = 0.04", "radius_m = 0.14")], "`front_left`, `rear_left`"),
+        (
+            vec![("[0.0, 1.0, 0.0] # knee", "[0.0, -1.0, 0.0]")],
+            "`rear_left`, `rear_right`: next to no load",
+        ),
+        (
+            vec![
+                ("[0.13, 0.1, 0.0]", "[0.13, -0.1, 0.0]"),
+                ("name = \"front_right\"", "name = \"f\""),
+            ],
+            "end effector `front_left`: left or right by name, and on the opposite side",
+        ),
+        (
+            vec![
+                ("\"front_left\"", "\"x\""),
+                ("\"rear_left\"", "\"front_left\""),
+                ("\"x\"", "\"rear_left\""),
+            ],
+            "`rear_left`, `front_left`: front or rear by name",
+        ),
+        (
+            vec![
+                ("0.13, 0.1,", "0.13, 0.2,"),
+                ("0.13, -0.1,", "0.13, 0.1,"),
+                ("0.13, 0.2,", "0.13, -0.1,"),
+            ],
+            "`rear_left`, `rear_right`: left or right by name",
+        ),
+        (vec![("\"front_left\"", "\"HR_FOOT\"")], "`HR_FOOT`: front or rear by name"),
+        (vec![("\"front_left\"", "\"footR\"")], "`footR`: left or right by name"),
+        (vec![("\"front_left\"", "\"RF2\"")], "`RF2`: left or right by name"),
+    ];
+    for (changes, expected) in cases {
+        let found = of(&table(&changes));
+        assert!(found.iter().any(|doubt| doubt.contains(expected)), "{expected}: {found:#?}");
+    }
+    assert_eq!(of(PUP), [""; 0]);
+}

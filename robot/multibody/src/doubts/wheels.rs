@@ -1,0 +1,49 @@
+//! Wheels that lie, and wheels that are inside each other.
+
+use super::seen::{Doubt, Seen};
+use nalgebra::Vector3;
+
+/// Sine of the angle of an axis out of the horizontal above which a wheel or blade lies rather than stands.
+const LIES: f64 = 0.6;
+/// Width of a wheel, as a share of its radius: the least that tyres have.
+const WIDTH: f64 = 0.2;
+
+pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
+    let (robot, frames) = (seen.tree.robot(), &seen.standing.frames);
+    let ends = robot.end_effectors.iter();
+    let wheels: Vec<(&str, Vector3<f64>, Vector3<f64>, f64)> = ends
+        .filter_map(|end| {
+            let axis = frames.world_from_link[end.link] * end.contact.axis_in_link()?;
+            let center = frames.point(end.link, &end.center_in_link_m);
+            // A blade is no disc: its radius is that of its curvature.
+            let radius_m = end.contact.blade_length_m().map_or(end.radius_m, |_| 0.0);
+            Some((end.name.as_str(), center, axis, radius_m))
+        })
+        .collect();
+    let lying = wheels.iter().filter(|(_, _, axis, _)| axis.z.abs() > LIES);
+    let mut doubts: Vec<_> = lying
+        .map(|(name, _, axis, _)| {
+            let out = axis.z.abs().min(1.0).asin().to_degrees();
+            let text = format!(
+                "an axis {out:.0}° out of the horizontal in the nominal pose: a wheel that rolls ahead has `axis_in_link = [0, 1, 0]` where the link's y is lateral"
+            );
+            Doubt::of("end effector", name, text)
+        })
+        .collect();
+    for (index, (name, center, axis, radius_m)) in wheels.iter().enumerate() {
+        for (other, other_center, _, other_radius_m) in &wheels[..index] {
+            let apart = center - other_center;
+            let along = apart.dot(axis).abs();
+            let across = (apart - axis * apart.dot(axis)).norm();
+            let thin = WIDTH * radius_m.min(*other_radius_m);
+            if across < radius_m + other_radius_m && along < thin {
+                let text = format!(
+                    "overlap: their centres are {across:.3} m apart, their radii {other_radius_m} m and {radius_m} m; check `radius_m` and where they are mounted"
+                );
+                let names = [*other, *name].map(str::to_owned).to_vec();
+                doubts.push(Doubt { kind: "end effector", names, text });
+            }
+        }
+    }
+    doubts
+}
