@@ -1,5 +1,6 @@
 //! `rollwalk-sim`: a robot without hardware on a bus of this computer, in real time.
 
+mod boots;
 mod ground;
 mod lag;
 mod memory;
@@ -118,7 +119,8 @@ struct Cli {
     rotation: RotationArgs,
     #[command(flatten)]
     live: LiveArgs,
-    /// File with a link key (`rollwalk keys new`): the controller obeys only hosts that have it.
+    /// File with a link key (`rollwalk keys new`): the controller obeys only hosts that have it. Its boots are counted in the user's
+    /// state folder, so that no recorded session counts again.
     #[arg(long, value_name = "FILE")]
     link_key: Option<PathBuf>,
     /// File with a public key (`rollwalk keys new-pair`): the controller plays only libraries that were signed with the
@@ -128,10 +130,35 @@ struct Cli {
 }
 
 /// What the controller insists on.
-#[derive(Default)]
 struct Keys {
-    link: Option<LinkKey>,
+    /// With the count of boots of controllers with this key before.
+    link: Option<(LinkKey, u32)>,
     library: Option<VerifyingKey>,
+}
+
+impl Keys {
+    fn read(cli: &Cli) -> miette::Result<Self> {
+        let link = cli.link_key.as_deref().map(keys::link_key).transpose()?;
+        let library = cli.library_key.as_deref().map(signing::public_key).transpose()?;
+        let Some(key) = link else { return Ok(Self { link: None, library }) };
+        let before = match boots::count(&key)? {
+            // Boots of this process begin with 1.
+            Some(boot) => boot - 1,
+            None if cli.only == Some(Part::Controller) => {
+                return Err(miette!(
+                    help = "set HOME or XDG_STATE_HOME to a folder that lasts",
+                    "there is no folder for the count of boots, without which a real robot would obey a recorded session after a restart"
+                ));
+            }
+            None => {
+                output::say(
+                    "warning: there is no folder for the count of boots: the simulated robot obeys a recorded session again after a restart",
+                );
+                0
+            }
+        };
+        Ok(Self { link: Some((key, before)), library })
+    }
 }
 
 /// A part of a robot.
@@ -215,10 +242,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         }
     }
     let actuators = at_rates(&robot, &cli.actuators);
-    let keys = Keys {
-        link: cli.link_key.as_deref().map(keys::link_key).transpose()?,
-        library: cli.library_key.as_deref().map(signing::public_key).transpose()?,
-    };
+    let keys = Keys::read(cli)?;
     let open = |path| Memory::open(path, &cli.robot, keys.library.as_ref());
     let memory = cli.library.as_deref().map(open).transpose()?;
     interrupt::listen();
@@ -279,8 +303,8 @@ fn core(robot: &Robot, keys: Keys, memory: Option<&Memory>) -> miette::Result<Lo
     if let Some(key) = keys.library {
         core = core.insisting_on_libraries_of(key);
     }
-    if let Some(key) = keys.link {
-        core.insist_on(key);
+    if let Some((key, boots_before)) = keys.link {
+        core.insist_on(key, boots_before);
     }
     Ok(core)
 }

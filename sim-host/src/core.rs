@@ -87,7 +87,8 @@ pub struct Local {
     controller: Controller<SimStore, SimParameters>,
     buses: Buses,
     settings: Settings,
-    link_key: Option<LinkKey>,
+    /// With the count of boots before this process.
+    link_key: Option<(LinkKey, u32)>,
     library_key: Option<VerifyingKey>,
     boots: SimBoots,
 }
@@ -111,10 +112,12 @@ impl Local {
         Self::booting(config, buses, settings, (store::with(library), store::blank_parameters()))
     }
 
-    /// From here on, and after power cycles, the controller obeys only hosts with this key.
-    pub fn insist_on(&mut self, key: LinkKey) {
-        self.controller.insist_on(key.clone(), self.boots.count().ok());
-        self.link_key = Some(key);
+    /// From here on, and after power cycles, the controller obeys only hosts with this key. `boots_before` is the count of boots of
+    /// controllers with the key before this process: none of their sessions begins again.
+    pub fn insist_on(&mut self, key: LinkKey, boots_before: u32) {
+        let boot = self.boots.count().ok().and_then(|boot| boot.checked_add(boots_before));
+        self.controller.insist_on(key.clone(), boot);
+        self.link_key = Some((key, boots_before));
     }
 
     /// Restarts the controller with the content of its flash. From here on it plays only libraries that the owner of `key` has
@@ -132,8 +135,8 @@ impl Local {
         let boots = BootCounter::mount(self.boots.into_flash()).expect("it was mounted before");
         let booting = Self::booting(config, self.buses, self.settings, stores);
         let mut core = Self { boots, library_key, ..booting };
-        if let Some(key) = self.link_key {
-            core.insist_on(key);
+        if let Some((key, boots_before)) = self.link_key {
+            core.insist_on(key, boots_before);
         }
         core
     }

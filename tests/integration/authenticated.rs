@@ -2,6 +2,7 @@
 
 use crate::simulated::{Robot, command_on, desk_with_library_file, on, once_more_when_late};
 use rollwalk_tests::program::{self, PLAYED};
+use std::fs;
 
 #[test]
 fn a_robot_with_a_link_key_obeys_those_who_have_it() {
@@ -12,7 +13,7 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
         on(&desk, &bus, &["keys", "new", key]).succeeds();
         on(&desk, &bus, &["keys", "new", key]).fails(1, &["cannot write", key, "exists"]);
     }
-    let _robot = Robot::with(&desk, &bus, &["--link-key", "robot.key"]);
+    let mut robot = Robot::with(&desk, &bus, &["--link-key", "robot.key"]);
 
     let without = ["authentication required", "--link-key FILE", "ROLLWALK_LINK_KEY"];
     on(&desk, &bus, &["flash", "legbot.rwl"]).fails(5, &without);
@@ -38,4 +39,24 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     }
     on(&desk, &bus, &["estop"]).succeeds();
     with_key(&["clear"]).succeeds();
+
+    // Numbers of sessions begin with the count of boots, which outlives the process: what was recorded is no session of the next one.
+    let boots = || {
+        let mut files = fs::read_dir(desk.path("state/rollwalk/boots")).expect("a folder");
+        let file = files.next().expect("a count of boots").expect("an entry");
+        assert!(files.next().is_none(), "one key, one count");
+        fs::read_to_string(file.path()).expect("a text")
+    };
+    assert_eq!(boots(), "0000000001\n");
+    robot.stop();
+    let _robot = Robot::with(&desk, &bus, &["--link-key", "robot.key"]);
+    assert_eq!(boots(), "0000000002\n");
+    with_key(&["gains", "reset"]).succeeds();
+    desk.write("state/rollwalk/boots/damaged", "");
+    for entry in fs::read_dir(desk.path("state/rollwalk/boots")).expect("a folder") {
+        fs::write(entry.expect("an entry").path(), "4294967295\n").expect("a text");
+    }
+    let elsewhere = format!("sim:{}", desk.path("other.sock").display());
+    let args = ["robots/legbot.toml", "--bus", &elsewhere, "--link-key", "robot.key"];
+    Robot::refuses(&desk, &args).fails(1, &["is no count of boots below 4294967295"]);
 }

@@ -70,7 +70,7 @@ impl Robot {
 
     fn spawn(desk: &Desk, args: &[&str], stderr: Stdio) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
-        command.args(args).current_dir(desk.path(""));
+        command.args(args).current_dir(desk.path("")).env("XDG_STATE_HOME", desk.path("state"));
         Self(Some(Program::start(command.stderr(stderr))))
     }
 
@@ -86,7 +86,7 @@ impl Robot {
     /// One that does not start with these arguments.
     pub fn refuses(desk: &Desk, args: &[&str]) -> Outcome {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
-        command.args(args).current_dir(desk.path(""));
+        command.args(args).current_dir(desk.path("")).env("XDG_STATE_HOME", desk.path("state"));
         program::run(&mut command, PLAYED)
     }
 

@@ -64,7 +64,7 @@ pub fn run(
         core = core.insisting_on_libraries_of(key.verifying_key());
     }
     if let Some(key) = &keys.link {
-        core.insist_on(LinkKey::new(key));
+        core.insist_on(LinkKey::new(key), 0);
     }
     let rig = Rig::with_core(robot, core).map_err(|e| e.to_string())?;
     let host = scenario::run_with(keys, rig, library, |_| {})?;

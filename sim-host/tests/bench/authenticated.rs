@@ -27,7 +27,7 @@ fn peer(key: u8) -> Peer {
 fn insisting() -> Rig {
     let buses = robot::robot().controller_buses();
     let mut core = Local::new(robot::config(), buses, Settings::default());
-    core.insist_on(peer(1).credentials.unwrap().key);
+    core.insist_on(peer(1).credentials.unwrap().key, 0);
     Rig::with_core(&robot::robot(), core).unwrap()
 }
 
