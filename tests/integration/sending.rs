@@ -217,6 +217,26 @@ fn a_robot_that_another_program_disarms_is_held_until_it_is_down() {
 }
 
 #[test]
+fn a_motion_that_never_begins_beside_a_host_is_5() {
+    let desk = desk_with_library_file();
+    desk.edit("rest.toml", "at_rest", "periodic");
+    let (_robot, bus) = robot(&desk);
+    let mut link = listener(&desk);
+    let host = start(&desk, &bus, &["send", "--arm", "rest:60"]);
+    wait_for(&mut link, State::Playing);
+    on(&desk, &bus, &["pause"]).succeeds();
+    wait_for(&mut link, State::Paused);
+    // It would begin after the pause.
+    let send = start(&desk, &bus, &["send", "stand"]);
+    sleep(Duration::from_millis(1500));
+    let _ = on(&desk, &bus, &["return"]);
+    let outcome = send.ends();
+    assert_eq!(outcome.code, 5, "{}", outcome.stderr);
+    assert!(!outcome.stderr.contains("playing"), "{}", outcome.stderr);
+    assert_eq!(host.ends().code, 5);
+}
+
+#[test]
 fn a_robot_that_another_program_sends_home_stays_there() {
     let desk = desk_with_library_file();
     // A motion that repeats, which would go on.

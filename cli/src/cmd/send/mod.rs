@@ -24,7 +24,7 @@ const HOME_US: u64 = 30_000_000;
 /// another program is the host.
 ///
 /// Without --arm another program, such as `rollwalk console`, must have armed the robot and keep it armed. This program
-/// then waits for the end of every motion but the last, and ends when the controller has acknowledged the last.
+/// then waits for the end of every motion but the last, and ends when the last has begun.
 ///
 /// A motion is played once, or has the seconds after its colon: a loop goes on for so long and completes its round, one that ends then rests. Without --arm the last motion loops until
 /// another one is commanded.

@@ -5,7 +5,7 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_host::catalog::Motion;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::library::RATE_HZ;
-use rollwalk_protocol::wire::{State, Status};
+use rollwalk_protocol::wire::{STATUS_PERIOD_MS, State, Status};
 use rollwalk_terminal::link::LiveSession;
 use rollwalk_terminal::{interrupt, output};
 
@@ -15,6 +15,8 @@ const SLACK_US: u64 = 5_000_000;
 const PORTION_S: f64 = 0.1;
 /// Time without a status after which the controller counts as silent, s: many times `STATUS_PERIOD_MS`, because a busy computer reads late.
 const SILENT_S: f64 = 2.0;
+/// Statuses of a robot that rests elsewhere, after which a motion that was selected is not played any more: 2 s of them.
+const RESTING: u32 = 2000 / STATUS_PERIOD_MS;
 /// How long before the end of a loop what follows is asked for, s: longer than a status and a command take.
 const LEAD_S: f64 = 0.25;
 /// The same in frames: the controller has to know before it looks ahead to the first frame of another round.
@@ -22,8 +24,8 @@ const LEAD_FRAMES: f64 = 4.0;
 /// Tolerance on the requested number of rounds: with rounds of 1.6 s, 3.21 s is two rounds and not three.
 const ROUNDS_TOLERANCE: f64 = 0.01;
 
-/// Plays all motions, one after the other, and waits for the end of each. If another program is the host, the last one
-/// continues after this program has ended.
+/// Plays all motions, one after the other, and waits for the end of each. If another program is the host, this one ends when the last
+/// motion has begun.
 ///
 /// # Errors
 /// Errors of the session, or the robot has stopped.
@@ -41,6 +43,14 @@ pub fn play(
         let begins_s = f64::from(ack.value) / f64::from(RATE_HZ);
         if left == 0 && !holds {
             output::say(format_args!("{} begins in {begins_s:.2} s", chosen.name()));
+            // The program that holds the robot may send it elsewhere meanwhile. Without a catalog it is not known where the motion is.
+            match chosen.motion {
+                Some((node, motion)) => {
+                    wait_for(session, chosen, node, ack.value)?;
+                    output::say(format_args!("playing {}", motion.name));
+                }
+                None => run_for(session, begins_s)?,
+            }
             break;
         }
         match chosen.motion {
@@ -69,11 +79,15 @@ fn wait_for(
 ) -> Result<(), SessionError> {
     // At 1/64 of the speed frames take 64 times as long; what plays now may have to end first.
     let longest_us = u64::from(frames) * 64 * 1_000_000 / u64::from(RATE_HZ) + SLACK_US;
+    let mut resting = 0;
     wait_also_while_paused(session, &format!("motion {}", chosen.name()), longest_us, |status| {
+        let is_it = status.clip.map(usize::from) == Some(node);
+        resting = if status.state == State::Ready { resting + 1 } else { 0 };
         match status.state {
-            State::Playing | State::Ready | State::Paused | State::Aligning | State::Returning => {
-                (status.clip.map(usize::from) == Some(node)).then_some(true)
-            }
+            State::Playing | State::Ready | State::Paused if is_it => Some(true),
+            // What was selected begins at once where the robot rests.
+            State::Ready if resting > RESTING => Some(false),
+            State::Playing | State::Ready | State::Paused | State::Aligning => None,
             _ => Some(false),
         }
     })
