@@ -1,6 +1,7 @@
 //! The files that the studio was opened with, and what they name: read at the start, written when the user saves.
 //!
-//! Nothing else is read, and nothing else is written. A file that another program has changed since is not overwritten.
+//! Nothing else is read, and nothing else is written. Files may be a stranger's: what they name is opened if it is a document of ours, and written
+//! if it lies beside a file that the user named, or below. A file that another program has changed since is not overwritten.
 
 use rollwalk_terminal::files::{self, Named};
 use rollwalk_terminal::inputs::beside;
@@ -29,6 +30,8 @@ struct Sheet {
     name: String,
     path: PathBuf,
     text: String,
+    /// Whether the user named it, or a file beside or above it.
+    is_users: bool,
 }
 
 impl Desk {
@@ -40,6 +43,7 @@ impl Desk {
         let mut desk = Self { sheets: Mutex::default(), motion: None, library: None };
         let mut open: Vec<(PathBuf, Named)> =
             paths.iter().rev().map(|path| (path.clone(), Named::ByUser)).collect();
+        let folders: Vec<_> = paths.iter().filter_map(|path| folder_of(path)).collect();
         let mut sheets: Vec<Sheet> = Vec::new();
         while let Some((path, named)) = open.pop() {
             let name = name_of(&path);
@@ -52,8 +56,11 @@ impl Desk {
                 // The engine says what is missing, and who names it.
                 Err(_) => continue,
             };
-            if named == Named::ByUser {
-                Kind::expect_document(&path, &text)?;
+            match Kind::expect_document(&path, &text) {
+                Err(error) if named == Named::ByUser => return Err(error),
+                // Plans of libraries are no documents; whatever else a file names is none of the studio's business.
+                Err(_) if Kind::of(&text) != Some(Kind::Plan) => continue,
+                _ => {}
             }
             let Mentions { is_motion, is_library, files } = mentions(&text);
             if named == Named::ByUser {
@@ -62,7 +69,11 @@ impl Desk {
             }
             let files = files.iter().rev().map(|file| (beside(&path, file), Named::InFile));
             open.extend(files);
-            sheets.push(Sheet { name, path, text });
+            let is_below = |folder: &PathBuf| {
+                folder_of(&path).is_some_and(|of_file| of_file.starts_with(folder))
+            };
+            let is_users = named == Named::ByUser || folders.iter().any(is_below);
+            sheets.push(Sheet { name, path, text, is_users });
         }
         desk.sheets = Mutex::new(sheets);
         Ok(desk)
@@ -105,6 +116,15 @@ impl Desk {
                 help,
             ));
         };
+        if !sheet.is_users {
+            let help = "save a copy from the page, or start `rollwalk studio` with this file, too";
+            return Err((
+                format!(
+                    "`{name}` lies elsewhere than the files that the studio was opened with, one of which names it"
+                ),
+                help,
+            ));
+        }
         if text.len() as u64 > Kind::Motion.max_bytes() {
             return Err((format!("`{name}` would have {} bytes", text.len()), "shorten it"));
         }
@@ -124,6 +144,11 @@ impl Desk {
     fn sheets(&self) -> MutexGuard<'_, Vec<Sheet>> {
         self.sheets.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Folder of a file, without links; `None` if it is not there.
+fn folder_of(path: &Path) -> Option<PathBuf> {
+    Some(fs::canonicalize(path).ok()?.parent()?.to_owned())
 }
 
 /// A path as pages know it, with `/` between folders.

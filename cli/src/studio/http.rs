@@ -3,13 +3,15 @@
 use super::assets::Asset;
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tungstenite::handshake::derive_accept_key;
 
 /// Most bytes of a head, and most fields.
 const HEAD_MAX: usize = 8 * 1024;
 const FIELDS_MAX: usize = 64;
-/// How long a browser may take for a head, or to take in an answer.
+/// How long a browser may take for a whole head: it is on the same computer.
+const HEAD: Duration = Duration::from_secs(2);
+/// How long it may take to take in an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The head of a request.
@@ -30,13 +32,15 @@ pub struct Head {
 /// Reads a head; `None` if it is none, or too long.
 ///
 /// # Errors
-/// The connection ends, or is silent.
+/// The connection ends, or is slow.
 pub fn read(stream: &mut TcpStream) -> io::Result<Option<Head>> {
-    stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
+    let begun = Instant::now();
     let mut bytes = Vec::new();
     let mut chunk = [0; 2048];
     loop {
+        let left = HEAD.checked_sub(begun.elapsed()).filter(|left| !left.is_zero());
+        stream.set_read_timeout(Some(left.ok_or(io::ErrorKind::TimedOut)?))?;
         let count = stream.read(&mut chunk)?;
         if count == 0 {
             return Err(io::ErrorKind::UnexpectedEof.into());
@@ -120,6 +124,7 @@ pub fn refuse(mut stream: TcpStream, status: u16) -> io::Result<()> {
         400 => "Bad Request",
         403 => "Forbidden",
         404 => "Not Found",
+        503 => "Service Unavailable",
         _ => "Method Not Allowed",
     };
     let body = match status {

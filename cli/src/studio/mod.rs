@@ -28,6 +28,8 @@ use std::thread;
 
 /// Most connections at a time: a page has five engines and a bus, and loads four files.
 const CONNECTIONS_MAX: usize = 32;
+/// Most connections of whose request the head is not there yet. They keep no page away.
+const PENDING_MAX: usize = 256;
 
 /// A server that has not begun.
 pub struct Server {
@@ -39,6 +41,7 @@ struct Shared {
     gate: Gate,
     desk: Desk,
     relay: Option<Relay>,
+    pending: AtomicUsize,
     connections: AtomicUsize,
 }
 
@@ -53,8 +56,8 @@ impl Server {
             .wrap_err_with(|| format!("port {port} of this computer cannot be used"))?;
         let port = listener.local_addr().into_diagnostic()?.port();
         let gate = Gate { port, token: hex(&keys::random::<16>()?) };
-        let connections = AtomicUsize::new(0);
-        Ok(Self { listener, shared: Arc::new(Shared { gate, desk, relay, connections }) })
+        let [pending, connections] = [0, 0].map(AtomicUsize::new);
+        Ok(Self { listener, shared: Arc::new(Shared { gate, desk, relay, pending, connections }) })
     }
 
     /// Where the page is.
@@ -75,21 +78,20 @@ impl Server {
 
 impl Shared {
     fn accept(self: &Arc<Self>, stream: TcpStream) {
-        if self.connections.fetch_add(1, Ordering::Relaxed) >= CONNECTIONS_MAX {
-            self.connections.fetch_sub(1, Ordering::Relaxed);
-            return;
-        }
         let shared = Arc::clone(self);
         thread::spawn(move || {
-            // Also when the engine panics.
-            let _open = Open(&shared.connections);
             // A browser that goes away is no news.
             let _ = shared.serve(stream);
         });
     }
 
     fn serve(&self, mut stream: TcpStream) -> io::Result<()> {
+        let Some(pending) = Open::below(PENDING_MAX, &self.pending) else { return Ok(()) };
         let Some(head) = http::read(&mut stream)? else { return http::refuse(stream, 400) };
+        drop(pending);
+        let Some(_open) = Open::below(CONNECTIONS_MAX, &self.connections) else {
+            return http::refuse(stream, 503);
+        };
         match self.gate.reply(&head) {
             Reply::Page => {
                 let bus = self.relay.as_ref().map(Relay::bus);
@@ -116,8 +118,16 @@ impl Shared {
     }
 }
 
-/// A connection that counts while it is open.
+/// A connection that counts while it is open, also when the engine panics.
 struct Open<'c>(&'c AtomicUsize);
+
+impl<'c> Open<'c> {
+    /// Counts a connection; `None` if there are as many as may be.
+    fn below(most: usize, count: &'c AtomicUsize) -> Option<Self> {
+        let open = Self(count);
+        (count.fetch_add(1, Ordering::Relaxed) < most).then_some(open)
+    }
+}
 
 impl Drop for Open<'_> {
     fn drop(&mut self) {

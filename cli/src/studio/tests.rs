@@ -226,6 +226,62 @@ fn files_of_the_command_line_are_opened_and_saved_and_no_others() {
 }
 
 #[test]
+fn what_a_strangers_motion_names_is_opened_if_it_is_a_document_and_written_if_it_lies_below() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let pup = include_str!("../../../shipped/robots/pup.toml");
+    for name in ["secret/id", "secret/credentials.toml", "secret/pup.toml", "mine/below/pup.toml"] {
+        fs::create_dir_all(at(name).parent().unwrap()).unwrap();
+        fs::write(at(name), if name.ends_with("pup.toml") { pup } else { "token = \"x\"\n" })
+            .unwrap();
+    }
+    let opened = |robot: &str| {
+        let motion = "name = \"m\"\nrobot = \"ROBOT\"\nends = \"at_rest\"\nduration_s = 1.0\n[footfalls]\nall = \"stance\"\n";
+        fs::write(at("mine/m.toml"), motion.replace("ROBOT", robot)).unwrap();
+        let server = start(&[at("mine/m.toml")]);
+        let mut page = server.own();
+        let (given, _) = ask(&mut page, json!({ "seq": 1, "kind": "given" }));
+        let files = given["files"].as_array().unwrap().clone();
+        let named = files.iter().find(|file| !file["path"].as_str().unwrap().ends_with("/m.toml"));
+        named.map(|file| {
+            let save = json!({ "seq": 2, "kind": "save", "path": file["path"], "text": pup });
+            ask(&mut page, save).0["kind"].as_str().unwrap().to_owned()
+        })
+    };
+    assert_eq!(opened("../secret/id"), None);
+    assert_eq!(opened("../secret/credentials.toml"), None);
+    assert_eq!(opened("../secret/pup.toml").as_deref(), Some("error"));
+    assert_eq!(opened("below/pup.toml").as_deref(), Some("done"));
+    // A link leads elsewhere although it lies here.
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(at("secret/pup.toml"), at("mine/link.toml")).unwrap();
+        assert_eq!(opened("link.toml").as_deref(), Some("error"));
+    }
+}
+
+#[test]
+fn slow_connections_keep_no_page_away() {
+    let server = start(&[]);
+    let slow: Vec<_> = (0..60)
+        .map(|_| {
+            let mut stream = server.connect();
+            stream.write_all(b"GET / HTTP/1.1\r\nX: ").unwrap();
+            stream
+        })
+        .collect();
+    let host = format!("Host: 127.0.0.1:{}", server.port);
+    assert_eq!(server.status(&format!("GET /?token={}", server.token), &[&host]), 200);
+    // Bytes now and then are no patience for ever.
+    let mut stream = slow.into_iter().next().unwrap();
+    let ended = (0..60).any(|_| {
+        thread::sleep(std::time::Duration::from_millis(100));
+        stream.write_all(b"T").is_err()
+    });
+    assert!(ended, "a head in parts is waited for without end");
+}
+
+#[test]
 fn a_document_with_faults_is_opened_to_be_mended() {
     let folder = tempfile::tempdir().unwrap();
     for text in ["name = ", "footfalls.all = \"stance\"", "link = []"] {

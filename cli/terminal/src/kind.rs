@@ -76,7 +76,7 @@ impl fmt::Display for Kind {
 
 impl Kind {
     /// What a text looks like by the words that only one kind has.
-    fn of(text: &str) -> Option<Self> {
+    pub fn of(text: &str) -> Option<Self> {
         if text.trim_start().starts_with('{') {
             // A problem may carry a plan; the quotes of that are escaped.
             let has = |format: &str| text.contains(&format!("\"{format}\""));
