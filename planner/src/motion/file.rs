@@ -6,7 +6,7 @@ use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
 use rollwalk_protocol::text::{Shown, is_plain_name};
 use rollwalk_robot::Robot;
-use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
+use rollwalk_robot::document::{Document, DocumentError, Table, alternatives, in_other_unit};
 use std::f64::consts::TAU;
 
 /// Samples per second where a motion file gives no count.
@@ -236,8 +236,9 @@ fn posture_rad(document: &Document<'_>, table: Option<&Table<'_>>, robot: &Robot
         let allowed = joint.position_min_rad..=joint.position_max_rad;
         if !allowed.contains(&entry.number) {
             let message = format!("posture: `{}` is {} rad", entry.name, entry.number);
-            let help = format!("allowed is {} to {} rad", allowed.start(), allowed.end());
-            document.fault(entry.name_span, message, "beyond the joint's limits", help);
+            let slip = in_other_unit(entry.number, &allowed, "rad");
+            let help = format!("allowed is {} to {} rad{slip}", allowed.start(), allowed.end());
+            document.fault(entry.number_span, message, "beyond the joint's limits", help);
         }
         posture_rad[index] = entry.number;
     }

@@ -12,7 +12,7 @@ mod excerpt;
 mod suggest;
 mod table;
 
-pub use suggest::alternatives;
+pub use suggest::{alternatives, in_other_unit};
 pub use table::{NamedNumber, NamedString, Table};
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
@@ -173,6 +173,17 @@ pub struct Document<'t> {
     faults: RefCell<Vec<Fault>>,
 }
 
+/// Whether the line of a text at a place has a number with a comma right before that place, or at it: `= 0,6`.
+fn has_decimal_comma(text: &str, at: usize) -> bool {
+    let start = text[..at.min(text.len())].rfind('\n').map_or(0, |end| end + 1);
+    let line = text[start..].lines().next().unwrap_or_default();
+    let Some((_, value)) = line.split_once('=') else { return false };
+    let Some((whole, part)) = value.trim_start().split_once(',') else { return false };
+    let is_digit = |c: char| c.is_ascii_digit();
+    let whole = whole.trim_start_matches(['-', '+']);
+    !whole.is_empty() && whole.chars().all(is_digit) && part.starts_with(is_digit)
+}
+
 impl<'t> Document<'t> {
     /// Parses the text.
     ///
@@ -185,7 +196,12 @@ impl<'t> Document<'t> {
         for error in errors.iter().take(SYNTAX_FAULTS_MAX) {
             let span = error.span().unwrap_or(0..0);
             let message = format!("this is not TOML: {}", error.message());
-            let help = "see https://toml.io for the syntax; strings need quotes, each key may be given once";
+            let help = match has_decimal_comma(text, span.start) {
+                true => "numbers have a point: 0.6 for 0,6",
+                false => {
+                    "see https://toml.io for the syntax; strings need quotes, each key may be given once"
+                }
+            };
             document.fault(span, message, "here", help);
         }
         if errors.is_empty() { Ok(document) } else { document.finish(None::<Self>) }
@@ -245,5 +261,22 @@ impl<'t> Document<'t> {
             )),
             rest: Vec::new(),
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_decimal_comma_is_seen_in_its_line_alone() {
+        let text = "a = 0.5\nnominal_rad = -0,6 # comment\nc = [1, 2]\nd = \"1,2\"\n";
+        let at = |of: &str| text.find(of).unwrap();
+        assert!(has_decimal_comma(text, at("0,6")));
+        assert!(has_decimal_comma(text, at(",6")));
+        for other in ["a = ", "c = ", "\"1,2"] {
+            assert!(!has_decimal_comma(text, at(other)), "{other}");
+        }
+        assert!(!has_decimal_comma("", 10));
     }
 }

@@ -1,4 +1,7 @@
-//! Words for "did you mean": the nearest of some known names, and their list.
+//! Words for "did you mean": the nearest of some known names, and their list; numbers in another unit.
+
+use rollwalk_protocol::text::Number;
+use std::ops::RangeInclusive;
 
 /// Words that people use for a word of robot, motion and library files.
 const MEANINGS: [(&str, &str); 17] = [
@@ -23,8 +26,30 @@ const MEANINGS: [(&str, &str); 17] = [
 
 /// Least likeness of words of which one is a slip in typing the other: one slip in three letters still is.
 const SLIP: f64 = 0.6;
+/// Ends of the names of variants of a servo, which its protocol has under one name.
+const VARIANTS: [&str; 2] = ["-T", "-R"];
 /// Letters of the shortest word that says what a name is about: shorter ones are units.
 const WORD_MIN: usize = 3;
+
+/// What a number beyond its range would be in the unit in which such numbers are often given; empty if that is beyond it, too. `unit` begins with that of the range,
+/// or with words about a share.
+pub fn in_other_unit(value: f64, range: &RangeInclusive<f64>, unit: &str) -> String {
+    let is_share = *range.start() >= 0.0 && *range.end() <= 1.0;
+    let (other, right, times) = match unit.split(' ').next().unwrap_or_default() {
+        "m" => ("mm", " m", 1e-3),
+        "kg" => ("g", " kg", 1e-3),
+        "s" => ("ms", " s", 1e-3),
+        "rad" => ("degrees", " rad", 1f64.to_radians()),
+        "" | "(share" if is_share => ("%", "", 1e-2),
+        _ => return String::new(),
+    };
+    let meant = value * times;
+    if range.contains(&value) || !range.contains(&meant) {
+        return String::new();
+    }
+    let meant = (meant * 1e4).round() * 1e-4;
+    format!("; {value} {other} would be {}{right}", Number(meant))
+}
 
 /// The known name most like `given`, if one is near enough to be meant: in its meaning, in its letters, or as the only
 /// one that has most of its words.
@@ -59,6 +84,10 @@ fn likeness(given: &str, name: &str) -> Option<f64> {
     };
     let digits = |name: &str| name.chars().filter(char::is_ascii_digit).collect::<String>();
     if letters(given) == letters(name) {
+        return Some(1.0);
+    }
+    // A maker's sign of a variant: `-T` of a servo with another connector.
+    if is_model(name) && given.strip_prefix(name).is_some_and(|of| VARIANTS.contains(&of)) {
         return Some(1.0);
     }
     if is_model(name) || digits(given) != digits(name) {
@@ -122,6 +151,38 @@ pub fn alternatives<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_in_another_unit_are_said_in_the_right_one() {
+        for (value, range, unit, expected) in [
+            (
+                80.0,
+                0.3..=0.95,
+                "(share of the cycle that a foot is in stance)",
+                "; 80 % would be 0.8",
+            ),
+            (30.0, 0.0..=1.0, "m", "; 30 mm would be 0.03 m"),
+            (1500.0, 1e-6..=1000.0, "kg", "; 1500 g would be 1.5 kg"),
+            (3000.0, 0.1..=60.0, "s", "; 3000 ms would be 3 s"),
+            (-60.0, -2.2..=-0.2, "rad", "; -60 degrees would be -1.0472 rad"),
+            // In range, or out of it in any unit.
+            (0.5, 0.0..=1.0, "m", ""),
+            (3e6, 0.0..=1.0, "m", ""),
+            (60.0, -2.2..=-0.2, "rad", ""),
+            (80.0, 0.0..=2.0, "", ""),
+            (80.0, 0.0..=1.0, "N·m", ""),
+        ] {
+            assert_eq!(in_other_unit(value, &range, unit), expected, "{value} {unit}");
+        }
+    }
+
+    #[test]
+    fn variants_of_a_servo_are_meant() {
+        let known = ["XM430-W210", "XL330-M288", "XM430-W350"];
+        assert_eq!(closest("XL330-M288-T", known), Some("XL330-M288"));
+        assert_eq!(closest("XM430-W350-R", known), Some("XM430-W350"));
+        assert_eq!(closest("XM430-W210-X", known), None);
+    }
 
     #[test]
     fn typos_find_their_word_and_strangers_do_not() {

@@ -1,6 +1,6 @@
 //! Reading one TOML table: typed getters that note a fault where the text is wrong.
 
-use super::{Document, Span, alternatives};
+use super::{Document, Span, alternatives, in_other_unit};
 use rollwalk_protocol::text::Limit;
 use std::cell::RefCell;
 use std::fmt::Display;
@@ -30,6 +30,8 @@ pub struct NamedNumber<'d> {
     pub name_span: Span,
     /// The value, finite.
     pub number: f64,
+    /// Span of the value.
+    pub number_span: Span,
 }
 
 /// An entry of [`Table::named_strings`].
@@ -111,7 +113,12 @@ impl<'d> Table<'d> {
         let read = |(key, value): (&'d Spanned<DeString<'d>>, &'d Spanned<DeValue<'d>>)| {
             let name = key.get_ref().as_ref();
             let given = self.typed(name, value, "a finite number", number)?;
-            Some(NamedNumber { name, name_span: key.span(), number: given })
+            Some(NamedNumber {
+                name,
+                name_span: key.span(),
+                number: given,
+                number_span: value.span(),
+            })
         };
         self.table.iter().filter_map(read).collect()
     }
@@ -184,8 +191,9 @@ impl<'d> Table<'d> {
             return Some(value);
         }
         let (least, most) = (Limit::AtLeast(*range.start()), Limit::AtMost(*range.end()));
-        let help = format!("allowed is {least} to {most} {unit}");
-        self.fault(key, format_args!("is {value}"), "out of range", help.trim_end());
+        let slip = in_other_unit(value, &range, unit);
+        let help = format!("{}{slip}", format!("allowed is {least} to {most} {unit}").trim_end());
+        self.fault(key, format_args!("is {value}"), "out of range", help);
         None
     }
 

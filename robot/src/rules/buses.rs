@@ -32,7 +32,7 @@ impl Check<'_> {
         let name = bus.protocol.name();
         if bus.protocol.is_serial() {
             if !(300..=10_000_000).contains(&bus.bit_rate) {
-                let help = "a serial line has 300 to 10000000 bit/s";
+                let help = "a serial line has 300 to 10000000 bit/s; give the rate itself, not the servos' code of it";
                 self.violated("bit_rate", format_args!("is {}", bus.bit_rate), help);
             } else if let rates = bus.protocol.bit_rates()
                 && !rates.is_empty()

@@ -100,8 +100,9 @@ impl Check<'_> {
             return;
         }
         let guess = if value > max { also } else { "" };
-        let help = format!("allowed is {words} to {max} {unit}{guess}");
-        self.violated(field, format_args!("is {value} {unit}"), help);
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        let help = format!("allowed is {words} to {max}{unit}{guess}");
+        self.violated(field, format_args!("is {value}{unit}"), help);
     }
 
     fn name(&mut self, name: &str, taken: bool) {
@@ -192,9 +193,20 @@ impl Check<'_> {
             let Actuator { bus, id, .. } = *channel.actuator();
             match taken.get(&(bus, id)) {
                 None => {
-                    taken.insert((bus, id), what);
+                    taken.insert((bus, id), (place, what));
                 }
-                Some(other) => {
+                Some((before, other)) => {
+                    // The limb that comes later in the file is the one that was given a range in use.
+                    let link = |place: Place| match place {
+                        Place::Joint(joint) => self.robot.joints[joint].child,
+                        Place::EndEffector(end) => self.robot.end_effectors[end].link,
+                        _ => 0,
+                    };
+                    let is_later = link(place) >= link(*before);
+                    let (place, what, other) = match is_later {
+                        true => (place, what, other.clone()),
+                        false => (*before, other.clone(), what),
+                    };
                     let help =
                         format!("{other} has that address: give each motor of a bus its own id");
                     self.at(place, what);
