@@ -222,6 +222,23 @@ mod tests {
         prop_oneof![Just(ChannelKind::JointPosition), Just(ChannelKind::WheelSpeed)]
     }
 
+    /// In time, and not by the constant that the limiter has.
+    #[test]
+    fn the_whole_torque_takes_a_fortieth_of_a_second() {
+        for hz in [60.0f32, 120.0, 500.0, 1000.0] {
+            let config = config(ChannelKind::JointPosition);
+            let mut limiter = Limiter::new(1.0 / hz);
+            limiter.start(0, 0.0);
+            let target = Target { value: 0.0, slope: 0.0, torque_nm: 3.0 };
+            let apply = |limiter: &mut Limiter| {
+                limiter.apply(&config.channels[0], 0, target, true).unwrap().torque_nm
+            };
+            let periods = (1..1000).find(|_| apply(&mut limiter) >= 3.0 - 1e-5).unwrap();
+            let expected = (0.025 * hz).ceil();
+            assert!((periods as f32 - expected).abs() <= 1.0, "{hz} Hz: {periods} periods");
+        }
+    }
+
     proptest! {
         #[test]
         fn nothing_gets_past_the_limits(

@@ -78,7 +78,7 @@ fn all_gains_are_those_that_there_are() {
     let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20"]);
     // A wheel has no stiffness.
     assert!(set.stderr.contains("they have no such value: wheel"), "{}", set.stderr);
-    assert!(set.succeeds().starts_with("2 value(s) set"));
+    assert!(set.succeeds().starts_with("2 values set"));
     let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20", "--kd", "1"]);
     assert!(set.stderr.trim_end().ends_with("no such value: wheel"), "{}", set.stderr);
     for wrong in ["--kp=-1", "--kd=-1", "--kp=NaN"] {

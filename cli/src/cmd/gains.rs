@@ -275,7 +275,8 @@ fn set(args: &Set) -> miette::Result<Exit> {
                     let before = match set {
                         0 => "nothing was changed".to_owned(),
                         set => format!(
-                            "{set} value(s) were set before; `rollwalk gains reset` sets all to the robot file's"
+                            "{} set before; `rollwalk gains reset` sets all to the robot file's",
+                            values(set)
                         ),
                     };
                     let (option, unit) = words(parameter);
@@ -302,9 +303,15 @@ fn set(args: &Set) -> miette::Result<Exit> {
         return Ok(Exit::NotDone);
     }
     output::print(&format!(
-        "{set} value(s) set, until the next power cycle; `gains save` keeps them"
+        "{} set, until the next power cycle; `gains save` keeps them",
+        values(set)
     ))?;
     Ok(Exit::Ok)
+}
+
+/// So many values, in words.
+fn values(count: usize) -> String {
+    if count == 1 { "1 value".to_owned() } else { format!("{count} values") }
 }
 
 /// Whether a value was refused because the channel does not have the parameter, as wheels have no stiffness.

@@ -10,6 +10,8 @@ use std::time::Duration;
 
 /// Longest wait for a STATUS, µs.
 const STATUS_US: u64 = 200_000;
+/// Longest wait for a robot that is let down with damped joints, µs: twice what that takes.
+const LET_DOWN_US: u64 = 3_000_000;
 /// Interval between attempts to open a bus that was lost during a stop.
 const REOPEN: Duration = Duration::from_millis(200);
 
@@ -57,17 +59,25 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// Clears a latched stop; a robot with nothing to clear is no error.
+/// Clears a latched stop; a robot with nothing to clear is no error, and one that is still let down is waited for.
 fn clear(session: &mut LiveSession) -> Result<(), SessionError> {
-    let outcome = session.clear();
-    if let Err(SessionError::Refused { result: CommandResult::WrongState, .. }) = outcome {
+    let mut waited_us = 0;
+    loop {
+        let outcome = session.clear();
+        let Err(SessionError::Refused { result: CommandResult::WrongState, .. }) = outcome else {
+            return outcome;
+        };
         session.run_for(STATUS_US)?;
-        if session.status().is_some_and(|status| status.state == State::Disarmed) {
-            output::say("there is nothing to clear");
-            return Ok(());
+        waited_us += STATUS_US;
+        match session.status().map(|status| status.state) {
+            Some(State::Disarmed) => {
+                output::say("there is nothing to clear");
+                return Ok(());
+            }
+            Some(State::Damped) if waited_us < LET_DOWN_US && !interrupt::requested() => {}
+            _ => return outcome,
         }
     }
-    outcome
 }
 
 /// Runs `estop`. The frame is sent at once, without any request before it, and again until it is acknowledged or
@@ -81,7 +91,7 @@ pub fn stop(args: &Args) -> miette::Result<Exit> {
         };
         match Session::estop_at(bus, link.node, unanswered) {
             Ok(()) => {
-                return output::print("the robot is stopped, torque off").map(|()| Exit::Ok);
+                return output::print("emergency stop: torque is off").map(|()| Exit::Ok);
             }
             Err(SessionError::Link(error)) if !interrupt::requested() => {
                 output::say(format_args!("{error}; it is opened again, Ctrl-C ends that"));

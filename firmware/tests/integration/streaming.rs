@@ -233,11 +233,13 @@ fn a_stream_begins_in_ready_at_safe_and_nowhere_else() {
     rig.run_until(State::Ready, 1000);
     assert_eq!(rig.command(Action::Stream).result, CommandResult::Ok);
     // Too far from SAFE to begin with, for all controllers, and further ahead than there is room.
-    for frame in 0..6 {
-        let far =
-            Setpoint { frame, channel: 0, stiff: false, value: STAND[0] + 0.4, torque_nm: 0.0 };
+    for (frame, off) in (0..6).flat_map(|frame| [(frame, 0.4), (frame, -0.4)]) {
+        let value = STAND[0] + off;
+        let far = Setpoint { frame, channel: 0, stiff: false, value, torque_nm: 0.0 };
         rig.send(&far.encode(me()));
         send_to(&mut rig, me(), u16::from(frame), 1..CHANNELS);
+        rig.run(TICKS);
+        assert_eq!(taken(&mut rig), 0, "{off} rad from SAFE");
     }
     send_to(&mut rig, Node::BROADCAST, 0, 0..CHANNELS);
     send(&mut rig, DEPTH as u16);
@@ -246,6 +248,28 @@ fn a_stream_begins_in_ready_at_safe_and_nowhere_else() {
     assert!(rig.stands());
     assert_eq!(rig.play(CODE_WALK).result, CommandResult::WrongState);
     assert_eq!(rig.command(Action::Pause).result, CommandResult::WrongState);
+}
+
+/// As while a motion plays.
+#[test]
+fn a_joint_that_does_not_follow_and_a_motor_without_torque_end_a_stream() {
+    type Cause = fn(&mut Rig);
+    let causes: [(Cause, Fault); 2] = [
+        (|rig| rig.servos[0].jammed_at = Some(-1.4), Fault::TrackingError),
+        (|rig| rig.servos[1].enabled = false, Fault::ActuatorFault),
+    ];
+    for (cause, fault) in causes {
+        let (mut rig, next) = streaming();
+        stream_up_to(&mut rig, next, 30);
+        assert_eq!(rig.brain.state(), State::Streaming);
+        cause(&mut rig);
+        for frame in 30..150 {
+            send(&mut rig, frame);
+            rig.run(TICKS);
+        }
+        assert!(rig.brain.faults().contains(fault), "{fault:?}: {:?}", rig.brain.faults());
+        assert!(!matches!(rig.brain.state(), State::Streaming | State::Ready), "{fault:?}");
+    }
 }
 
 #[test]

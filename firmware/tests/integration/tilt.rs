@@ -78,6 +78,34 @@ fn the_library_says_how_a_motion_tilts_the_body() {
     assert_eq!(rig.brain.state(), State::Returning);
 }
 
+/// A robot whose SAFE pose bows is not level while it is armed, and has fallen when it is.
+#[test]
+fn the_library_says_how_safe_tilts_the_body() {
+    for (pitch_rad, is_well) in [(0.6, true), (0.0, false)] {
+        let mut rig = Rig::new(Some(&library_with_attitudes(CODE_STAND, 0.6, 0.1)));
+        rig.run(20);
+        run(&mut rig, pitch_rad, 30);
+        let request = rig.command(Action::ArmRequest).result;
+        assert_eq!(request == CommandResult::Ok, is_well, "{pitch_rad} rad: {request:?}");
+    }
+}
+
+/// What is over is not counted: leans of less than the patience, again and again, are steps.
+#[test]
+fn leans_that_end_in_time_lead_nowhere() {
+    let mut rig = Rig::ready();
+    rig.play(CODE_WALK);
+    let lean_rad = rig.settings.lean_rad + 0.05;
+    let most = rig.settings.tilt_patience_us / 8_334;
+    for _ in 0..20 {
+        run(&mut rig, lean_rad, most - 1);
+        run(&mut rig, 0.0, 2);
+    }
+    assert_eq!(rig.brain.state(), State::Playing);
+    run(&mut rig, lean_rad, most + 4);
+    assert_eq!(rig.brain.state(), State::Returning);
+}
+
 #[test]
 fn an_imu_that_is_required_must_be_awake() {
     let settings = Settings { imu_required: true, ..Settings::default() };

@@ -335,16 +335,58 @@ fn a_whole_answer_acts_although_the_next_one_has_begun() {
 
 #[test]
 fn it_begins_near_safe_only() {
-    let mut rig = tracked();
-    follow(&mut rig, 10, |setpoint| {
-        if setpoint.channel == 1 {
-            setpoint.value += 0.36;
+    for off in [0.36, -0.36] {
+        let mut rig = tracked();
+        follow(&mut rig, 10, |setpoint| {
+            if setpoint.channel == 1 {
+                setpoint.value += off;
+            }
+        });
+        assert!(rig.stands());
+        assert_eq!(answered(&rig), None, "{off} rad from SAFE");
+        follow(&mut rig, 2, |setpoint| setpoint.value += 0.01);
+        assert!(answered(&rig).is_some());
+    }
+}
+
+/// As while a motion plays.
+#[test]
+fn a_joint_that_does_not_follow_and_a_motor_without_torque_end_it() {
+    type Cause = fn(&mut Rig);
+    let causes: [(Cause, Fault); 2] = [
+        (|rig| rig.servos[0].jammed_at = Some(-1.4), Fault::TrackingError),
+        (|rig| rig.servos[1].enabled = false, Fault::ActuatorFault),
+    ];
+    for (cause, fault) in causes {
+        let mut rig = tracked();
+        follow(&mut rig, 30, |_| ());
+        assert_eq!(rig.brain.state(), State::Streaming);
+        cause(&mut rig);
+        for _ in 0..240 {
+            rig.run(1);
+            if rig.brain.state() == State::Streaming {
+                let number = sample(&rig).number;
+                answer(&mut rig, number, |_| ());
+            }
         }
-    });
-    assert!(rig.stands());
-    assert_eq!(answered(&rig), None);
-    follow(&mut rig, 2, |setpoint| setpoint.value += 0.01);
-    assert!(answered(&rig).is_some());
+        assert!(rig.brain.faults().contains(fault), "{fault:?}: {:?}", rig.brain.faults());
+        assert!(!matches!(rig.brain.state(), State::Streaming | State::Ready), "{fault:?}");
+    }
+}
+
+/// Of a sample that was not taken yet, or of one so old that the robot would hold still.
+#[test]
+fn answers_to_no_sample_of_late_are_none() {
+    for off in [1, 2, 100, 250, 251] {
+        let mut rig = tracked();
+        rig.run(3);
+        for _ in 0..6 {
+            rig.run(1);
+            let number = sample(&rig).number.wrapping_add(off);
+            answer(&mut rig, number, |_| ());
+        }
+        assert_eq!(answered(&rig), None, "{off} ahead of the newest sample");
+    }
 }
 
 /// The share of feed-forward is for libraries: what bears the robot goes over to what SAFE has of it along the ramp.

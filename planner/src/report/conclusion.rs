@@ -62,12 +62,13 @@ impl fmt::Display for Conclusion<'_> {
                 f,
                 "did not converge ({status}): without costs all constraints can be met, and with them the solver gets stuck"
             ),
-            Judgement::NotConverged => write!(
-                f,
-                "did not converge ({status}): {worst_constraint} is off by {} times its tolerance; \
-                 plans are accepted at {ACCEPTED_LEVEL} times",
-                super::table::number(*worst_level)
-            ),
+            Judgement::NotConverged => {
+                write!(f, "did not converge ({status}): ")?;
+                match report.worst_of(false) {
+                    Some(row) => write!(f, "{row}"),
+                    None => write!(f, "{worst_constraint} is not met"),
+                }
+            }
         }
     }
 }
@@ -85,7 +86,7 @@ impl fmt::Display for Row {
         }
         write!(f, " is {} {}", number(self.worst), self.unit)?;
         if let Some(level) = self.level {
-            write!(f, ", tolerance {}", number(level))?;
+            write!(f, ", tolerance {} {}", number(level), self.unit)?;
         }
         write!(f, " ({})", self.grid)
     }
