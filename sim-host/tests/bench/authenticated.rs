@@ -10,10 +10,11 @@ use rollwalk_host::operator::{Intent, Operator};
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::authentication::{LINK_KEY_LEN, LinkKey};
-use rollwalk_protocol::wire::{CommandResult, Node, Parameter, ParameterResult, State};
+use rollwalk_protocol::wire::{Action, CommandResult, Node, Parameter, ParameterResult, State};
 use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::core::Local;
 use rollwalk_sim_host::rig::Rig;
+use rollwalk_sim_host::store::VerifyingKey;
 
 fn node() -> Node {
     Node::new(1).unwrap()
@@ -45,6 +46,29 @@ fn from_flash_to_disarm<B: LinkBus>(bus: B) -> Session<B> {
     session.return_to_safe().unwrap();
     session.disarm().unwrap();
     session
+}
+
+/// Public key of RFC 8032, section 7.1, test 1.
+const OWNER: [u8; 32] = [
+    0xd7, 0x5a, 0x98, 0x01, 0x82, 0xb1, 0x0a, 0xb7, 0xd5, 0x4b, 0xfe, 0xd3, 0xc9, 0x64, 0x07, 0x3a,
+    0x0e, 0xe1, 0x72, 0xf3, 0xda, 0xa6, 0x23, 0x25, 0xaf, 0x02, 0x1a, 0x68, 0xf7, 0x07, 0x51, 0x1a,
+];
+
+/// Setpoints carry no signature: a robot that plays only its owner's libraries follows none.
+#[test]
+fn a_robot_with_a_library_key_follows_no_stream() {
+    let buses = robot::robot().controller_buses();
+    let core = Local::new(robot::config(), buses, Settings::default())
+        .insisting_on_libraries_of(VerifyingKey::from_bytes(&OWNER).unwrap());
+    let rig = Rig::with_core(&robot::robot(), core).unwrap();
+    let mut session = Session::connect(rig, Peer { node: node(), credentials: None }).unwrap();
+    let track = Action::Track { rate_hz: 120, kp_percent: 10, kd_percent: 20 };
+    for action in [Action::Stream, track] {
+        let refused = session.command("follow", action);
+        let is_unproven =
+            matches!(refused, Err(SessionError::Refused { result: CommandResult::Unproven, .. }));
+        assert!(is_unproven, "{action:?}: {refused:?}");
+    }
 }
 
 #[test]
