@@ -29,6 +29,44 @@ pub struct Shown<'a>(pub &'a str);
 #[derive(Clone, Copy, Debug)]
 pub struct ShownLines<'a>(pub &'a str);
 
+/// Most characters of an [`Excerpt`], besides the dots for what is left out.
+const EXCERPT_MAX: usize = 100;
+/// Characters of an [`Excerpt`] before the place that it is about.
+const EXCERPT_BEFORE: usize = 40;
+
+/// Part of a text around a byte, as it is safe to print in a message: [`Shown`], cut to some 100 characters.
+#[derive(Clone, Copy, Debug)]
+pub struct Excerpt<'a> {
+    /// The whole text.
+    pub text: &'a str,
+    /// Byte that the message is about.
+    pub at: usize,
+}
+
+impl<'a> Excerpt<'a> {
+    /// The beginning of a text.
+    pub fn start_of(text: &'a str) -> Self {
+        Self { text, at: 0 }
+    }
+}
+
+impl fmt::Display for Excerpt<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { text, at } = *self;
+        let place = text.floor_char_boundary(at);
+        let before = text[..place].char_indices().rev();
+        let from = before.take(EXCERPT_BEFORE).last().map_or(place, |(byte, _)| byte);
+        let end = text[from..].char_indices().nth(EXCERPT_MAX);
+        let to = end.map_or(text.len(), |(byte, _)| from + byte);
+        // Short texts are shown whole.
+        let whole = text.char_indices().nth(EXCERPT_MAX).is_none();
+        let (from, to) = if whole { (0, text.len()) } else { (from, to) };
+        f.write_str(if from > 0 { "…" } else { "" })?;
+        write_shown(f, &text[from..to], is_hidden)?;
+        f.write_str(if to < text.len() { "…" } else { "" })
+    }
+}
+
 impl fmt::Display for Shown<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write_shown(f, self.0, is_hidden)
@@ -155,6 +193,24 @@ mod tests {
         {
             assert!(!is_plain_name(name), "{name:?}");
         }
+    }
+
+    #[test]
+    fn excerpts_of_long_texts_are_short_and_have_the_place() {
+        let shown = |text: &str, at| format!("{}", Excerpt { text, at });
+        assert_eq!(shown("a\u{1b}[2Jb", 3), "a\\u001b[2Jb");
+        assert_eq!(shown("", 5), "");
+        let exact = "x".repeat(100);
+        assert_eq!(shown(&exact, 99), exact);
+        let long = format!("{}FAULT{}", "ä".repeat(5000), "é".repeat(5000));
+        let at = long.find('F').unwrap();
+        for off in 0..3 {
+            let text = shown(&long, at - off);
+            assert!(text.contains("FAULT") && text.chars().count() == 102, "{text}");
+        }
+        let (start, end) = (shown(&long, 0), shown(&long, usize::MAX));
+        assert!(start.starts_with('ä') && start.ends_with('…'), "{start}");
+        assert!(end.starts_with('…') && end.ends_with('é'), "{end}");
     }
 
     #[test]

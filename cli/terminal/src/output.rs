@@ -197,7 +197,9 @@ impl Table {
         let mut lines = Vec::new();
         for (number, row) in self.rows.iter().enumerate() {
             let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
-                if column == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+                // A width in a format string must fit into 16 bits.
+                let blanks = " ".repeat(width - cell.chars().count());
+                if column == 0 { format!("{cell}{blanks}") } else { format!("{blanks}{cell}") }
             });
             lines.push(cells.collect::<Vec<_>>().join("  ").trim_end().to_owned());
             if number == 0 {
@@ -220,6 +222,14 @@ mod tests {
         let text = Reported(&report).to_string();
         assert!(text.contains("\\u001b[2Jwalk") && text.contains("\\u001b[31mred"), "{text}");
         assert!(text.contains("reading \\u202ex"), "{text}");
+    }
+
+    #[test]
+    fn a_cell_may_have_any_length() {
+        let mut table = Table::new(["a", "b"]);
+        table.row(["x".repeat(70_000), "y".repeat(70_000)]);
+        let text = table.render();
+        assert_eq!(text.lines().last().unwrap().len(), 140_002);
     }
 
     #[test]

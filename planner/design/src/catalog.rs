@@ -107,9 +107,9 @@ fn catalog(document: &Document<'_>) -> Option<Catalog> {
 }
 
 fn servo(mut table: Table<'_>) -> Option<Servo> {
-    let name = table.string("name")?;
+    let name = table.name("name")?;
     table.call(format!("servo `{name}`"));
-    let maker = table.string("maker");
+    let maker = table.name("maker");
     let source = table.string("source");
     let voltage_v = table.number_in("voltage_v", 1.0..=1000.0, "V");
     let speed_rev_min = table.number_in("no_load_speed_rev_min", 0.1..=100_000.0, "rev/min");

@@ -148,7 +148,7 @@ impl DesignFile {
 
 fn design(document: &Document<'_>) -> Option<DesignFile> {
     let root = document.root();
-    let name = root.string("name");
+    let name = root.name("name");
     let robot = root.string("robot");
     let motions =
         root.tables_up_to("motions", MOTIONS_MAX).iter().map(motion).collect::<Option<_>>();
@@ -194,7 +194,7 @@ fn motion(table: &Table<'_>) -> Option<WeightedMotion> {
 }
 
 fn parameter(mut table: Table<'_>) -> Option<Parameter> {
-    let name = table.string("name")?;
+    let name = table.name("name")?;
     table.call(format!("parameter `{name}`"));
     let given: Vec<Kind> = Kind::ALL.into_iter().filter(|kind| table.has(kind.key())).collect();
     let [kind] = given[..] else {

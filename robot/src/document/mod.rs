@@ -13,7 +13,7 @@ mod suggest;
 mod table;
 
 pub use suggest::{alternatives, in_other_unit};
-pub use table::{NamedNumber, NamedString, Table};
+pub use table::{NAME_MAX, NamedNumber, NamedString, Table};
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use std::cell::RefCell;

@@ -1,12 +1,17 @@
 //! Reading one TOML table: typed getters that note a fault where the text is wrong.
 
 use super::{Document, Span, alternatives, in_other_unit};
-use rollwalk_protocol::text::Limit;
+use rollwalk_protocol::text::{Excerpt, Limit, is_plain_name};
 use std::cell::RefCell;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue};
+
+/// Most bytes of a string: more than the longest path of an operating system.
+const STRING_MAX: usize = 4096;
+/// Most bytes of a name of something: more than the longest model of a motor.
+pub const NAME_MAX: usize = 64;
 
 /// A table of a [`Document`], with its name in faults.
 ///
@@ -101,7 +106,7 @@ impl<'d> Table<'d> {
     pub fn named_strings(&self) -> Vec<NamedString<'d>> {
         let read = |(key, value): (&'d Spanned<DeString<'d>>, &'d Spanned<DeValue<'d>>)| {
             let name = key.get_ref().as_ref();
-            let text = self.typed(name, value, "a string in quotes", DeValue::as_str)?;
+            let text = self.text(name, value)?;
             Some(NamedString { name, name_span: key.span(), text, text_span: value.span() })
         };
         self.table.iter().filter_map(read).collect()
@@ -153,7 +158,45 @@ impl<'d> Table<'d> {
     /// A required string.
     pub fn string(&self, key: &'static str) -> Option<String> {
         let value = self.required(key, "a string in quotes")?;
-        self.typed(key, value, "a string in quotes", |value| value.as_str().map(str::to_owned))
+        self.text(key, value).map(str::to_owned)
+    }
+
+    /// A required string that names something: short, and of characters that can be seen.
+    pub fn name(&self, key: &'static str) -> Option<String> {
+        let name = self.string(key)?;
+        self.is_name(key, &name, self.span_of(key)).then_some(name)
+    }
+
+    /// Whether `key` has or is a name that tables and messages can show; else notes a fault.
+    fn is_name(&self, key: &str, name: &str, span: Span) -> bool {
+        let (problem, label) = if name.is_empty() {
+            ("is empty".to_owned(), "no name")
+        } else if name.len() > NAME_MAX {
+            (format!("has {} bytes: \"{}\"", name.len(), Excerpt::start_of(name)), "too long")
+        } else if !is_plain_name(name) {
+            (format!("is \"{}\"", Excerpt::start_of(name)), "has what cannot be seen")
+        } else {
+            return true;
+        };
+        let help = format!(
+            "names have 1 to {NAME_MAX} bytes of characters that can be seen, without a space at the ends"
+        );
+        let message = format!("{}`{key}` {problem}", self.start());
+        self.document.fault(span, message, label, help);
+        false
+    }
+
+    /// A string of a bounded length.
+    fn text(&self, key: &str, value: &'d Spanned<DeValue<'d>>) -> Option<&'d str> {
+        let text = self.typed(key, value, "a string in quotes", DeValue::as_str)?;
+        if text.len() <= STRING_MAX {
+            return Some(text);
+        }
+        let problem = format!("has {} bytes: \"{}\"", text.len(), Excerpt::start_of(text));
+        let message = format!("{}`{key}` {problem}", self.start());
+        let help = format!("strings have at most {STRING_MAX} bytes");
+        self.document.fault(value.span(), message, "too long", help);
+        None
     }
 
     /// A required string that must be one of `choices`; returns its index.
@@ -238,11 +281,11 @@ impl<'d> Table<'d> {
     pub fn strings(&self, key: &'static str) -> Option<Vec<(&'d str, Span)>> {
         let expected = "an array of strings in quotes";
         let value = self.required(key, expected)?;
-        self.typed(key, value, expected, |value| {
-            let read =
-                |item: &'d Spanned<DeValue<'d>>| Some((item.get_ref().as_str()?, item.span()));
-            value.as_array()?.iter().map(read).collect()
-        })
+        let items = self.typed(key, value, expected, |value| {
+            let items = value.as_array()?;
+            items.iter().all(|item| item.get_ref().is_str()).then_some(items)
+        })?;
+        items.iter().map(|item| Some((self.text(key, item)?, item.span()))).collect()
     }
 
     /// A required table.
@@ -295,6 +338,9 @@ impl<'d> Table<'d> {
         };
         let mut tables = Vec::new();
         for (name, item) in entries.iter() {
+            if !self.is_name(key, name.get_ref(), name.span()) {
+                continue;
+            }
             if let Some(table) = self.typed(key, item, &expected, DeValue::as_table) {
                 let what = format!("{key} `{}`", name.get_ref());
                 let table = Table::new(self.document, table, name.span(), what);

@@ -14,7 +14,7 @@ const INERTIA: &str = "inertia_in_link_kg_m2";
 
 /// Reads the item's name and lets faults use it.
 pub(super) fn named(table: &mut Table<'_>, kind: &str) -> String {
-    let name = table.string("name");
+    let name = table.name("name");
     if let Some(name) = &name {
         table.call(format!("{kind} `{name}`"));
     }

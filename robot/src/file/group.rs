@@ -29,7 +29,7 @@ impl<'d> Limb<'d> {
     pub fn read(mut table: Table<'d>) -> Self {
         let limb = Limb {
             name: named(&mut table, "limb"),
-            template: table.string("template").unwrap_or_default(),
+            template: table.name("template").unwrap_or_default(),
             parent: table.string("parent").unwrap_or_default(),
             origin_m: vector(&table, ORIGIN),
             mirrored: table.choice("side", &["left", "right"]) == Some(1),

@@ -7,6 +7,7 @@ use crate::model::Robot;
 use nalgebra::Vector3;
 use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::library::MAX_NAME;
+use rollwalk_protocol::text::Excerpt;
 use std::collections::{HashMap, HashSet};
 use std::fmt;
 
@@ -110,7 +111,7 @@ impl Check<'_> {
         if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(fits) {
             let help =
                 format!("names have 1 to {MAX_NAME} letters a to z or A to Z, digits, `_` or `-`");
-            self.violated("name", format_args!("cannot be \"{name}\""), help);
+            self.violated("name", format_args!("cannot be \"{}\"", Excerpt::start_of(name)), help);
         } else if taken {
             self.violated("name", "is used twice", "give every item of a kind its own name");
         }
@@ -154,7 +155,7 @@ impl Check<'_> {
         let ends = ends.map(|(index, name)| (Place::EndEffector(index), "end effector", name));
         let mut taken = HashSet::new();
         for (place, kind, name) in links.chain(joints).chain(ends) {
-            self.at(place, format!("{kind} `{name}`"));
+            self.at(place, format!("{kind} `{}`", Excerpt::start_of(name)));
             self.name(name, !taken.insert((kind, name)));
         }
     }

@@ -3,9 +3,11 @@
 use super::Check;
 use super::check::Bound;
 use crate::actuator::Actuator;
+use crate::document::NAME_MAX;
 use crate::model::Joint;
 use rollwalk_protocol::actuator;
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
+use rollwalk_protocol::text::{Excerpt, is_plain_name};
 use std::f64::consts::TAU;
 
 /// Fastest motor, rad/s; larger numbers are usually rev/min. This and the next are the ranges of the
@@ -88,8 +90,14 @@ impl Check<'_> {
     }
 
     pub(super) fn actuator(&mut self, motor: &Actuator) {
-        if motor.model.is_empty() {
+        let model = &motor.model;
+        if model.is_empty() {
             self.violated("model", "is empty", "give the motor's model, such as \"XM430-W210-T\"");
+        } else if model.len() > NAME_MAX || !is_plain_name(model) {
+            let help = format!(
+                "give the motor's model, such as \"XM430-W210-T\": 1 to {NAME_MAX} bytes of characters that can be seen"
+            );
+            self.violated("model", format_args!("is \"{}\"", Excerpt::start_of(model)), help);
         }
         let rpm = "; 1 rev/min is 0.10472 rad/s";
         let zero = Bound::AtLeast(0.0);

@@ -14,6 +14,7 @@ mod upright;
 use check::Check;
 pub(crate) use check::{ITEMS_MAX, LENGTH_MAX_M, is_a_length, length_help, show, violations};
 
+use rollwalk_protocol::text::Excerpt;
 use std::fmt;
 
 /// The item of a robot that a violation is about.
@@ -55,7 +56,7 @@ pub struct InvalidRobot {
 
 impl fmt::Display for InvalidRobot {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "robot `{}` is not valid", self.name)?;
+        write!(f, "robot `{}` is not valid", Excerpt::start_of(&self.name))?;
         for violation in &self.violations {
             write!(f, "\n  {} ({})", violation.message, violation.help)?;
         }

@@ -85,7 +85,7 @@ pub(super) struct EndEffectorSide {
 /// Reads all tables; `None` if any of them has a fault.
 pub(super) fn read(document: &Document<'_>) -> Option<Side> {
     let root = document.root();
-    let name = root.given("name", Table::string);
+    let name = root.given("name", Table::name);
     let base = root.given("root", named);
     let body_from_root = axes(&root);
     let locks = root.given("lock", Table::table).map_or_else(Vec::new, |table| {
@@ -156,7 +156,7 @@ fn axes(root: &Table<'_>) -> Option<UnitQuaternion<f64>> {
 }
 
 fn actuator(name: &str, table: &Table<'_>) -> ActuatorSide {
-    let model = table.given("model", Table::string);
+    let model = table.given("model", Table::name);
     let numbers = NUMBERS.map(|key| table.given(key, Table::number));
     table.done();
     ActuatorSide { name: name.to_owned(), span: table.span(), model, numbers }
@@ -179,7 +179,7 @@ fn joint(name: &str, table: &Table<'_>) -> JointSide {
 }
 
 fn end_effector(mut table: Table<'_>) -> Option<EndEffectorSide> {
-    let name = table.string("name")?;
+    let name = table.name("name")?;
     table.call(format!("end effector `{name}`"));
     let contact = KINDS[table.choice("contact", &KINDS)?];
     let wheel = contact != "point_foot";

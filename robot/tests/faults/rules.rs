@@ -211,6 +211,39 @@ fn names_that_are_unknown_or_taken() {
     }
 }
 
+/// Tables, messages and libraries show them.
+#[test]
+fn names_and_models_are_short_and_can_be_seen() {
+    let fields = [
+        ("name = \"tiny\"", "tiny", "`name`"),
+        ("model = \"S1\"", "S1", "`model`"),
+        ("name = \"arm\"", "arm", "`name`"),
+        ("name = \"shoulder\"", "shoulder", "`name`"),
+        ("name = \"wheel\"", "wheel", "`name`"),
+        ("name = \"*_shank\"", "*_shank", "`name`"),
+        ("name = \"left\"", "left", "`name`"),
+        ("template = \"leg\"", "leg", "`template`"),
+        ("[actuator.servo]", "servo", "`actuator`"),
+        ("[[template.leg.link]]", "leg", "`template`"),
+    ];
+    for (from, value, field) in fields {
+        let quoted =
+            if from.starts_with('[') { format!(".{value}") } else { format!("\"{value}\"") };
+        let put = |text: &str| {
+            let dot = if from.starts_with('[') { "." } else { "" };
+            from.replace(&quoted, &format!("{dot}\"{text}\""))
+        };
+        for text in ["x".repeat(65), "x".repeat(5000), "x".repeat(65_536), "a\\u001b[2J".into()] {
+            let found = faults(from, &put(&text));
+            let of_field = |(_, message, _): &&(usize, String, String)| message.contains(field);
+            let (.., message, help) = found.iter().find(of_field).unwrap_or_else(|| {
+                panic!("{from} of {} characters: {found:#?}", text.len());
+            });
+            assert!(message.len() < 400 && !help.is_empty(), "{message}");
+        }
+    }
+}
+
 #[test]
 fn a_limb_is_placed_where_its_origin_says() {
     let far = "origin_in_parent_m = [200, 130, 0]";
@@ -266,7 +299,7 @@ fn robots_without_a_file_are_judged_by_the_same_rules() {
     let robot = tiny();
     robot.validate().unwrap();
     type Breaks = fn(&mut Robot);
-    let broken: [(Breaks, Place, &str); 13] = [
+    let broken: [(Breaks, Place, &str); 15] = [
         (|r| r.links[0].mass_kg = f64::NAN, Place::Link(0), "mass_kg"),
         (
             |r| r.links[0].inertia_in_link_kg_m2[(0, 1)] = 1e-3,
@@ -279,6 +312,8 @@ fn robots_without_a_file_are_judged_by_the_same_rules() {
         (|r| r.joints[1].parent = 9, Place::Joint(1), "parent"),
         (|r| r.joints[0].actuator.kd_nm_s_rad = -1.0, Place::Joint(0), "kd_nm_s_rad"),
         (|r| r.joints[0].actuator.model.clear(), Place::Joint(0), "model"),
+        (|r| r.joints[0].actuator.model = "M".repeat(65_536), Place::Joint(0), "model"),
+        (|r| r.joints[0].actuator.model = "M\u{1b}[2J".into(), Place::Joint(0), "model"),
         (|r| r.joints[2].actuator.id = 1, Place::Joint(2), "id"),
         (|r| r.end_effectors[0].link = 4, Place::EndEffector(0), "link"),
         (|r| r.end_effectors[1].radius_m = 0.0, Place::EndEffector(1), "radius_m"),

@@ -252,7 +252,7 @@ pub fn speed_of(actuator: &str) -> Place {
 
 fn sweep(document: &Document<'_>) -> Option<Sweep> {
     let root = document.root();
-    let name = root.string("name");
+    let name = root.name("name");
     let design = if root.has("design") { Some(root.string("design")?) } else { None };
     let tables = root.tables_up_to("axis", AXES_MAX);
     if tables.is_empty() {
@@ -299,7 +299,7 @@ fn axis(table: &Table<'_>) -> Option<Axis> {
         table.done();
         return Some(Axis::Parameter { name: name?, values: values? });
     }
-    let name = table.string("name")?;
+    let name = table.name("name")?;
     let strings = |key| -> Option<Vec<String>> {
         let strings: Vec<String> =
             table.strings(key)?.into_iter().map(|(text, _)| text.to_owned()).collect();
@@ -327,7 +327,7 @@ fn axis(table: &Table<'_>) -> Option<Axis> {
 }
 
 fn choice(table: &Table<'_>) -> Option<RobotChoice> {
-    let (name, robot) = (table.string("name"), table.string("robot"));
+    let (name, robot) = (table.name("name"), table.string("robot"));
     let motions = table.strings("motions")?.into_iter().map(|(text, _)| text.to_owned()).collect();
     table.done();
     Some(RobotChoice { name: name?, robot: robot?, motions })
