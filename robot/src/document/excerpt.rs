@@ -5,23 +5,26 @@ use rollwalk_protocol::text::is_hidden;
 
 /// Most bytes of a line in a report.
 const LINE_MAX: usize = 200;
+/// Bytes for which room is made at once.
+const SHORT_MAX: usize = 1 << 16;
 /// Bytes of a long line that are shown before a fault.
 const BEFORE: usize = 60;
 
-/// The text as reports show it; notes where in it the faults are.
+/// The text as reports show it; notes where in it the faults are, which stand in the order of the text.
 pub(super) fn excerpt(text: &str, faults: &mut [Fault]) -> String {
-    let mut shown = String::with_capacity(text.len());
-    let mut at = 0;
+    let mut shown = String::with_capacity(text.len().min(SHORT_MAX));
+    let (mut at, mut done) = (0, 0);
     for line in text.split_inclusive('\n') {
         let span = at..at + line.len();
         at = span.end;
-        let mut inside: Vec<_> =
-            faults.iter_mut().filter(|fault| span.contains(&fault.span.start)).collect();
+        let of_line = faults[done..].iter().take_while(|fault| fault.span.start < at).count();
+        let inside = &mut faults[done..done + of_line];
+        done += of_line;
         if line.len() <= LINE_MAX {
             for fault in inside {
                 fault.shown = moved(&fault.span, span.start, shown.len());
             }
-            shown.extend(line.chars().flat_map(visible));
+            show(line, &mut shown);
             continue;
         }
         // Around the first fault; others of the line are shown at its end.
@@ -31,20 +34,29 @@ pub(super) fn excerpt(text: &str, faults: &mut [Fault]) -> String {
         let start = shown.len();
         shown.push_str(if from > 0 { "…" } else { "" });
         let window = shown.len();
-        shown.extend(line[from..to].chars().flat_map(visible));
+        show(&line[from..to], &mut shown);
         let end = shown.len();
         shown.push_str(if to < line.trim_end().len() { "…" } else { "" });
         shown.push_str(if line.ends_with('\n') { "\n" } else { "" });
-        for fault in &mut inside {
+        for fault in inside {
             let Span { start: a, end: b } = moved(&fault.span, span.start + from, window);
             fault.shown = a.clamp(start, end)..b.clamp(start, end);
         }
     }
     // At the end, where something is missing.
-    for fault in faults.iter_mut().filter(|fault| fault.span.start >= text.len()) {
+    for fault in &mut faults[done..] {
         fault.shown = shown.len()..shown.len();
     }
     shown
+}
+
+/// Adds a text as it is safe to print.
+fn show(text: &str, shown: &mut String) {
+    if text.bytes().all(|byte| matches!(byte, b' '..=b'~' | b'\n' | b'\t' | b'\r')) {
+        shown.push_str(text);
+    } else {
+        shown.extend(text.chars().flat_map(visible));
+    }
 }
 
 /// A span that moves from one place to another.

@@ -4,7 +4,7 @@ use super::bodies::{Bodies, Moving, Rigid, merge};
 use super::draft::{Draft, DraftEnd, DraftJoint, DraftLink, Origin};
 use super::joints::ranges;
 use super::loads::loads;
-use super::model::{Joint, Kind, Urdf};
+use super::model::{Joint, Kind, MOVING_MAX, Urdf};
 use super::motors::Motors;
 use super::names::{Names, allowed};
 use super::notes::Notes;
@@ -69,6 +69,9 @@ impl<'a> Conversion<'a, '_> {
         let limbs = limbs(self.bodies);
         self.unknown_joints(rigid, tree);
         self.channels(tree);
+        if self.bodies.moving.len() > MOVING_MAX {
+            return None;
+        }
         let ranges = ranges(self.urdf, self.side, self.side_document, self.bodies, self.notes);
         let angles: Vec<_> = ranges.iter().map(|range| range.nominal_rad).collect();
         let axes: Vec<_> =

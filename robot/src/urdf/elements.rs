@@ -11,6 +11,9 @@ use roxmltree::Node;
 const EXPAND: &str =
     "macros must be expanded first: `xacro robot.urdf.xacro > robot.urdf` (ROS package xacro)";
 
+/// Most bytes of an attribute with numbers, which is read once for every element that it holds for.
+pub(super) const NUMBERS_MAX: usize = 1000;
+
 /// Readers of elements; they note faults.
 pub(super) struct Reader<'n, 't> {
     pub notes: &'n mut Notes<'t>,
@@ -88,10 +91,10 @@ impl Reader<'_, '_> {
     fn numbers<const N: usize>(&mut self, node: Node<'_, '_>, name: &str) -> Option<[f64; N]> {
         let attribute = node.attribute_node(name)?;
         let written = attribute.value();
-        let parsed: Option<Vec<f64>> = written
-            .split_whitespace()
-            .map(|word| word.parse().ok().filter(|number: &f64| number.is_finite()))
-            .collect();
+        let finite = |word: &str| word.parse().ok().filter(|number: &f64| number.is_finite());
+        let words = written.split_whitespace().take(N + 1);
+        let parsed: Option<Vec<f64>> =
+            (written.len() <= NUMBERS_MAX).then(|| words.map(finite).collect()).flatten();
         let numbers = parsed.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
         if numbers.is_none() {
             let wanted = if N == 1 { "one number".to_owned() } else { format!("{N} numbers") };

@@ -7,6 +7,7 @@ use super::model::{Joint, Kind, Link, Solid, Urdf};
 use super::notes::Notes;
 use super::stance::Tip;
 use super::tree::{Graph, Tree};
+use crate::rules::ITEMS_MAX;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Parts of names of links that stand on the ground.
@@ -170,6 +171,8 @@ pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, axles: &[usize])
         };
         ends.extend(link.and_then(|link| foot(urdf, bodies, link)));
     }
+    // A robot file has no more.
+    ends.truncate(ITEMS_MAX);
     ends
 }
 

@@ -19,6 +19,7 @@ mod motors;
 mod names;
 mod notes;
 mod rigid;
+mod scan;
 mod shapes;
 mod side;
 mod stance;
@@ -62,8 +63,7 @@ pub struct Text<'t> {
 /// # Errors
 /// All faults of the URDF or of the side file, each with its place and a help line.
 pub fn import(urdf: Text<'_>, side: Text<'_>) -> Result<Imported, DocumentError> {
-    xml::check_size(urdf.name, urdf.text)?;
-    let text = xml::declare_prefixes(urdf.text);
+    let text = xml::checked(urdf.name, urdf.text)?;
     let mut notes = Notes::new(urdf.name, &text);
     let read = xml::read(&mut notes)?;
     let graph = tree::graph(&read, &mut notes);

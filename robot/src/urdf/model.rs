@@ -8,6 +8,9 @@ use nalgebra::{Isometry3, Unit, Vector3};
 /// of their number.
 pub(super) const ITEMS_MAX: usize = 2000;
 
+/// Most joints that move: ten times as many as a controller has channels. Poses and loads take time with the cube of their number.
+pub(super) const MOVING_MAX: usize = 256;
+
 /// Contents of a URDF file.
 #[derive(Debug, Default)]
 pub(super) struct Urdf {

@@ -19,6 +19,11 @@ impl<'t> Notes<'t> {
         Self { file_name, text, faults: Vec::new(), warnings: Vec::new() }
     }
 
+    /// Whether further faults are not noted: there are enough.
+    pub fn is_full(&self) -> bool {
+        self.faults.len() >= FAULTS_MAX
+    }
+
     pub fn fault(
         &mut self,
         span: Span,
@@ -26,7 +31,7 @@ impl<'t> Notes<'t> {
         label: impl Into<String>,
         help: impl Into<String>,
     ) {
-        if self.faults.len() < FAULTS_MAX {
+        if !self.is_full() {
             self.faults.push(Fault::new(self.text, span, message, label, help));
         }
     }

@@ -4,7 +4,7 @@ use super::bodies::{Bodies, Rigid, merge};
 use super::convert::{idle_joints, locked_position};
 use super::guess::{self, End, EndKind};
 use super::joints::TURN_RAD;
-use super::model::{Joint, Kind, Urdf};
+use super::model::{Joint, Kind, MOVING_MAX, Urdf};
 use super::names::{self, Names, some_names};
 use super::notes::Notes;
 use super::stance::{self, Stance, Turn};
@@ -72,8 +72,7 @@ pub struct SurveyEnd {
 /// # Errors
 /// All faults of the URDF.
 pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
-    xml::check_size(urdf.name, urdf.text)?;
-    let text = xml::declare_prefixes(urdf.text);
+    let text = xml::checked(urdf.name, urdf.text)?;
     let mut notes = Notes::new(urdf.name, &text);
     let read = xml::read(&mut notes)?;
     let graph = tree::graph(&read, &mut notes);
@@ -94,6 +93,14 @@ pub fn survey(urdf: Text<'_>) -> Result<Survey, DocumentError> {
     }
     locks.extend(idle.iter().map(|&joint| (joint, locked_position(&read.joints[joint]))));
     let guess = guessed(&read, &graph, &tree, &locks, &mut notes);
+    let moving = guess.bodies.moving.len();
+    if moving > MOVING_MAX {
+        let message = format!("{moving} joints of the robot move");
+        let help = format!(
+            "a controller and a library have at most {MAX_CHANNELS} channels; at most {MOVING_MAX} joints are read: make the others fixed"
+        );
+        notes.fault(read.links[tree.root].span.clone(), message, "the body", help);
+    }
     notes.check()?;
     if guess.channels() > MAX_CHANNELS {
         let span = &read.links[tree.root].span;

@@ -8,28 +8,16 @@ use super::elements::Reader;
 use super::mjcf;
 use super::model::{ITEMS_MAX, Urdf};
 use super::notes::Notes;
+use super::scan::scan;
 use crate::document::{DocumentError, Fault};
 use roxmltree::{Document, Error, Node, ParsingOptions};
 
 /// Largest text, bytes: meshes lie in files of their own, so that real ones stay far below.
 pub const TEXT_MAX: usize = 16 << 20;
 /// Most nodes of the XML tree.
-const NODES_MAX: u32 = 1 << 20;
+const NODES_MAX: u32 = 1 << 18;
 /// Namespace of prefixes that the file uses without declaring them.
 const UNDECLARED: &str = "urn:undeclared";
-
-/// Declares the XML prefixes that a file uses without declaring them, which other URDF readers accept.
-/// Keeps line numbers.
-pub(super) fn declare_prefixes(text: &str) -> String {
-    let mut text = text.to_owned();
-    // Each round declares one prefix; files have a handful.
-    for _ in 0..16 {
-        let Err(Error::UnknownNamespace(prefix, _)) = parse(&text).map(drop) else { break };
-        let Some(at) = text.find("<robot") else { break };
-        text.insert_str(at + "<robot".len(), &format!(" xmlns:{prefix}=\"{UNDECLARED}\""));
-    }
-    text
-}
 
 fn parse(text: &str) -> Result<Document<'_>, Error> {
     Document::parse_with_options(
@@ -38,16 +26,25 @@ fn parse(text: &str) -> Result<Document<'_>, Error> {
     )
 }
 
-/// Rejects texts that are too large for a robot, before parsing.
-pub(super) fn check_size(file_name: &str, text: &str) -> Result<(), DocumentError> {
-    if text.len() <= TEXT_MAX {
-        return Ok(());
+/// A text within the bounds of what the parser takes time and memory for, in which every XML prefix is declared: other URDF
+/// readers accept undeclared ones. Keeps line numbers.
+pub(super) fn checked(file_name: &str, text: &str) -> Result<String, DocumentError> {
+    if text.len() > TEXT_MAX {
+        let message = format!("the file has {} bytes", text.len());
+        let help =
+            format!("a URDF file has at most {TEXT_MAX}; meshes belong in files of their own");
+        let fault = Fault::new(text, 0..0, message, "too large", help);
+        // The text itself would be printed as the place of the fault.
+        return Err(DocumentError::of(file_name, "", vec![fault]).expect("one fault"));
     }
-    let message = format!("the file has {} bytes", text.len());
-    let help = format!("a URDF file has at most {TEXT_MAX}; meshes belong in files of their own");
-    let fault = Fault::new(text, 0..0, message, "too large", help);
-    // The text itself would be printed as the place of the fault.
-    Err(DocumentError::of(file_name, "", vec![fault]).expect("one fault"))
+    let found = scan(text)
+        .map_err(|fault| DocumentError::of(file_name, text, vec![fault]).expect("one fault"))?;
+    let mut declared = text.to_owned();
+    if let Some(at) = found.after_robot {
+        let declare = |prefix: &&str| format!(" xmlns:{prefix}=\"{UNDECLARED}\"");
+        declared.insert_str(at, &found.prefixes.iter().map(declare).collect::<String>());
+    }
+    Ok(declared)
 }
 
 /// Reads the text of `notes`.

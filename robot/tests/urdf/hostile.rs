@@ -21,12 +21,15 @@ fn entity_bombs_are_refused() {
 
 #[test]
 fn deep_and_long_files_end() {
-    let deep =
-        format!("<robot name=\"r\">{}{}</robot>", "<a>".repeat(100_000), "</a>".repeat(100_000));
-    assert!(imported(&deep, SIDE).unwrap_err().to_string().contains("no <link>"));
+    let deep = |depth| {
+        format!("<robot name=\"r\">{}{}</robot>", "<a>".repeat(depth), "</a>".repeat(depth))
+    };
+    assert!(imported(&deep(999), SIDE).unwrap_err().to_string().contains("no <link>"));
+    let error = imported(&deep(100_000), SIDE).unwrap_err().to_string();
+    assert!(error.contains(":1: more than 1000 elements are inside each other"), "{error}");
     for (links, words) in [
         (2000, "no link of the robot has a mass"),
-        (100_000, "the robot has 100000 <link> elements (and 1 more error)"),
+        (50_000, "the robot has 50000 <link> elements (and 1 more error)"),
     ] {
         let mut long = "<robot name=\"r\"><link name=\"l0\"/>".to_owned();
         for link in 1..links {
@@ -42,6 +45,80 @@ fn deep_and_long_files_end() {
     }
     let huge = format!("<robot name=\"r\"/>{}", " ".repeat(17 << 20));
     assert!(imported(&huge, SIDE).unwrap_err().to_string().contains("bytes"));
+}
+
+/// What took time with the square of its number, or worse, each in a file of some megabytes at most.
+#[test]
+fn many_of_anything_end_soon() {
+    let list =
+        |count: usize, item: &dyn Fn(usize) -> String| -> String { (0..count).map(item).collect() };
+    let model = |before: &str, inside: &str| {
+        format!("<mujoco>{before}<worldbody><body name=\"b\">{inside}</body></worldbody></mujoco>")
+    };
+    let geoms = "<geom size=\"0.1\"/>".repeat(19_000);
+    let solid = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\"/></inertial>";
+    let branch = |k: usize, parent: usize| {
+        format!(
+            "<link name=\"l{k}\">{solid}</link><joint name=\"j{k}\" type=\"revolute\"><axis xyz=\"0 1 0\"/>\
+             <limit lower=\"-1\" upper=\"1\"/><parent link=\"l{parent}\"/><child link=\"l{k}\"/></joint>"
+        )
+    };
+    let robot = |inside: String| {
+        format!("<robot name=\"r\"><link name=\"l0\">{solid}</link>{inside}</robot>")
+    };
+    let files = [
+        (
+            format!(
+                "<robot name=\"r\"><link {}/></robot>",
+                list(100_000, &|k| format!("a{k}=\"\" "))
+            ),
+            "<link> has more than 200 attributes",
+        ),
+        (
+            format!("<robot {}/>", list(50_000, &|k| format!("xmlns:a{k}=\"u{k}\" "))),
+            "declares more than 64 namespaces",
+        ),
+        (list(50_000, &|k| format!("<a xmlns:a{k}=\"u\">")), "declares more than 64 namespaces"),
+        (robot(format!("<link name=\"{}\"/>", "n".repeat(1 << 20))), "`name` has 1048576 bytes"),
+        (format!("<robot><{}/></robot>", "n".repeat(1 << 20)), "a name has 1048576 bytes"),
+        (robot("<a/>".repeat(300_000)), "more than 262144 XML nodes"),
+        (robot("<a b='' c=''/>".repeat(260_000)), "more than 500000 attributes"),
+        (robot(list(1990, &|k| branch(k + 1, 0))), ""),
+        (robot(list(1990, &|k| branch(k + 1, k))), "1990 joints of the robot move"),
+        (model("", &"<geom/>".repeat(100_000)), "<worldbody> has 100002 elements"),
+        (model("", &"<joint/>".repeat(19_000)), "the model has too many joints"),
+        (model("", &("<frame pos=\"x\">".repeat(900) + &"</frame>".repeat(900))), "`pos` is \"x\""),
+        (
+            model(&list(30_000, &|k| format!("<default class=\"c{k}\"/>")), &geoms),
+            "30000 classes of defaults",
+        ),
+        (
+            model(
+                &format!("<default><geom pos=\"{}\"/></default>", "0.0 ".repeat(100_000)),
+                &geoms,
+            ),
+            "`pos` is \"0.0 0.0",
+        ),
+        (
+            model(&format!("<compiler eulerseq=\"{}\"/>", "x".repeat(1 << 20)), &geoms),
+            "`eulerseq` has 1048576 bytes",
+        ),
+    ];
+    for (text, words) in files {
+        let start = std::time::Instant::now();
+        let found = survey(Text { name: "u", text: &text });
+        let error = found.map_or_else(|error| error.to_string(), |_| String::new());
+        assert!(error.contains(words), "{words}: {error}");
+        assert!(error.len() < 1200, "{words}: {} bytes", error.len());
+        let _ = imported(&text, SIDE);
+        assert!(start.elapsed().as_secs_f64() < 10.0, "{words}: {:?}", start.elapsed());
+    }
+    // Defaults of which there are many are found at once.
+    let defaults = list(20_000, &|k| format!("<geom a{k}=\"1\"/>"));
+    let start = std::time::Instant::now();
+    survey(Text { name: "u", text: &model(&format!("<default>{defaults}</default>"), &geoms) })
+        .unwrap();
+    assert!(start.elapsed().as_secs_f64() < 10.0, "{:?}", start.elapsed());
 }
 
 #[test]

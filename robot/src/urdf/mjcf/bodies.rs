@@ -51,7 +51,13 @@ pub fn read<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
             reader.fault(next.of.node, "the model has too many bodies", &help);
             break;
         }
+        let node = next.of.node;
         let mut inner = body(next, &drives, reader, &mut urdf);
+        if urdf.joints.len() > ITEMS_MAX {
+            let help = format!("at most {ITEMS_MAX} are read: is this the right file?");
+            reader.fault(node, "the model has too many joints", &help);
+            break;
+        }
         inner.reverse();
         open.extend(inner);
     }

@@ -16,6 +16,12 @@ use model::Model;
 use numbers::Reader;
 use roxmltree::Node;
 
+/// Most classes of defaults: models have a few dozen.
+const CLASSES_MAX: usize = 1000;
+/// Lists whose elements are read.
+const READ: [&str; 3] = ["worldbody", "actuator", "equality"];
+/// Most elements of a list: ten for each of the most bodies.
+const ELEMENTS_MAX: usize = 20_000;
 /// Elements that stand for others, which MuJoCo puts in their place.
 const MACROS: [&str; 5] = ["include", "attach", "replicate", "composite", "flexcomp"];
 const SAVE: &str = "have MuJoCo write the whole model: \
@@ -35,6 +41,20 @@ pub(super) fn read(root: Node<'_, '_>, notes: &mut Notes<'_>) -> Result<Urdf, Do
     }
     if let Some(compiler) = model.scaled {
         reader.fault(compiler, "`settotalmass` scales all masses, and is not read", SAVE);
+    }
+    let classes = model.classes().len();
+    if classes > CLASSES_MAX {
+        let message = format!("the model has {classes} classes of defaults");
+        let help = format!("at most {CLASSES_MAX} are read: is this the right file?");
+        reader.fault(root, message, &help);
+    }
+    for list in root.children().filter(|node| READ.contains(&node.tag_name().name())) {
+        let count = list.descendants().filter(Node::is_element).count();
+        if count > ELEMENTS_MAX {
+            let message = format!("<{}> has {count} elements", list.tag_name().name());
+            let help = format!("at most {ELEMENTS_MAX} are read: is this the right file?");
+            reader.fault(list, message, &help);
+        }
     }
     reader.notes.check()?;
     let urdf = bodies::read(root, &mut reader);

@@ -8,7 +8,7 @@ const MAIN: &str = "main";
 /// Elements of actuators have their defaults in common.
 const ACTUATORS: [&str; 5] = ["general", "motor", "position", "velocity", "intvelocity"];
 /// Longest chain of classes that is followed.
-const DEPTH_MAX: usize = 64;
+const DEPTH_MAX: usize = 16;
 
 /// When masses follow from geoms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +23,25 @@ pub enum FromGeoms {
 struct Class<'a, 'i> {
     parent: Option<&'a str>,
     nodes: Vec<Node<'a, 'i>>,
+    /// Attributes by element and name.
+    attributes: HashMap<(&'a str, &'a str), Attribute<'a, 'i>>,
+}
+
+impl Class<'_, '_> {
+    /// Lists the attributes: those of the last `<default>` first, and of the first element in it.
+    fn list(&mut self) {
+        for element in self.nodes.iter().rev().flat_map(|node| node.children()) {
+            let tag = shared(element.tag_name().name());
+            for attribute in element.attributes().filter(|a| a.namespace().is_none()) {
+                self.attributes.entry((tag, attribute.name())).or_insert(attribute);
+            }
+        }
+    }
+}
+
+/// The element whose defaults hold for a tag.
+fn shared(tag: &str) -> &str {
+    if ACTUATORS.contains(&tag) { ACTUATORS[0] } else { tag }
 }
 
 /// Settings and defaults of a model.
@@ -68,6 +87,7 @@ impl<'a, 'i> Model<'a, 'i> {
         for default in root.children().filter(|node| node.has_tag_name("default")) {
             model.add_classes(default);
         }
+        model.classes.values_mut().for_each(Class::list);
         model
     }
 
@@ -113,7 +133,7 @@ impl<'a, 'i> Model<'a, 'i> {
         let mut open = vec![(outermost, None)];
         while let Some((node, parent)) = open.pop() {
             let name = node.attribute("class").unwrap_or(MAIN);
-            let class = Class { parent, nodes: Vec::new() };
+            let class = Class { parent, nodes: Vec::new(), attributes: HashMap::new() };
             self.classes.entry(name).or_insert(class).nodes.push(node);
             let inner = node.children().filter(|child| child.has_tag_name("default"));
             open.extend(inner.map(|child| (child, Some(name))));
@@ -142,16 +162,12 @@ impl<'a, 'i> Model<'a, 'i> {
         if let Some(attribute) = node.attribute_node(name) {
             return Some(attribute);
         }
-        let tag = node.tag_name().name();
-        let is_same =
-            |other: &str| other == tag || ACTUATORS.contains(&tag) && ACTUATORS.contains(&other);
+        let tag = shared(node.tag_name().name());
         let mut class = Some(node.attribute("class").or(around).unwrap_or(MAIN));
         for _ in 0..DEPTH_MAX {
             let here = self.classes.get(class?)?;
-            let defaults = here.nodes.iter().rev().flat_map(|node| node.children());
-            let mut same = defaults.filter(|node| is_same(node.tag_name().name()));
-            if let Some(attribute) = same.find_map(|node| node.attribute_node(name)) {
-                return Some(attribute);
+            if let Some(attribute) = here.attributes.get(&(tag, name)) {
+                return Some(*attribute);
             }
             class = here.parent;
         }

@@ -2,7 +2,7 @@
 
 use super::model::Model;
 use crate::document::alternatives;
-use crate::urdf::elements::tag;
+use crate::urdf::elements::{NUMBERS_MAX, tag};
 use crate::urdf::notes::Notes;
 use nalgebra::{
     Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3,
@@ -46,7 +46,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
     /// Notes a class that does not exist.
     pub fn check_class(&mut self, node: Node<'a, 'i>, attribute: &str) {
         let Some(class) = node.attribute(attribute) else { return };
-        if !self.model.has_class(class) {
+        if !self.notes.is_full() && !self.model.has_class(class) {
             let help = alternatives(class, self.model.classes());
             self.fault(node, format!("{}: class `{class}` does not exist", called(node)), &help);
         }
@@ -61,8 +61,14 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         most: usize,
     ) -> Option<Vec<f64>> {
         let attribute = self.model.attribute(of.node, of.class, name)?;
+        if self.notes.is_full() {
+            return None;
+        }
         let finite = |word: &str| word.parse().ok().filter(|number: &f64| number.is_finite());
-        let parsed: Option<Vec<f64>> = attribute.value().split_whitespace().map(finite).collect();
+        let written = attribute.value();
+        let words = written.split_whitespace().take(most + 1);
+        let parsed: Option<Vec<f64>> =
+            (written.len() <= NUMBERS_MAX).then(|| words.map(finite).collect()).flatten();
         let numbers = parsed.filter(|numbers| (least..=most).contains(&numbers.len()));
         if numbers.is_none() {
             let wanted = match (least, most) {
@@ -70,7 +76,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
                 _ if least == most => format!("{least} numbers"),
                 _ => format!("{least} to {most} numbers"),
             };
-            let shown: String = attribute.value().chars().take(60).collect();
+            let shown: String = written.chars().take(60).collect();
             let message = format!("{}: `{name}` is \"{shown}\"", called(of.node));
             let help = format!("{wanted}, finite, separated by blanks");
             self.notes.fault(attribute.range_value(), message, format!("not {wanted}"), help);
