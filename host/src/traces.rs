@@ -2,8 +2,8 @@
 //! measured. Times are seconds since the first message.
 
 use crate::telemetry::JointStates;
-use mcap::MessageStream;
-use mcap::read::Options;
+use mcap::io::MessageReader;
+use mcap::sans_io::LinearReaderOptions;
 use rollwalk_bus::candump::LogEntry;
 use rollwalk_protocol::actuator::{Feedback, JointSetpoint, WheelSetpoint};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
@@ -44,6 +44,16 @@ pub enum Unusable {
     /// No MCAP file.
     #[error("it is no MCAP file that can be read: {0}")]
     Mcap(#[from] mcap::McapError),
+    /// Compressed chunks that are far larger than the file.
+    #[error(
+        "its compressed chunks unpack to {unpacked} bytes, and at most {most} of a file of this size are read: record anew, or cut the recording into shorter ones with `mcap filter`"
+    )]
+    Unpacked {
+        /// Size that the chunks declare.
+        unpacked: u64,
+        /// Most that is read.
+        most: u64,
+    },
     /// A message of a topic is not as monitors write it.
     #[error(
         "a message of {0} is no JSON of foxglove.JointStates, as `rollwalk monitor --mcap` writes it"
@@ -77,6 +87,13 @@ pub enum Unusable {
     },
 }
 
+/// Most bytes of a record, which is in memory whole.
+const RECORD_MAX: usize = 16 << 20;
+/// Most bytes that compressed chunks unpack to: as many as the longest recording has without compression.
+const UNPACKED_MAX: u64 = 256 << 20;
+/// Bytes per byte of the file that chunks may unpack to beyond [`RECORD_MAX`]: telemetry is compressed to a tenth.
+const RATIO_MAX: u64 = 32;
+
 const MEASURED: &str = "/joint_states";
 const PLANNED: &str = "/planned_joint_states";
 /// Longest time between planned states, which come with every status, and between setpoints of a drive, s.
@@ -88,7 +105,15 @@ const SETPOINT_GAP_S: f64 = 0.1;
 /// # Errors
 /// What it lacks, or why it cannot be read.
 pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<Traces, Unusable> {
-    let messages = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into())?;
+    let most = (RECORD_MAX as u64 + RATIO_MAX * bytes.len() as u64).min(UNPACKED_MAX);
+    let unpacked = unpacked_bytes(bytes);
+    if unpacked > most {
+        return Err(Unusable::Unpacked { unpacked, most });
+    }
+    // The reader takes no more out of a chunk than it declares.
+    let options = LinearReaderOptions::default().with_skip_end_magic(true);
+    let options = options.with_record_length_limit(RECORD_MAX);
+    let messages = MessageReader::new_with_options(bytes, options);
     let mut turns: BTreeMap<&str, Vec<(u64, JointStates)>> = BTreeMap::new();
     let mut cut_off = None;
     for message in messages {
@@ -150,6 +175,32 @@ pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<T
         }
     }
     Traces { motors, commanded_s }.whole(config, names)
+}
+
+/// Bytes that the compressed chunks of a file declare to unpack to; up to where the file is cut off or damaged.
+fn unpacked_bytes(bytes: &[u8]) -> u64 {
+    /// Opcode and length before every record.
+    const HEAD: usize = 9;
+    let mut rest = bytes.get(mcap::MAGIC.len()..).unwrap_or_default();
+    let mut unpacked = 0_u64;
+    let number = |bytes: &[u8], at: usize| {
+        let bytes = bytes.get(at..)?.first_chunk()?;
+        Some(u64::from_le_bytes(*bytes))
+    };
+    while let (Some(&opcode), Some(length)) = (rest.first(), number(rest, 1)) {
+        let record = &rest[HEAD..];
+        // Of a chunk: two times, size, checksum and the name of the compression, empty without.
+        let is_packed = record.get(28..32).is_some_and(|length| length != [0; 4]);
+        if opcode == mcap::records::op::CHUNK && is_packed {
+            unpacked = unpacked.saturating_add(number(record, 16).unwrap_or(0));
+        }
+        let Some(next) = usize::try_from(length).ok().and_then(|length| record.get(length..))
+        else {
+            break;
+        };
+        rest = next;
+    }
+    unpacked
 }
 
 /// Reads a log of all actuator buses of a robot, which speak the Rollwalk servo profile: of a robot with several, the interfaces in
@@ -277,7 +328,7 @@ mod tests {
     use crate::catalog::Catalog;
     use crate::joints::Known;
     use crate::telemetry::Telemetry;
-    use mcap::{Compression, WriteOptions};
+    use mcap::{Compression, MessageStream, WriteOptions};
     use rollwalk_protocol::actuator::ActuatorStatus;
     use rollwalk_protocol::config::Channel;
     use rollwalk_protocol::wire::{JointTelemetry, Node, State, Status};
@@ -382,6 +433,64 @@ mod tests {
         }
         near(&traces.motors[2].target_rad_s, |_| 2.0, 1e-9);
         assert!(of_mcap(b"time_s,x", &config, &names).is_err());
+    }
+
+    /// A file of one compressed chunk, which declares `declared` bytes and has `zeros` of them.
+    fn bomb(zeros: u64, declared: u64) -> Vec<u8> {
+        let mut file = Cursor::new(Vec::new());
+        let options = WriteOptions::new().compression(Some(Compression::Zstd)).chunk_size(None);
+        let mut writer = options.create(&mut file).unwrap();
+        let schema = writer.add_schema("foxglove.JointStates", "jsonschema", b"{}").unwrap();
+        let channel = writer.add_channel(schema, MEASURED, "json", &BTreeMap::new()).unwrap();
+        let header = mcap::records::MessageHeader {
+            channel_id: channel,
+            sequence: 0,
+            log_time: 0,
+            publish_time: 0,
+        };
+        for _ in 0..zeros.div_ceil(1 << 20) {
+            writer.write_to_known_channel(&header, &vec![b' '; 1 << 20]).unwrap();
+        }
+        writer.finish().unwrap();
+        drop(writer);
+        let mut bytes = file.into_inner();
+        // The header, then the chunk.
+        let header = u64::from_le_bytes(*bytes[9..].first_chunk().unwrap()) as usize;
+        let chunk = mcap::MAGIC.len() + 9 + header;
+        assert_eq!(bytes[chunk], mcap::records::op::CHUNK);
+        if declared != zeros {
+            bytes[chunk + 9 + 16..][..8].copy_from_slice(&declared.to_le_bytes());
+        }
+        bytes
+    }
+
+    #[test]
+    fn chunks_unpack_to_no_more_than_a_recording_has() {
+        let (config, names) = robot();
+        let why = |bytes: &[u8]| of_mcap(bytes, &config, &names).unwrap_err().to_string();
+        let honest = bomb(64 << 20, 64 << 20);
+        assert!(honest.len() < 100_000, "{}", honest.len());
+        let error = why(&honest);
+        assert!(error.contains("unpack to 67") && error.contains("at most 1"), "{error}");
+        // The reader stops at the size that a chunk declares.
+        let error = why(&bomb(64 << 20, 1000));
+        assert!(error.contains("decompress"), "{error}");
+        // Many chunks, each of an allowed size.
+        let small = bomb(8 << 20, 8 << 20);
+        let chunk =
+            mcap::MAGIC.len() + 9 + u64::from_le_bytes(*small[9..].first_chunk().unwrap()) as usize;
+        let length = 9 + u64::from_le_bytes(*small[chunk + 1..].first_chunk().unwrap()) as usize;
+        let mut in_turn = small[..chunk].to_vec();
+        for _ in 0..20 {
+            in_turn.extend_from_slice(&small[chunk..chunk + length]);
+        }
+        let error = why(&in_turn);
+        assert!(error.contains("unpack to 167"), "{error}");
+        // A record that is not compressed has a bound of its own.
+        let mut long = small[..chunk].to_vec();
+        long.push(mcap::records::op::MESSAGE);
+        long.extend_from_slice(&(1_u64 << 40).to_le_bytes());
+        assert!(why(&long).contains("record"), "{}", why(&long));
     }
 
     #[test]
