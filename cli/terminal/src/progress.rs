@@ -1,17 +1,48 @@
-//! How a solve goes, on stderr: a spinner on a terminal, one line at the end otherwise, and with `-v`
-//! a table of every iteration.
+//! Progress on stderr: a spinner on a terminal, a line now and then where it is none, and with `-v` a table of every iteration of a solve.
 
 use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use rollwalk_planner::Progress;
 use rollwalk_planner::plan::{SolveSummary, Status};
 use rollwalk_protocol::text::Shown;
+use std::fmt::Display;
+use std::io::{self, IsTerminal};
 use std::ops::ControlFlow;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
+
+/// Interval of lines where stderr is no terminal: a log of hours stays short, and what has stopped is seen.
+const LINES: Duration = Duration::from_secs(10);
+
+/// Progress of long work in a log: stderr is no terminal, which shows no spinner.
+pub struct Lines {
+    is_log: bool,
+    last: Mutex<Instant>,
+}
+
+impl Lines {
+    /// Begins; the first line is due after the interval.
+    pub fn begin() -> Self {
+        Self { is_log: !io::stderr().is_terminal(), last: Mutex::new(Instant::now()) }
+    }
+
+    /// Says where the work is, if a line is due.
+    pub fn say(&self, line: impl Display) {
+        if !self.is_log {
+            return;
+        }
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if last.elapsed() >= LINES {
+            *last = Instant::now();
+            output::say(line);
+        }
+    }
+}
 
 /// One solve being watched.
 pub struct Watch {
     bar: ProgressBar,
+    lines: Lines,
     table: bool,
     start: Instant,
 }
@@ -33,7 +64,7 @@ impl Watch {
             );
             output::say(format_args!("{name}\n{titles}"));
         }
-        Self { bar, table, start: Instant::now() }
+        Self { bar, lines: Lines::begin(), table, start: Instant::now() }
     }
 
     /// Shows an iteration; breaks off when Ctrl-C was pressed.
@@ -46,9 +77,13 @@ impl Watch {
                  {step:>9.2e}  {worst_constraint}"
             ));
         }
-        self.bar.set_message(format!(
+        let at = format!(
             "iteration {iteration:>3}, worst {worst_constraint} at {worst_level:.2} of its level"
-        ));
+        );
+        if !self.table {
+            self.lines.say(format_args!("{}: {at}", self.bar.prefix()));
+        }
+        self.bar.set_message(at);
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 

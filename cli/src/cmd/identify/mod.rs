@@ -15,6 +15,7 @@ use rollwalk_robot::Robot;
 use rollwalk_simulate::identify::{Kind, Quantity, Stage, Unfit};
 use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::inputs::Source as Inputs;
+use rollwalk_terminal::progress::Lines;
 use rollwalk_terminal::{Exit, interrupt, output};
 use source::Source;
 use std::path::PathBuf;
@@ -77,10 +78,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let others = runs::read_others(&args.predict, &robot)?;
     let place = Output::of_source(&args.output)?;
     interrupt::listen();
-    let bar = ProgressBar::new_spinner();
+    let (bar, lines) = (ProgressBar::new_spinner(), Lines::begin());
     let watch = |run: &str, stage: &Stage| {
         let Stage { what, horizon_s, rollouts } = stage;
-        bar.set_message(format!("{run}: {what}, {horizon_s:.1} s, rollout {rollouts}"));
+        let at = format!("{run}: {what}, {horizon_s:.1} s, rollout {rollouts}");
+        lines.say(&at);
+        bar.set_message(at);
         bar.tick();
         !interrupt::requested()
     };

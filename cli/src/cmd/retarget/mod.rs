@@ -10,6 +10,7 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 use rollwalk_simulate::retarget::{Options, Retargeted, retarget};
 use rollwalk_simulate::{Control, Outcome};
+use rollwalk_terminal::progress::Lines;
 use rollwalk_terminal::{Exit, interrupt};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -103,9 +104,11 @@ impl Corrected {
         // In the steps for which they are found: in longer ones corrections for soft feet lose a seventh of the way.
         let played = |plan: &Plan| played::play(plan, control, options.rate_hz);
         let before = played(plan)?;
-        let bar = ProgressBar::new_spinner();
+        let (bar, lines) = (ProgressBar::new_spinner(), Lines::begin());
         let found = retarget(plan, &options, |rollout| {
-            bar.set_message(format!("{}: rollout {rollout}", plan.motion.name));
+            let at = format!("{}: rollout {rollout}", plan.motion.name);
+            lines.say(&at);
+            bar.set_message(at);
             bar.tick();
             !interrupt::requested()
         });
