@@ -12,6 +12,9 @@ use std::fmt::{self, Display};
 use std::io::{self, Write};
 use thiserror::Error;
 
+/// Most characters of a line of a message.
+const LINE_MAX: usize = 2000;
+
 /// The reader of our output closed it (`rollwalk ... | head`).
 #[derive(Debug, Error, Diagnostic)]
 #[error("the output was closed")]
@@ -42,9 +45,8 @@ pub fn line(text: &str) -> miette::Result<()> {
 /// Prints a line on stderr and ignores that stderr is closed, which is no reason to end a run: `eprintln!` would
 /// panic.
 pub fn say(text: impl Display) {
-    let text = text.to_string();
     // A failure could only be reported in the same place.
-    let _ = writeln!(io::stderr().lock(), "{}", ShownLines(&text));
+    let _ = writeln!(io::stderr().lock(), "{}", shown(text));
 }
 
 /// Prints warnings to stderr.
@@ -94,8 +96,15 @@ impl Cause {
     }
 }
 
+/// A message as it is safe to print, its lines of a bounded length: they quote files of others.
 fn shown(text: impl Display) -> String {
-    ShownLines(&text.to_string()).to_string()
+    let text = text.to_string();
+    let cut = |line: &str| match line.char_indices().nth(LINE_MAX) {
+        Some((end, _)) => format!("{}…", &line[..end]),
+        None => line.to_owned(),
+    };
+    let lines: Vec<String> = text.split('\n').map(cut).collect();
+    ShownLines(&lines.join("\n")).to_string()
 }
 
 impl<'d> Plain<'d> {
@@ -222,6 +231,14 @@ mod tests {
         let text = Reported(&report).to_string();
         assert!(text.contains("\\u001b[2Jwalk") && text.contains("\\u001b[31mred"), "{text}");
         assert!(text.contains("reading \\u202ex"), "{text}");
+    }
+
+    #[test]
+    fn messages_have_no_endless_lines() {
+        let text = "é\u{1b}".repeat(10 << 20);
+        let report = miette::miette!(help = text.clone(), "a\n{text}").wrap_err(text);
+        let shown = Reported(&report).to_string();
+        assert!(shown.len() < 40_000 && shown.contains('…'), "{} bytes", shown.len());
     }
 
     #[test]

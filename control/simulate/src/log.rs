@@ -7,6 +7,7 @@ use nalgebra::UnitQuaternion;
 use rollwalk_multibody::rotation::nearer_quaternion;
 use rollwalk_physics::World;
 use rollwalk_physics::motor::Law;
+use rollwalk_robot::document::Excerpt;
 use rollwalk_robot::{Channel, Robot};
 use thiserror::Error;
 
@@ -138,7 +139,11 @@ pub enum LogError {
     #[error("there is no column `{0}`")]
     Missing(&'static str),
     /// A cell that should be a number is none.
-    #[error("line {line}, column `{column}`: `{cell}` is no number")]
+    #[error(
+        "line {line}, column `{}`: `{}` is no number",
+        Excerpt::start_of(column),
+        Excerpt::start_of(cell)
+    )]
     Number {
         /// Counted from 1, as editors do.
         line: u64,
@@ -309,6 +314,9 @@ mod tests {
         let other = other.column("other").unwrap();
         assert!(other[0].is_nan() && other[1].is_nan() && other[2] == 3.0);
         assert_eq!(some("other\n1\n").unwrap_err().to_string(), why("a,b\n1,2\n"));
+        let long = "x\u{1b}[2J".repeat(1 << 20);
+        let word = some(&format!("time_s,other\n1,{long}\n")).unwrap_err().to_string();
+        assert!(word.len() < 1000 && word.contains("x\\u001b[2Jx"), "{word}");
         let word = some("time_s,other\n1,ok\n").unwrap_err().to_string();
         assert_eq!(word, "line 2, column `other`: `ok` is no number");
         for time in ["", "nan"] {

@@ -12,6 +12,7 @@ mod excerpt;
 mod suggest;
 mod table;
 
+pub use rollwalk_protocol::text::Excerpt;
 pub use suggest::{alternatives, in_other_unit};
 pub use table::{NAME_MAX, NamedNumber, NamedString, Table};
 

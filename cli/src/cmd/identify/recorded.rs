@@ -14,6 +14,7 @@ use rollwalk_robot::Robot;
 use rollwalk_simulate::identify::{Drive, Recording, Series, TableError, Wanted};
 use rollwalk_terminal::files::{self, Named};
 use rollwalk_terminal::kind::Kind;
+use rollwalk_terminal::output;
 use rollwalk_terminal::packed::channel_names;
 use std::fmt::Display;
 use std::path::Path;
@@ -34,11 +35,11 @@ pub fn read(path: &Path, robot: &Robot, wanted_s: Wanted) -> miette::Result<Reco
     }
     let text = files::text(read, path)?;
     Kind::Run.expect(path, &text)?;
-    if !text.trim_start().starts_with('(') {
+    if !candump::is_of_candump(&text) {
         return Recording::from_text(&text, robot, wanted_s)
             .map_err(|error| of_table(path, robot, &error));
     }
-    of_log(&text, robot, wanted_s).map_err(|error| unusable(path, robot, &error))
+    of_log(path, &text, robot, wanted_s).map_err(|error| unusable(path, robot, &error))
 }
 
 fn of_table(path: &Path, robot: &Robot, error: &TableError) -> Report {
@@ -62,7 +63,7 @@ fn unusable(path: &Path, robot: &Robot, error: &dyn Display) -> Report {
     miette!(help = help, "{}: {error}", path.display())
 }
 
-fn of_log(text: &str, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recording> {
+fn of_log(path: &Path, text: &str, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recording> {
     let profile = Bus::default().protocol;
     let other = robot.channels().find_map(|channel| {
         let number = channel.actuator().bus;
@@ -74,8 +75,22 @@ fn of_log(text: &str, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recordi
         ));
     }
     let config = robot.controller_config().into_diagnostic()?;
-    let entries = candump::parse(text).map_err(|error| miette!("{error}"))?;
-    let traces = traces::of_candump(&entries, &config, &channel_names(robot));
+    let log = candump::read(text).map_err(|error| miette!("{error}"))?;
+    if log.foreign > 0 {
+        output::say(format_args!(
+            "{}: left out {} frames of CAN FD or CAN XL, which drives of the Rollwalk servo profile do not send",
+            path.display(),
+            log.foreign
+        ));
+    }
+    if let Some(cut) = &log.cut {
+        output::say(format_args!(
+            "{}:{}: left out the last line, which was cut off",
+            path.display(),
+            cut.line
+        ));
+    }
+    let traces = traces::of_candump(&log.entries, &config, &channel_names(robot));
     recording(&traces.map_err(|error| miette!("{error}"))?, robot, wanted_s)
 }
 
@@ -187,6 +202,9 @@ mod tests {
         assert!(why("robot.csv", &text).contains("robot.csv is a robot file, not a recorded run"));
         assert!(why("cut.mcap", "\u{89}MCAP").contains("no column `time_s`"));
         assert!(why("odd.log", "(1.000005) act0 123\n").contains("line 1: no frame"));
+        for line in ["  can0  123   [2]  11 22\n", " (000.010000)  can0  123   [2]  11 22\n"] {
+            assert!(why("view.log", line).contains("view format"), "{}", why("view.log", line));
+        }
         assert!(why("none.log", "(1.000005) act0 123#00\n").contains("0 actuator buses"));
 
         // The log of a robot with fewer buses and motors.

@@ -3,6 +3,7 @@
 use super::series::Series;
 use crate::log::{LogError, Table};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use rollwalk_robot::document::Excerpt;
 use rollwalk_robot::{Channel, Robot};
 use std::f64::consts::TAU;
 use thiserror::Error;
@@ -55,7 +56,8 @@ pub enum TableError {
     },
     /// It has motors of another robot.
     #[error(
-        "it is the run of another robot: it has the motor `{found}`, and none of {robot}, such as `{expected}`"
+        "it is the run of another robot: it has the motor `{}`, and none of {robot}, such as `{expected}`",
+        Excerpt::start_of(found)
     )]
     OtherRobot {
         /// Name of the robot.
