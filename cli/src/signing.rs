@@ -8,7 +8,7 @@ use ed25519_dalek::pkcs8::{
 use ed25519_dalek::{Signature, Signer, SigningKey, VerifyingKey};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_protocol::library::{FINGERPRINT_LEN, SignedFile, signature_head};
-use rollwalk_terminal::files::{self, Output};
+use rollwalk_terminal::files;
 use rollwalk_terminal::keys::{random, warn_if_readable_by_others};
 use rollwalk_terminal::kind::Kind;
 use sha2::{Digest, Sha256};
@@ -71,9 +71,7 @@ pub fn new_pair(path: &Path) -> miette::Result<Pair> {
     let private = KeypairBytes { secret_key, public_key: None }.to_pkcs8_pem(LineEnding::LF);
     let private = private.map_err(|error| miette!("{error}"))?;
     let pem = key.to_public_key_pem(LineEnding::LF).into_diagnostic()?;
-    files::refuse_existing(&public)?;
-    files::write_secret(path, &private)?;
-    Output::at(&public)?.write(pem.as_bytes())?;
+    files::write_pair((path, &private), (&public, &pem))?;
     Ok(Pair { public, pem, fingerprint: Fingerprint::of(&key) })
 }
 

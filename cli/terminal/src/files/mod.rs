@@ -12,7 +12,7 @@ mod write;
 
 pub use read::{Named, read, read_by, read_text, text};
 pub use series::{Lines, Rotation, RotationArgs, Series};
-pub use write::{Output, cannot_write, make_folder, refuse_existing, save, write, write_secret};
+pub use write::{Output, cannot_write, make_folder, save, write, write_pair, write_secret};
 
 use crate::kind::Kind;
 use miette::Diagnostic;
@@ -97,6 +97,12 @@ pub enum FileError {
     )]
     #[diagnostic(help("write to a file of another name, or remove this one first"))]
     OverSource { output: PathBuf },
+    /// The output is a key.
+    #[error("cannot write {}: it is a key, and a key is never overwritten", output.display())]
+    #[diagnostic(help(
+        "write to a file of another name; or remove this one, if no robot has its key any more"
+    ))]
+    OverKey { output: PathBuf },
     /// Two outputs are one file.
     #[error("cannot write {} and {}: they are the same file", first.display(), second.display())]
     #[diagnostic(help("give each its own file"))]

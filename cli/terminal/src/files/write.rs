@@ -3,9 +3,10 @@
 use super::{FileError, folder, identity};
 use crate::output;
 use miette::{Report, miette};
+use rollwalk_host::key_file;
 use same_file::Handle;
 use std::fs::{self, File, OpenOptions, Permissions};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 use std::thread;
@@ -39,6 +40,8 @@ enum Place {
 
 /// Endings of files that people write.
 const SOURCES: [&str; 3] = ["toml", "urdf", "xacro"];
+/// Bytes at the beginning of a file in which a key begins.
+const KEY_START: u64 = 4096;
 /// How long a pipe may be without a reader.
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -74,6 +77,9 @@ impl Output {
         let place = match fs::metadata(path) {
             Ok(found) if found.is_file() => {
                 identity::check_output(path)?;
+                if is_key(path) {
+                    return Err(FileError::OverKey { output: path.to_owned() });
+                }
                 // Without truncating it: is it writable?
                 OpenOptions::new().write(true).open(path).map_err(refused)?;
                 let path = fs::canonicalize(path).map_err(refused)?;
@@ -204,6 +210,16 @@ pub fn save(path: &Path, content: &[u8]) -> miette::Result<()> {
     attempt().map_err(|reason| cannot_write(path, reason))
 }
 
+/// Whether a file is a key: of a link, or in PEM.
+fn is_key(path: &Path) -> bool {
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(KEY_START).read_to_end(&mut start));
+    let text = String::from_utf8_lossy(&start);
+    let is_pem =
+        |line: &str| line.starts_with("-----BEGIN ") && line.trim_end().ends_with("KEY-----");
+    read.is_ok() && (text.trim_start().starts_with(key_file::LINK) || text.lines().any(is_pem))
+}
+
 /// Whether a path is what standard output goes to, as `/dev/stdout` is.
 fn is_standard_output(path: &Path) -> bool {
     let same = |path| Some(Handle::from_path(path).ok()? == Handle::stdout().ok()?);
@@ -231,27 +247,54 @@ pub fn write_secret(path: &Path, content: &str) -> miette::Result<()> {
     if path == Path::new("-") {
         return Err(miette!("a key is kept in a file: `-`, standard output, is none"));
     }
-    let mut options = OpenOptions::new();
-    options.write(true).create_new(true);
-    #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-    let written = options.open(path).and_then(|mut file| {
-        file.write_all(content.as_bytes()).and_then(|()| file.sync_all()).inspect_err(|_| {
-            // Half a key is none, and would be in the way of the next attempt.
-            let _ = fs::remove_file(path);
-        })
-    });
-    written.map_err(|reason| match reason.kind() {
-        io::ErrorKind::AlreadyExists => key_exists(path),
-        _ => cannot_write(path, reason),
+    let file = secret_in(folder(path)).and_then(|file| filled(file, content.as_bytes()));
+    keep_new(file.map_err(|reason| cannot_write(path, reason))?, path)
+}
+
+/// Writes the two files of a key pair, the secret one readable by its user only: both or, if either exists or cannot be written,
+/// none.
+///
+/// # Errors
+/// As [`write_secret`].
+pub fn write_pair(secret: (&Path, &str), public: (&Path, &str)) -> miette::Result<()> {
+    let ((path, content), (public, public_content)) = (secret, public);
+    refuse_existing(public)?;
+    let other =
+        temporary_in(folder(public)).and_then(|file| filled(file, public_content.as_bytes()));
+    let other = other.map_err(|reason| cannot_write(public, reason))?;
+    write_secret(path, content)?;
+    keep_new(other, public).inspect_err(|_| {
+        // A key without its other half would be in the way of the next attempt.
+        let _ = fs::remove_file(path);
     })
+}
+
+/// Gives a file that was written beside `path` its name, unless there is one.
+fn keep_new(file: NamedTempFile, path: &Path) -> miette::Result<()> {
+    file.persist_noclobber(path).map(drop).map_err(|error| match error.error.kind() {
+        io::ErrorKind::AlreadyExists => key_exists(path),
+        _ => cannot_write(path, error.error),
+    })
+}
+
+/// A file with this content, on the disk.
+fn filled(mut file: NamedTempFile, content: &[u8]) -> io::Result<NamedTempFile> {
+    file.as_file_mut().write_all(content)?;
+    file.as_file().sync_all()?;
+    Ok(file)
+}
+
+/// Creates a temporary file that only its user may read.
+fn secret_in(folder: &Path) -> io::Result<NamedTempFile> {
+    let made = tempfile::Builder::new().prefix(".rollwalk-").tempfile_in(folder);
+    made.map_err(|error| io::Error::from(error.kind()))
 }
 
 /// Refuses the path of a key where a file is.
 ///
 /// # Errors
 /// There is one.
-pub fn refuse_existing(path: &Path) -> miette::Result<()> {
+fn refuse_existing(path: &Path) -> miette::Result<()> {
     if path.symlink_metadata().is_ok() { Err(key_exists(path)) } else { Ok(()) }
 }
 
@@ -383,6 +426,74 @@ mod tests {
         assert!(error.contains("cannot write into"), "{error}");
         let error = write(&out, b"x").unwrap_err().to_string();
         assert!(error.contains("cannot write") && error.contains("directory"), "{error}");
+    }
+
+    #[test]
+    fn a_key_is_no_output() {
+        let folder = tempfile::tempdir().unwrap();
+        let pem =
+            |kind: &str| format!("-----BEGIN {kind} KEY-----\nMC4=\n-----END {kind} KEY-----\n");
+        for (number, text) in [
+            key_file::text(&[7; 32]),
+            format!("\n{}", key_file::text(&[7; 32])),
+            pem("PRIVATE"),
+            pem("PUBLIC"),
+            pem("OPENSSH PRIVATE"),
+            format!("made by openssl\r\n{}", pem("PRIVATE").replace('\n', "\r\n")),
+        ]
+        .iter()
+        .enumerate()
+        {
+            let path = folder.path().join(format!("{number}.csv"));
+            fs::write(&path, text).unwrap();
+            for output in [Output::at(&path), Output::of_source(&path)] {
+                let error = output.unwrap_err().to_string();
+                assert!(
+                    error.ends_with(".csv: it is a key, and a key is never overwritten"),
+                    "{error}"
+                );
+            }
+            #[cfg(unix)]
+            {
+                let link = folder.path().join(format!("{number}.link"));
+                std::os::unix::fs::symlink(&path, &link).unwrap();
+                write(&link, b"x").unwrap_err();
+            }
+            assert_eq!(&fs::read_to_string(&path).unwrap(), text);
+        }
+        let other = folder.path().join("notes.csv");
+        fs::write(&other, "about KEY-----\n").unwrap();
+        write(&other, b"x").unwrap();
+    }
+
+    #[test]
+    fn a_pair_of_keys_is_whole_or_not_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let missing = folder.path().join("none/owner.pub.pem");
+        write_pair((&at("owner.pem"), "secret"), (&missing, "public")).unwrap_err();
+        assert!(names(folder.path()).is_empty());
+        fs::write(at("other.pub.pem"), "theirs").unwrap();
+        write_pair((&at("other.pem"), "secret"), (&at("other.pub.pem"), "public")).unwrap_err();
+        assert_eq!(names(folder.path()), ["other.pub.pem"]);
+        fs::write(at("mine.pem"), "mine").unwrap();
+        write_pair((&at("mine.pem"), "secret"), (&at("mine.pub.pem"), "public")).unwrap_err();
+        assert_eq!(fs::read_to_string(at("mine.pem")).unwrap(), "mine");
+        assert!(!at("mine.pub.pem").exists());
+        // The second file fails after the first has its name.
+        let taken = secret_in(folder.path()).unwrap();
+        keep_new(taken, &at("mine.pem")).unwrap_err();
+        write_pair((&at("good.pem"), "secret"), (&at("good.pub.pem"), "public")).unwrap();
+        assert_eq!(fs::read_to_string(at("good.pub.pem")).unwrap(), "public");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let mode = |name| fs::metadata(at(name)).unwrap().permissions().mode() & 0o777;
+            assert_eq!(mode("good.pem"), 0o600);
+        }
+        let mut left = names(folder.path());
+        left.sort();
+        assert_eq!(left, ["good.pem", "good.pub.pem", "mine.pem", "other.pub.pem"]);
     }
 
     #[test]
