@@ -4,6 +4,7 @@
 //! the library, where the names are known, and stored next to it.
 
 use rollwalk_protocol::library::{EdgeId, Library, NodeId};
+use rollwalk_protocol::names;
 use rollwalk_protocol::text::{Shown, is_plain_name};
 use serde::{Deserialize, Serialize};
 
@@ -62,6 +63,26 @@ pub enum NameFault {
         /// Its name.
         name: String,
     },
+    /// A name that can pass for another.
+    #[error("the name of motion {motion}, `{name}`, {problem}")]
+    Doubtful {
+        /// Number of the motion.
+        motion: u8,
+        /// Its name.
+        name: String,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+    /// Two motions whose names look the same.
+    #[error("motions {first} and {second} have names that look the same, `{name}`")]
+    LookAlike {
+        /// Number of one.
+        first: u8,
+        /// Number of the other.
+        second: u8,
+        /// Name of the other.
+        name: String,
+    },
     /// Two motions with one name.
     #[error("motions {first} and {second} have the same name, `{name}`")]
     Duplicate {
@@ -79,13 +100,20 @@ pub enum NameFault {
 /// # Errors
 /// The first name that cannot be distinguished.
 pub fn check_names(library: &Library<'_>) -> Result<(), NameFault> {
-    let names = || library.nodes().filter_map(|node| Some((node.0, library.name(node)?)));
-    for (motion, name) in names() {
+    let all = || library.nodes().filter_map(|node| Some((node.0, library.name(node)?)));
+    for (motion, name) in all() {
         let owned = || name.to_owned();
         if !is_plain_name(name) {
             return Err(NameFault::Unclear { motion, name: owned() });
         }
-        if let Some((first, _)) = names().find(|(other, twin)| *other < motion && *twin == name) {
+        if let Some(problem) = names::problem(name) {
+            return Err(NameFault::Doubtful { motion, name: owned(), problem });
+        }
+        let alike = |(other, twin): &(u8, &str)| *other < motion && names::look_alike(twin, name);
+        if let Some((first, _)) = all().find(alike) {
+            return Err(NameFault::LookAlike { first, second: motion, name: owned() });
+        }
+        if let Some((first, _)) = all().find(|(other, twin)| *other < motion && *twin == name) {
             return Err(NameFault::Duplicate { first, second: motion, name: owned() });
         }
     }

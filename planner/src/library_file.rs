@@ -13,6 +13,7 @@ use crate::motion::file::{Footfalls, name, steps};
 use crate::motion::{Ends, Goal, Motion, Reserve};
 use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_protocol::library::{MAX_MOTIONS, MAX_TRANSITIONS};
+use rollwalk_protocol::names::look_alike;
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternatives};
 
@@ -252,6 +253,14 @@ fn check_motion_table(
                 let message = format!("motion `{name}` is listed twice");
                 let help = "give every motion of a library its own name";
                 document.fault(item.name_span.clone(), message, "again", help);
+            }
+            if look_alike(&earlier.motion.name, name) {
+                let message = format!(
+                    "motion `{name}` looks like `{}`, which is another name",
+                    earlier.motion.name
+                );
+                let help = "give every motion of a library a name that can be told from the others";
+                document.fault(item.name_span.clone(), message, "looks the same", help);
             }
             if earlier.motion.code == *code {
                 let message = format!(

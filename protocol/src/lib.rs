@@ -43,6 +43,8 @@ pub mod config;
 pub mod crc;
 pub mod faults;
 pub mod library;
+#[cfg(feature = "names")]
+pub mod names;
 pub mod packet;
 pub mod serial;
 pub mod slcan;

@@ -4,6 +4,7 @@ use super::{Ends, Goal, Motion, Reserve};
 use super::{choreography_check, choreography_file, footfall, wheels};
 use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
+use rollwalk_protocol::names;
 use rollwalk_protocol::text::{Shown, is_plain_name};
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives, in_other_unit};
@@ -139,6 +140,11 @@ pub(crate) fn name(table: &Table<'_>) -> Option<String> {
         let help = "write letters, digits and signs that can be seen, without a space at the ends";
         let problem = format_args!("is \"{}\"", Shown(&name));
         table.fault("name", problem, "has what cannot be seen", help);
+        return None;
+    }
+    if let Some(problem) = names::problem(&name) {
+        let problem = format_args!("is \"{name}\", which {problem}");
+        table.fault("name", problem, "can pass for another", names::HELP);
         return None;
     }
     Some(name)

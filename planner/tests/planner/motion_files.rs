@@ -347,6 +347,13 @@ fn every_kind_of_mistake_in_a_library_file_is_named() {
         ),
         &[(line("from = \"turn_in_place\""), "joined a second time", "once in each direction")],
     );
+    for (name, words) in [
+        ("w\u{430}lk", "letters of several scripts"),
+        ("wa\u{308}lk", "a letter and its accent as two characters"),
+    ] {
+        let faults = break_it("name = \"walk\"", &format!("name = \"{name}\""));
+        assert_faults(faults, &[(line("name = \"walk\""), words, "letters of one script")]);
+    }
     assert_faults(
         break_it("name = \"walk\"", "name = \"stand\""),
         &[

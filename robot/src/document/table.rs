@@ -1,6 +1,7 @@
 //! Reading one TOML table: typed getters that note a fault where the text is wrong.
 
 use super::{Document, Span, alternatives, in_other_unit};
+use rollwalk_protocol::names;
 use rollwalk_protocol::text::{Excerpt, Limit, is_plain_name};
 use std::cell::RefCell;
 use std::fmt::Display;
@@ -175,11 +176,14 @@ impl<'d> Table<'d> {
             (format!("has {} bytes: \"{}\"", name.len(), Excerpt::start_of(name)), "too long")
         } else if !is_plain_name(name) {
             (format!("is \"{}\"", Excerpt::start_of(name)), "has what cannot be seen")
+        } else if let Some(problem) = names::problem(name) {
+            (format!("`{}` {problem}", Excerpt::start_of(name)), "can pass for another")
         } else {
             return true;
         };
         let help = format!(
-            "names have 1 to {NAME_MAX} bytes of characters that can be seen, without a space at the ends"
+            "names have 1 to {NAME_MAX} bytes of characters that can be seen, without a space at the ends; {}",
+            names::HELP
         );
         let message = format!("{}`{key}` {problem}", self.start());
         self.document.fault(span, message, label, help);
