@@ -20,7 +20,7 @@ fn a_longer_leg_is_edited_into_the_robot_file_and_planned() {
     let listed = desk.run(&["design", "check", "designs/agilebot_legs.toml"]);
     listed.succeeds_with(0, &["front_thigh", "half_track", "turn_in_place.toml"]);
     let args = ["design", "edit", "designs/legs.toml", "front_thigh+=0.01", "-o", "longer"];
-    desk.run(&args).succeeds_with(0, &["+0.0100", "cost_of_transport", "simulated: forward"]);
+    desk.run(&args).succeeds_with(0, &["+0.0100", "cost_of_transport", "holds in simulation"]);
     let robot = desk.read_text("longer/agilebot.toml");
     for part in ["# AgileBot: four legs", "template = \"leg_front\"", "-0.13]"] {
         assert!(robot.contains(part), "{part}");
@@ -81,7 +81,7 @@ fn legs_that_are_too_short_for_a_target_are_made_longer() {
     run(&["optimise", "legs.toml", "-o", "best"]).fails(1, &beyond);
     run(&["edit", "legs.toml", "thigh=0.08", "-o", "short"]).fails(1, &["beyond reach"]);
     let longer = run(&["edit", "legs.toml", "thigh=0.14", "shank=0.14", "-o", "longer"]);
-    longer.succeeds_with(0, &["consistent: ", "before: no plan"]);
+    longer.succeeds_with(0, &["consistent: ", "before: not simulated"]);
     desk.run(&["report", "longer/reach.plan.json"]).succeeds();
     // Of bounds that reach nowhere the design is refused.
     desk.write("legs.toml", design.replace("0.16", "0.08"));
