@@ -21,6 +21,7 @@ use super::{
 };
 use crate::config::MAX_CHANNELS;
 use crate::packet::append;
+use crate::text::Limit;
 
 pub mod packet;
 pub mod table;
@@ -287,7 +288,8 @@ impl Codec for Feetech {
         match quantity {
             "position" => report(format_args!("the turn around 0 rad, {} to {PI} rad", -PI)),
             "speed" => {
-                report(format_args!("at most {} rad/s", self.model.max_velocity as f32 * STEP_RAD));
+                let most = Limit::AtMost(self.model.max_velocity as f32 * STEP_RAD);
+                report(format_args!("at most {most} rad/s"));
             }
             "torque" => report(format_args!("at most {} N·m", self.model.stall_torque_nm)),
             _ => {}
