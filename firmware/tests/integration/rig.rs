@@ -190,7 +190,8 @@ pub struct Rig {
     sent: Vec<Frame>,
     pub heard: Heard,
     ticks: u32,
-    heartbeat_seq: u8,
+    /// Number of its last heartbeat.
+    pub heartbeat_seq: u8,
     heartbeat_us: u64,
     seq: u8,
     /// The latest command of each number.

@@ -125,21 +125,42 @@ fn a_repeated_heartbeat_is_no_sign_of_life() {
     assert_eq!(rig.brain.state(), State::Returning);
 }
 
+/// All 256 numbers, each after its predecessor, and each third one lost.
+#[test]
+fn a_robot_plays_through_all_numbers_of_heartbeats() {
+    let mut rig = Rig::ready();
+    rig.play(CODE_WALK);
+    rig.host_alive = false;
+    let mut seq = rig.heartbeat_seq;
+    // Of 6 ticks of 120 Hz each: 300 heartbeats.
+    for tick in 0..1800 {
+        if tick % 6 == 0 {
+            seq = seq.wrapping_add(1);
+            if !seq.is_multiple_of(3) {
+                rig.send(&Heartbeat { seq, host_ms: 0 }.encode(me()));
+            }
+        }
+        rig.step();
+        assert_eq!(rig.brain.state(), State::Playing, "heartbeat {seq}");
+    }
+}
+
 /// The heartbeat comes back between two control periods: the host was lost all the same.
 #[test]
 fn a_late_heartbeat_does_not_hide_that_the_host_was_lost() {
     let mut rig = Rig::ready();
     rig.play(CODE_WALK);
     rig.host_alive = false;
+    let next = rig.heartbeat_seq.wrapping_add(1);
     let beat = |seq| Heartbeat { seq, host_ms: 0 }.encode(me());
-    rig.send(&beat(100));
+    rig.send(&beat(next));
     let lost_us = rig.now_us + u64::from(rig.settings.heartbeat_timeout_us) + 1;
     while rig.now_us + 8_400 < lost_us {
         rig.step();
     }
     assert_eq!(rig.brain.state(), State::Playing);
     rig.now_us = lost_us;
-    rig.send(&beat(101));
+    rig.send(&beat(next.wrapping_add(1)));
     assert_eq!(rig.brain.state(), State::Returning);
     assert!(rig.brain.faults().contains(Fault::HostLost));
 }

@@ -5,8 +5,9 @@ use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::clock::SimTime;
 
-/// Maximum distance of a new heartbeat's sequence number from that of the last one.
-const MOST_AHEAD: u8 = 127;
+/// Distance of a new heartbeat's sequence number from that of the last one that is allowed at once, and time in which one more is, µs.
+const AHEAD: u64 = 2;
+const AHEAD_US: u64 = 25_000;
 
 /// Time limits of a shutdown.
 #[derive(Clone, Copy, Debug)]
@@ -57,8 +58,9 @@ impl ShutdownCheck {
     /// Follows a heartbeat to the controller.
     pub fn on_heartbeat(&mut self, at: SimTime, seq: u8) {
         self.on_time(at);
-        let feeds = self.heartbeat.is_none_or(|(last, _)| {
-            (1..=MOST_AHEAD).contains(&seq.wrapping_sub(last)) || self.is_silent(at)
+        let feeds = self.heartbeat.is_none_or(|(last, since)| {
+            let most = AHEAD + at.as_us().saturating_sub(since.as_us()) / AHEAD_US;
+            (1..=most).contains(&u64::from(seq.wrapping_sub(last))) || self.is_silent(at)
         });
         if feeds {
             self.heartbeat = Some((seq, at));
