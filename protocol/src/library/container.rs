@@ -17,6 +17,8 @@ pub(crate) const SECTION_HEADER_LEN: usize = 8;
 pub(crate) const SECTIONS: usize = 12;
 /// Sections that every library has; the others came with [`MINOR_WITH_TORQUES`], and are there together or not at all.
 const REQUIRED: usize = 9;
+/// The minor version that attitudes came with.
+pub(crate) const MINOR_WITH_ATTITUDES: u16 = 1;
 /// The minor version that torques came with. A library without them is written in the version before.
 pub(crate) const MINOR_WITH_TORQUES: u16 = 2;
 
@@ -112,6 +114,8 @@ pub(crate) struct Container {
     pub identity: u32,
     /// CRC-32C of everything before the footer, which has it.
     pub body_crc: u32,
+    /// Minor version of the format.
+    pub minor: u16,
     /// Sections by tag − 1.
     pub sections: [Span; SECTIONS],
 }
@@ -121,7 +125,7 @@ pub(crate) fn open(bytes: &[u8]) -> Result<Container, Reject> {
     let minor = check_header(bytes)?;
     let (body, body_crc) = check_footer(bytes)?;
     let sections = find_sections(body, minor)?;
-    Ok(Container { identity: file_digest(bytes), body_crc, sections })
+    Ok(Container { identity: file_digest(bytes), body_crc, minor, sections })
 }
 
 fn check_header(bytes: &[u8]) -> Result<u16, Reject> {
@@ -143,6 +147,9 @@ fn check_header(bytes: &[u8]) -> Result<u16, Reject> {
     let minor = u16_at(h, 10).ok_or_else(truncated)?;
     if major != FORMAT_MAJOR {
         return Err(fail(Why::OtherMajor { found: major }));
+    }
+    if u32_at(h, 16) != Some(0) {
+        return Err(fail(Why::NotALibrary));
     }
     let expected = u64::from(u32_at(h, 12).ok_or_else(truncated)?);
     let len = bytes.len() as u64;
@@ -173,7 +180,8 @@ fn check_footer(bytes: &[u8]) -> Result<(&[u8], u32), Reject> {
         return Err(fail(Why::Corrupted { stored, computed }));
     }
     let stored_len = u32_at(f, 8).ok_or_else(truncated)?;
-    if !covered.starts_with(&FOOTER_MAGIC) || u64::from(stored_len) != bytes.len() as u64 {
+    let whole = u64::from(stored_len) == bytes.len() as u64 && u32_at(f, 16) == Some(0);
+    if !covered.starts_with(&FOOTER_MAGIC) || !whole {
         return Err(fail(Why::NotALibrary));
     }
     let stored = u32_at(f, 12).ok_or_else(truncated)?;

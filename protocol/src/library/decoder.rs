@@ -53,6 +53,19 @@ impl Decoder {
         self.states.iter().take(usize::from(channels)).map(|state| state.value)
     }
 
+    /// Differences that led to the frame, or at a keyframe lead to the next.
+    pub fn deltas(&self, channels: u8) -> impl Iterator<Item = i32> + '_ {
+        let states = self.states.iter().take(usize::from(channels));
+        states.map(|state| i32::from_le_bytes(state.delta))
+    }
+
+    /// Whether the frame after a keyframe is where its first differences lead, unless they were cut to 16 bits.
+    pub fn keeps_first(&self, keyframe: &Self, channels: u8) -> bool {
+        let is_cut = |first: i32| first == i32::from(i16::MIN) || first == i32::from(i16::MAX);
+        let mut pairs = keyframe.deltas(channels).zip(self.deltas(channels));
+        pairs.all(|(first, then)| first == then || is_cut(first))
+    }
+
     /// To the next frame of the clip, which is not its first.
     pub fn advance(&mut self, blocks: &[u8], shape: &Shape, next: u16) -> Result<(), Unreadable> {
         if next.is_multiple_of(BLOCK_FRAMES) {

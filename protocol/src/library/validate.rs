@@ -2,16 +2,17 @@
 //!
 //! Order: outside (CRCs, sections), manifest and channels against the robot, every frame of every
 //! clip, then the graph. Work is bounded by the size of the library: each frame is decoded once,
-//! each transition's four joints by a seek, each of at most 32 · 32 routes is followed.
+//! each transition's four joints by a seek, routes are worked out as for a library that is built.
 
 use super::block::BlockPlace;
-use super::container::{self, Container, SECTIONS, Span};
+use super::container::{self, Container, MINOR_WITH_ATTITUDES, SECTIONS, Span};
 use super::decoder::{Decoder, Shape};
 use super::records::*;
 use super::reject::{Reject, Section, Why};
 use super::view::{ClipInfo, ClipKind, Index, Library, Track};
 use super::{
-    BLOCK_FRAMES, ClipId, MAX_CLIP_FRAMES, MAX_MOTIONS, MAX_TRANSITIONS, RATE_HZ, quantise,
+    BLOCK_FRAMES, ClipId, FORMAT_MINOR, MAX_CLIP_FRAMES, MAX_MOTIONS, MAX_TRANSITIONS, RATE_HZ,
+    quantise,
 };
 use crate::config::{MAX_CHANNELS, RobotConfig};
 
@@ -19,7 +20,7 @@ use crate::config::{MAX_CHANNELS, RobotConfig};
 ///
 /// Errors: [`Reject`] says where and why, for the first thing that is wrong.
 pub fn validate(bytes: &[u8], config: &RobotConfig) -> Result<Index, Reject> {
-    let Container { identity, body_crc, sections } = container::open(bytes)?;
+    let Container { identity, body_crc, minor, sections } = container::open(bytes)?;
     let config_fault = |fault| reject(&sections, Section::Manifest, Why::BadConfig(fault));
     config.check().map_err(config_fault)?;
     let manifest = manifest(bytes, &sections, config)?;
@@ -39,7 +40,7 @@ pub fn validate(bytes: &[u8], config: &RobotConfig) -> Result<Index, Reject> {
         torque_exponents,
     };
     let library = Library::unchecked(bytes, index);
-    let validation = Validation { library, sections, records, max_torques };
+    let validation = Validation { library, minor, sections, records, max_torques };
     validation.tables()?;
     validation.torque_quanta()?;
     validation.clips()?;
@@ -140,6 +141,7 @@ fn channels(
 /// A library under validation.
 pub(super) struct Validation<'a> {
     pub library: Library<'a>,
+    minor: u16,
     sections: [Span; SECTIONS],
     pub records: [ChannelRecord; MAX_CHANNELS],
     max_torques: [i16; MAX_CHANNELS],
@@ -150,12 +152,13 @@ impl Validation<'_> {
         Reject { section, offset: span(&self.sections, section).record_offset(record), why }
     }
 
-    /// Each table has as many records as the manifest says, of their size at least.
+    /// Each table has as many records as the manifest says, of their size; later versions may have larger ones.
     fn tables(&self) -> Result<(), Reject> {
         let index = self.library.index();
         let (channels, motions) = (u32::from(index.channels), u32::from(index.motions));
         let transitions = u32::from(index.transitions);
         let tables = [
+            (Section::Manifest, 1, MANIFEST_LEN),
             (Section::Channels, channels, CHANNEL_LEN),
             (Section::Clips, motions + transitions, CLIP_LEN),
             (Section::Edges, transitions, EDGE_LEN),
@@ -176,6 +179,19 @@ impl Validation<'_> {
                 if plain { table.stride == record_len } else { table.stride >= record_len };
             if found != expected || !stride_fits {
                 return Err(self.fail(section, 0, Why::WrongCount { found, expected }));
+            }
+            let has_more = section == Section::Clips
+                && self.minor >= MINOR_WITH_ATTITUDES
+                && table.stride == CLIP_LEN + ATTITUDE_LEN;
+            if self.minor <= FORMAT_MINOR && table.stride != record_len && !has_more {
+                return Err(self.fail(section, 0, Why::BadSection { tag: section.code().into() }));
+            }
+        }
+        for section in [Section::Frames, Section::Names, Section::Torques] {
+            let stride = span(&self.sections, section).stride;
+            let is_absent = section == Section::Torques && stride == 0;
+            if stride != 1 && !is_absent {
+                return Err(self.fail(section, 0, Why::BadSection { tag: section.code().into() }));
             }
         }
         Ok(())
@@ -274,6 +290,10 @@ impl Validation<'_> {
             }
             let next = frame.saturating_add(1);
             let is_last = next >= frames;
+            // A block of one frame leads nowhere.
+            if is_last && frame % BLOCK_FRAMES == 0 && decoder.deltas(channels).any(|d| d != 0) {
+                return Err(bad_block(at, frame));
+            }
             if is_last || next % BLOCK_FRAMES == 0 {
                 if !decoder.block_used_up(blocks) {
                     return Err(bad_block(at, frame));
@@ -286,6 +306,9 @@ impl Validation<'_> {
             previous = decoder;
             frame = next;
             decoder.advance(blocks, &shape, frame).map_err(|_| bad_block(at, frame))?;
+            if frame % BLOCK_FRAMES == 1 && !decoder.keeps_first(&previous, channels) {
+                return Err(bad_block(at, frame));
+            }
         }
         if looping && let Some((channel, step)) = self.too_fast(track, &decoder, &first) {
             let max_step = self.value(channel, self.max_step(channel));

@@ -4,9 +4,10 @@ use super::container::u16_at;
 use super::cursor::ClipCursor;
 use super::records::CodeRecord;
 use super::reject::{Reject, Section, Why};
+use super::routes::{Arc, hops_to};
 use super::validate::Validation;
 use super::view::Track;
-use super::{MAX_MOTIONS, MAX_NAME, NO_EDGE, NodeId};
+use super::{MAX_MOTIONS, MAX_NAME, MAX_TRANSITIONS, NodeId};
 
 impl Validation<'_> {
     /// Transitions join motions that exist, at frames where they can be left and entered, without
@@ -59,8 +60,7 @@ impl Validation<'_> {
         Ok(())
     }
 
-    /// Every route that the table has arrives; every route that exists is in the table; SAFE is
-    /// reached from everywhere.
+    /// SAFE is reached from everywhere, and the table has the shortest routes.
     pub fn routes(&self) -> Result<(), Reject> {
         let cell = |from: NodeId, to: NodeId| {
             usize::from(from.0) * usize::from(self.library.node_count()) + usize::from(to.0)
@@ -72,41 +72,26 @@ impl Validation<'_> {
                 return Err(self.fail(Section::Routes, cell(node, safe), why));
             }
         }
-        let known = |from, to| from == to || self.library.next_hop(from, to).is_some();
-        for from in self.library.nodes() {
-            for to in self.library.nodes() {
-                let bad = self.fail(Section::Routes, cell(from, to), Why::BadRoute { from, to });
-                let stored = self.library.payload(Section::Routes);
-                let stored = stored.and_then(|t| t.get(cell(from, to))).copied();
-                if stored != Some(NO_EDGE) && !self.arrives(from, to) {
-                    return Err(bad);
-                }
-            }
+        let mut arcs = [Arc { from: 0, to: 0, frames: 0 }; MAX_TRANSITIONS];
+        let edges = self.library.edges().filter_map(|id| self.library.edge(id));
+        let mut count = 0;
+        for (slot, edge) in arcs.iter_mut().zip(edges) {
+            let frames = self.library.clip(edge.clip).map_or(0, |clip| clip.frames);
+            *slot = Arc { from: edge.from.0, to: edge.to.0, frames };
+            count += 1;
         }
-        for edge in self.library.edges().filter_map(|id| self.library.edge(id)) {
-            for to in self.library.nodes() {
-                if known(edge.to, to) && self.library.next_hop(edge.from, to).is_none() {
-                    let (from, section) = (edge.from, Section::Routes);
-                    return Err(self.fail(section, cell(from, to), Why::BadRoute { from, to }));
+        let arcs = arcs.get(..count).unwrap_or_default();
+        let stored = self.library.payload(Section::Routes).unwrap_or_default();
+        for to in self.library.nodes() {
+            let hops = hops_to(to.0, self.library.node_count(), arcs);
+            for (from, hop) in self.library.nodes().zip(hops) {
+                if stored.get(cell(from, to)) != Some(&hop) {
+                    let why = Why::BadRoute { from, to };
+                    return Err(self.fail(Section::Routes, cell(from, to), why));
                 }
             }
         }
         Ok(())
-    }
-
-    fn arrives(&self, from: NodeId, to: NodeId) -> bool {
-        let mut at = from;
-        for _ in 0..=self.library.node_count() {
-            let hop = self.library.next_hop(at, to).and_then(|edge| self.library.edge(edge));
-            match hop {
-                Some(edge) if edge.from == at => at = edge.to,
-                _ => return false,
-            }
-            if at == to {
-                return true;
-            }
-        }
-        false
     }
 
     pub fn codes(&self) -> Result<(), Reject> {
@@ -161,13 +146,23 @@ impl Validation<'_> {
         }
     }
 
+    /// Names of a length, each behind its length in one byte, and nothing else.
     pub fn names(&self) -> Result<(), Reject> {
+        let mut rest = self.library.payload(Section::Names).unwrap_or_default();
+        let mut last = NodeId(0);
         for node in self.library.nodes() {
-            let named = |name: &str| !name.is_empty() && name.len() <= MAX_NAME;
-            if !self.library.name(node).is_some_and(named) {
-                return Err(self.fail(Section::Names, 0, Why::BadName { node }));
-            }
+            let fail = || self.fail(Section::Names, 0, Why::BadName { node });
+            let name = self.library.name(node).ok_or_else(fail)?;
+            let is_sound = !name.is_empty() && name.len() <= MAX_NAME;
+            let behind = rest.get(1_usize.saturating_add(name.len())..);
+            let length = rest.first().map(|&length| usize::from(length));
+            rest = behind.filter(|_| is_sound && length == Some(name.len())).ok_or_else(fail)?;
+            last = node;
         }
-        Ok(())
+        if rest.is_empty() {
+            Ok(())
+        } else {
+            Err(self.fail(Section::Names, 0, Why::BadName { node: last }))
+        }
     }
 }

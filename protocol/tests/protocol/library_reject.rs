@@ -485,6 +485,121 @@ fn nothing_follows_the_last_block() {
     assert_eq!(reject.section, Section::Frames);
 }
 
+/// What the page says is 0, absent or of one size is so.
+#[test]
+fn nothing_is_hidden_between_the_fields() {
+    expect(refusal(|bytes| bytes[16] = 1), Section::Header, "not a motion library");
+    expect(refusal(|bytes| bytes[19] = 0x80), Section::Header, "not a motion library");
+    for at in [16, 19] {
+        let reject = refusal(|bytes| {
+            let footer = bytes.len() - 24;
+            bytes[footer + at] = 1;
+        });
+        expect(reject, Section::Footer, "not a motion library");
+    }
+    // Records wider than those of the version that the file says it has.
+    for (tag, len) in [(1, 10), (2, 8), (3, 11), (5, 6), (7, 2)] {
+        let reject = refusal(|bytes| {
+            let table = section(bytes, tag);
+            let wider: Vec<u8> =
+                bytes[table.clone()].chunks(len).flat_map(|r| [r, &[0xEE]].concat()).collect();
+            let header = table.start - 8;
+            bytes[header + 2] += 1;
+            bytes[header + 4..header + 8].copy_from_slice(&(wider.len() as u32).to_le_bytes());
+            bytes.splice(table, wider);
+        });
+        assert_eq!(reject.why, Why::BadSection { tag: tag as u16 }, "{reject}");
+    }
+    // Two manifests.
+    let reject = refusal(|bytes| {
+        let table = section(bytes, 1);
+        bytes[table.start - 4] *= 2;
+        bytes.extend_from_within(table.clone());
+        let copy = bytes.split_off(bytes.len() - table.len());
+        bytes.splice(table.end..table.end, copy);
+    });
+    assert_eq!(reject.why, Why::WrongCount { found: 2, expected: 1 }, "{reject}");
+    // Strides of what is no table.
+    for tag in [4, 9] {
+        let reject = refusal(|bytes| {
+            let payload = section(bytes, tag);
+            let stride = (2..=payload.len()).find(|n| payload.len().is_multiple_of(*n)).unwrap();
+            bytes[payload.start - 6..payload.start - 4]
+                .copy_from_slice(&(stride as u16).to_le_bytes());
+        });
+        assert_eq!(reject.why, Why::BadSection { tag: tag as u16 }, "{reject}");
+    }
+    // Attitudes came with 1.1.
+    let reject = refusal(|bytes| {
+        let table = section(bytes, 3);
+        let up = [0, 0, 0, 0, 0, 0x40, 0, 0];
+        let wider: Vec<u8> =
+            bytes[table.clone()].chunks(11).flat_map(|r| [r, &up].concat()).collect();
+        let header = table.start - 8;
+        bytes[header + 2] = 19;
+        bytes[header + 4..header + 8].copy_from_slice(&(wider.len() as u32).to_le_bytes());
+        bytes.splice(table, wider);
+        bytes[10] = 0;
+    });
+    assert_eq!(reject.why, Why::BadSection { tag: 3 }, "{reject}");
+}
+
+#[test]
+fn names_are_all_that_their_section_has() {
+    let sentence = "the name of motion 2 is no text, empty or too long";
+    expect(appended(9, &[0]), Section::Names, sentence);
+    expect(appended(9, b"\x04more"), Section::Names, sentence);
+    // A length in more bytes than it needs.
+    let reject = refusal(|bytes| {
+        let names = section(bytes, 9);
+        bytes[names.start - 4] += 1;
+        bytes[names.start] |= 0x80;
+        bytes.insert(names.start + 1, 0);
+    });
+    expect(reject, Section::Names, "the name of motion 0 is no text");
+}
+
+/// The way that takes longer arrives as well, but it is not the shortest.
+#[test]
+fn routes_are_the_shortest_ones() {
+    let (fixture, bytes) = good();
+    let (routes, edges) = (section(&bytes, 6), section(&bytes, 5));
+    let mut refused = 0;
+    for cell in 0..routes.len() {
+        for edge in 0..edges.len() / 6 {
+            let mut changed = bytes.clone();
+            if changed[routes.start + cell] == edge as u8 {
+                continue;
+            }
+            changed[routes.start + cell] = edge as u8;
+            reseal(&mut changed);
+            let reject = validate(&changed, &fixture.config).unwrap_err();
+            assert!(matches!(reject.why, Why::BadRoute { .. }), "{reject}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 20);
+}
+
+/// A first difference that the next frame does not follow, and one that leads nowhere.
+#[test]
+fn first_differences_lead_to_the_next_frame() {
+    let reject = refusal(|bytes| {
+        let difference = block(bytes, 1) + 10 + 6;
+        bytes[difference] = bytes[difference].wrapping_add(1);
+        // A second difference of -1 takes it back. Behind three widths of 4 bits.
+        let stream = difference + 6;
+        assert!(bytes[stream] & 0x0F > 0 && bytes[stream + 1] & 0x10 == 0);
+        bytes[stream + 1] |= 0x10;
+    });
+    expect(reject, Section::Frames, "clip 1: frame 1 cannot be decoded");
+    let reject = refusal(|bytes| {
+        let difference = block(bytes, 0) + 10 + 6;
+        bytes[difference] = 1;
+    });
+    expect(reject, Section::Frames, "clip 0: frame 0 cannot be decoded");
+}
+
 #[test]
 fn broken_names() {
     expect(patched(9, 1, 0xFF), Section::Names, "the name of motion 0 is no text");
