@@ -22,7 +22,6 @@ use super::{
 };
 use crate::config::MAX_CHANNELS;
 use crate::packet::append;
-use crate::text::Limit;
 
 pub mod packet;
 pub mod table;
@@ -436,7 +435,7 @@ impl Codec for Dynamixel {
                 report(format_args!("at most {most} rad/s"));
             }
             "torque" if self.model.has_current() => {
-                report(format_args!("at most {} N·m", Limit::AtMost(self.goal_current_max_nm())));
+                report(format_args!("at most {} N·m", self.goal_current_max_nm()));
             }
             _ => {}
         }

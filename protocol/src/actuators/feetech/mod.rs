@@ -21,7 +21,6 @@ use super::{
 };
 use crate::config::MAX_CHANNELS;
 use crate::packet::append;
-use crate::text::Limit;
 
 pub mod packet;
 pub mod table;
@@ -288,8 +287,7 @@ impl Codec for Feetech {
         match quantity {
             "position" => report(format_args!("the turn around 0 rad, {} to {PI} rad", -PI)),
             "speed" => {
-                let most = Limit::AtMost(self.model.max_velocity as f32 * STEP_RAD);
-                report(format_args!("at most {most} rad/s"));
+                report(format_args!("at most {} rad/s", self.model.max_velocity as f32 * STEP_RAD));
             }
             "torque" => report(format_args!("at most {} N·m", self.model.stall_torque_nm)),
             _ => {}
