@@ -22,10 +22,11 @@ const STATUS_PERIOD_US: u64 = STATUS_PERIOD_MS as u64 * 1000;
 const REPORT_PERIOD_US: u64 = 1_000_000;
 /// Longest answer, bytes: a LOG with the maximum number of entries.
 const MAX_RESPONSE: usize = 13 + LOG_ENTRY_BYTES * MAX_LOG_ENTRIES;
-/// Difference, modulo 256, by which the number of a newer heartbeat may be ahead at once, and time in which it may be ahead by one more, µs: half of
-/// the period. Numbers that run faster are old heartbeats that are repeated, such as 0, 100, 200 over and over.
-const AHEAD: u64 = 2;
-const AHEAD_US: u64 = HEARTBEAT_PERIOD_MS as u64 * 1000 / 2;
+/// Difference, modulo 256, by which the number of a newer heartbeat may be ahead at once.
+const AHEAD: u32 = 2;
+/// Time in which it may be ahead by one more, µs: half of the period. Numbers that run faster are old heartbeats that
+/// are repeated, such as 0, 100, 200 over and over.
+const AHEAD_US: u32 = HEARTBEAT_PERIOD_MS as u32 * 1000 / 2;
 /// Limit of polls for which a message may pass through the transport; more indicate an internal error.
 const MAX_POLLS: usize = 4;
 
@@ -126,9 +127,10 @@ impl Link {
     /// number is accepted: a robot with torque returns to SAFE by then, and a restarted host can connect.
     pub fn on_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat, timeout_us: u32) {
         let feeds = self.last_heartbeat.is_none_or(|(seq, at_us)| {
-            let ahead = u64::from(heartbeat.seq.wrapping_sub(seq));
-            let silent_us = now_us.saturating_sub(at_us);
-            (1..=AHEAD + silent_us / AHEAD_US).contains(&ahead) || silent_us > u64::from(timeout_us)
+            let ahead = u32::from(heartbeat.seq.wrapping_sub(seq));
+            // A division of 64 bits is a kilobyte of code.
+            let silent_us = u32::try_from(now_us.saturating_sub(at_us)).unwrap_or(u32::MAX);
+            (1..=AHEAD + silent_us / AHEAD_US).contains(&ahead) || silent_us > timeout_us
         });
         if feeds {
             self.last_heartbeat = Some((heartbeat.seq, now_us));
