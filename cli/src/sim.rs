@@ -39,7 +39,7 @@ use rollwalk_terminal::link::cannot_open;
 use rollwalk_terminal::{Exit, end, interrupt, keys, output, with_common_help};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Frames of ours that may be on their way on the link.
@@ -245,6 +245,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     let keys = Keys::read(cli)?;
     let open = |path| Memory::open(path, &cli.robot, keys.library.as_ref());
     let memory = cli.library.as_deref().map(open).transpose()?;
+    let memory = memory.map(|memory| Arc::new(Mutex::new(memory)));
     interrupt::listen();
     match (cli.only, &cli.bus) {
         (Some(Part::Motors), _) if memory.is_some() => {
@@ -292,11 +293,19 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
+/// The memory, which the controller writes to while the run watches it.
+type SharedMemory = Arc<Mutex<Memory>>;
+
+fn lock(memory: &SharedMemory) -> MutexGuard<'_, Memory> {
+    memory.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// The firmware, with the library of its memory and the keys that it insists on.
-fn core(robot: &Robot, keys: Keys, memory: Option<&Memory>) -> miette::Result<Local> {
+fn core(robot: &Robot, keys: Keys, memory: Option<&SharedMemory>) -> miette::Result<Local> {
     let config = robot.controller_config().into_diagnostic()?;
     let (buses, settings) = (robot.controller_buses(), Settings::default());
-    let mut core = match memory.and_then(Memory::library) {
+    let library = memory.and_then(|memory| lock(memory).library().map(<[u8]>::to_vec));
+    let mut core = match &library {
         Some(library) => Local::with_library(config, buses, settings, library),
         None => Local::new(config, buses, settings),
     };
@@ -305,6 +314,9 @@ fn core(robot: &Robot, keys: Keys, memory: Option<&Memory>) -> miette::Result<Lo
     }
     if let Some((key, boots_before)) = keys.link {
         core.insist_on(key, boots_before);
+    }
+    if let Some(memory) = memory.cloned() {
+        core.keep_libraries(Box::new(move |library| lock(&memory).keep_first(library)));
     }
     Ok(core)
 }
@@ -315,7 +327,7 @@ fn run_whole(
     bus: &BusName,
     cli: &Cli,
     ground: Option<&Arc<dyn Ground>>,
-    mut memory: Option<Memory>,
+    memory: Option<SharedMemory>,
     mut view: Option<live::View<'_>>,
 ) -> miette::Result<()> {
     let log = cli.log.as_deref().map(Output::at).transpose()?;
@@ -359,8 +371,8 @@ fn run_whole(
             {
                 failed = Some(error);
             }
-            if let Some(memory) = &mut memory
-                && let Err(error) = memory.watch(rig.core().library_file())
+            if let Some(memory) = &memory
+                && let Err(error) = lock(memory).watch(rig.core().library_file())
             {
                 failed = Some(error);
             }
@@ -369,7 +381,7 @@ fn run_whole(
     );
     outcome.map_err(|error| miette!("{error}"))?;
     failed.map_or(Ok(()), Err)?;
-    memory.map_or(Ok(()), |mut memory| memory.keep(rig.core().library_file()))?;
+    memory.map_or(Ok(()), |memory| lock(&memory).keep(rig.core().library_file()))?;
     world_log.map_or(Ok(()), |log| log.end())?;
     log.map_or(Ok(()), |mut log| log.flush())
 }
@@ -379,7 +391,7 @@ fn run_controller(
     keys: Keys,
     bus: &BusName,
     actuators: &[BusName],
-    mut memory: Option<Memory>,
+    memory: Option<SharedMemory>,
 ) -> miette::Result<()> {
     // Motors that wait for their setpoints do so for a busy computer, too.
     priority::raise();
@@ -394,8 +406,8 @@ fn run_controller(
         let controller = core.controller_mut();
         let at_s = start.elapsed().as_secs_f64();
         printer.print(at_s, controller.state(), controller.faults());
-        if let Some(memory) = &mut memory
-            && let Err(error) = memory.watch(core.library_file())
+        if let Some(memory) = &memory
+            && let Err(error) = lock(memory).watch(core.library_file())
         {
             failed = Some(error);
         }
@@ -403,7 +415,7 @@ fn run_controller(
     });
     outcome.map_err(|error| miette!("{error}"))?;
     failed.map_or(Ok(()), Err)?;
-    memory.map_or(Ok(()), |mut memory| memory.keep(core.library_file()))
+    memory.map_or(Ok(()), |memory| lock(&memory).keep(core.library_file()))
 }
 
 /// Motors whose controller is on their buses.

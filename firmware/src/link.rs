@@ -26,7 +26,7 @@ const MAX_RESPONSE: usize = 13 + LOG_ENTRY_BYTES * MAX_LOG_ENTRIES;
 const AHEAD: u32 = 2;
 /// Time in which it may be ahead by one more, µs: half of the period. Numbers that run faster are old heartbeats that
 /// are repeated, such as 0, 100, 200 over and over.
-const AHEAD_US: u32 = HEARTBEAT_PERIOD_MS as u32 * 1000 / 2;
+const AHEAD_US: u32 = HEARTBEAT_PERIOD_MS * 1000 / 2;
 /// Limit of polls for which a message may pass through the transport; more indicate an internal error.
 const MAX_POLLS: usize = 4;
 

@@ -78,8 +78,29 @@ pub trait Core {
     }
 }
 
+/// Bytes at the end of a file in which a signature is.
+const SIGNATURE_LEN: usize = 64;
+
 fn no_serial_lines(bus: u8) -> LinkError {
     LinkError::Down(format!("this controller has no serial lines (bus {bus})"))
+}
+
+/// Keeps the file of a library; false if it could not.
+pub type Keep = Box<dyn FnMut(&[u8]) -> bool + Send>;
+
+/// Keeps libraries on behalf of a controller.
+struct Keeper {
+    keep: Keep,
+    kept: Option<Mark>,
+    /// A library could not be kept: its host gets no answer.
+    has_failed: bool,
+}
+
+/// Identity of a library and the end of its file, which a signature changes.
+#[derive(Clone, Copy, PartialEq)]
+struct Mark {
+    id: u32,
+    end: [u8; SIGNATURE_LEN],
 }
 
 /// The firmware within this process.
@@ -91,6 +112,7 @@ pub struct Local {
     link_key: Option<(LinkKey, u32)>,
     library_key: Option<VerifyingKey>,
     boots: SimBoots,
+    keeper: Option<Keeper>,
 }
 
 impl Local {
@@ -110,6 +132,29 @@ impl Local {
         library: &[u8],
     ) -> Self {
         Self::booting(config, buses, settings, (store::with(library), store::blank_parameters()))
+    }
+
+    /// From here on each library that becomes active is kept before the controller answers its host.
+    pub fn keep_libraries(&mut self, keep: Keep) {
+        self.keeper = Some(Keeper { keep, kept: self.mark(), has_failed: false });
+    }
+
+    /// Mark of the active library.
+    fn mark(&self) -> Option<Mark> {
+        let id = self.controller.library()?.index().id();
+        let end = *self.library_file()?.last_chunk()?;
+        Some(Mark { id, end })
+    }
+
+    /// Keeps the library if another one has become active.
+    fn keep_library(&mut self) {
+        let Some(mut keeper) = self.keeper.take() else { return };
+        let mark = self.mark();
+        if mark.is_some() && mark != keeper.kept {
+            keeper.has_failed |= !self.library_file().is_some_and(&mut keeper.keep);
+            keeper.kept = mark;
+        }
+        self.keeper = Some(keeper);
     }
 
     /// From here on, and after power cycles, the controller obeys only hosts with this key. `boots_before` is the count of boots of
@@ -134,7 +179,7 @@ impl Local {
         let stores = store::mounted_again(self.controller.into_stores(), library_key);
         let boots = BootCounter::mount(self.boots.into_flash()).expect("it was mounted before");
         let booting = Self::booting(config, self.buses, self.settings, stores);
-        let mut core = Self { boots, library_key, ..booting };
+        let mut core = Self { boots, library_key, keeper: self.keeper, ..booting };
         if let Some((key, boots_before)) = self.link_key {
             core.insist_on(key, boots_before);
         }
@@ -166,7 +211,8 @@ impl Local {
         let of = buses.clone();
         let controller = Controller::with_parameters(config, of, library, parameters, settings);
         let boots = store::no_boots();
-        Self { controller, buses, settings, link_key: None, library_key: None, boots }
+        let (link_key, library_key, keeper) = (None, None, None);
+        Self { controller, buses, settings, link_key, library_key, boots, keeper }
     }
 }
 
@@ -176,10 +222,16 @@ impl Core for Local {
         match input {
             None => {}
             Some(Input::Tick) => controller.tick(now_us),
-            Some(Input::Link(frame)) => controller.on_link_frame(now_us, &frame),
+            Some(Input::Link(frame)) => {
+                controller.on_link_frame(now_us, &frame);
+                self.keep_library();
+            }
             Some(Input::Actuator(bus, frame)) => controller.on_actuator_frame(now_us, bus, &frame),
         }
-        let link = if free.link() { controller.poll_link(now_us) } else { None };
+        let controller = &mut self.controller;
+        let is_mute = self.keeper.as_ref().is_some_and(|keeper| keeper.has_failed);
+        let is_free = free.link() && !is_mute;
+        let link = if is_free { controller.poll_link(now_us) } else { None };
         let mut actuators = [None; _];
         for (bus, slot) in (0..).zip(&mut actuators) {
             *slot = if free.actuator(bus) { controller.poll_actuator(bus) } else { None };

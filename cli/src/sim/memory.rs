@@ -1,7 +1,7 @@
 //! The file that keeps the library of a simulated controller while it is switched off.
 
 use crate::signing;
-use miette::miette;
+use miette::{Report, miette};
 use rollwalk_sim_host::store::{LIBRARY_MAX, VerifyingKey};
 use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::output;
@@ -20,6 +20,8 @@ pub struct Memory {
     /// The file is as it was found: its user may have no other copy of it.
     found: bool,
     compared: Instant,
+    /// Why the last library could not be kept.
+    failed: Option<Report>,
 }
 
 impl Memory {
@@ -49,7 +51,8 @@ impl Memory {
                 path.display()
             ));
         }
-        Ok(Self { path: path.to_owned(), output, library, found, compared: Instant::now() })
+        let (path, compared) = (path.to_owned(), Instant::now());
+        Ok(Self { path, output, library, found, compared, failed: None })
     }
 
     /// The library that the file has, with its signature if the controller checks it.
@@ -57,11 +60,21 @@ impl Memory {
         self.library.as_deref()
     }
 
+    /// Keeps a library that has become active, before its host has an answer; whether it is on the disk. [`watch`](Self::watch)
+    /// says why it is not.
+    pub fn keep_first(&mut self, library: &[u8]) -> bool {
+        self.failed = self.keep(Some(library)).err();
+        self.failed.is_none()
+    }
+
     /// Compares the controller's library with the file's, now and then, and keeps another one.
     ///
     /// # Errors
     /// As [`keep`](Self::keep).
     pub fn watch(&mut self, library: Option<&[u8]>) -> miette::Result<()> {
+        if let Some(error) = self.failed.take() {
+            return Err(error);
+        }
         if self.compared.elapsed() < PERIOD {
             return Ok(());
         }

@@ -6,6 +6,7 @@ use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
 use rollwalk_sim_host::rig::Rig;
+use std::sync::{Arc, Mutex};
 
 /// A link whose transmit queue is full at every other try.
 struct Busy {
@@ -59,6 +60,30 @@ fn a_frame_that_finds_the_queue_full_is_kept() {
     let (plain, busy) = (plain.into_bus(), busy.into_bus());
     let frames = |rig| transport_frames(rig).count();
     assert_eq!(frames(&busy.rig), frames(&plain), "none was sent again");
+}
+
+/// A host that has the answer may switch the robot off.
+#[test]
+fn a_library_is_kept_before_its_host_is_told() {
+    let library = robot::library();
+    for is_kept in [true, false] {
+        let kept = Arc::new(Mutex::new(Vec::new()));
+        let mut rig = rig();
+        let files = Arc::clone(&kept);
+        rig.core_mut().keep_libraries(Box::new(move |file| {
+            files.lock().unwrap().push(file.to_vec());
+            is_kept
+        }));
+        let mut session = connect(rig);
+        let flashed = session.flash(&library, |_| {});
+        assert_eq!(kept.lock().unwrap()[..], [library.to_vec()]);
+        match flashed {
+            Ok(_) => assert!(is_kept),
+            Err(error) => {
+                assert!(!is_kept && matches!(error, SessionError::Silent { .. }), "{error}");
+            }
+        }
+    }
 }
 
 #[test]
