@@ -1,6 +1,6 @@
-//! A robot from a URDF, with a first motion: what `rollwalk robot import` does, as documents of a project.
+//! First motions of robots, and robots from a URDF as `rollwalk robot import` makes them: documents of a project.
 
-use crate::documents;
+use crate::documents::{self, Documents, missing};
 use crate::messages::{Answer, Done, File};
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_planner::motion::Motion;
@@ -50,6 +50,21 @@ pub fn import(urdf: &File, side: Option<&File>) -> Result<Done, Answer> {
     let fresh: Vec<_> = warnings.into_iter().filter(|one| !remarks.contains(one)).collect();
     remarks.extend(fresh);
     Ok(Done::Imported { files: vec![motion_file, robot_file, side], motion, warnings: remarks })
+}
+
+/// First motion of a robot file, as a document beside it.
+///
+/// # Errors
+/// Faults of the robot file, or that it is not open.
+pub fn begun(documents: &Documents<'_>, path: &str) -> Result<Done, Answer> {
+    let found = documents.find(path).ok_or_else(|| missing("robot file", path, ""))?;
+    let robot = documents.robot(found)?;
+    let (folder, name) = found.path.rsplit_once('/').unwrap_or(("", found.path));
+    let mut file = first_motion(&robot, name.trim_end_matches(".toml"), name);
+    if !folder.is_empty() {
+        file.path = format!("{folder}/{}", file.path);
+    }
+    Ok(Done::Begun { file })
 }
 
 fn text_of(file: &File) -> Text<'_> {

@@ -48,6 +48,12 @@ pub enum Wanted {
         /// The side file with what a URDF lacks; without, the one that the import proposes.
         side: Option<File>,
     },
+    /// Makes a first motion for a robot.
+    Begin {
+        files: Vec<File>,
+        /// Path of the robot file among them.
+        robot: String,
+    },
     /// Reads and validates documents.
     Open {
         files: Vec<File>,
@@ -147,7 +153,7 @@ pub enum TableForm {
 pub enum From {
     /// From the starts that the planner knows.
     Scratch,
-    /// From the last good plan.
+    /// As the documents say; the last good plan is tried where nothing else leads to one.
     Good,
     /// From the plan file whose bytes come with the request.
     Plan,
@@ -213,6 +219,11 @@ pub enum Done {
         motion: String,
         /// What was assumed or changed, each with its place in the URDF.
         warnings: Vec<String>,
+    },
+    /// Of `begin`.
+    Begun {
+        /// The motion file.
+        file: File,
     },
     /// Of `open`.
     Opened(Box<Opened>),

@@ -92,6 +92,7 @@ impl Session {
                 Done::Text { text: text.to_owned() }
             }
             Wanted::Import { urdf, side } => import::import(&urdf, side.as_ref())?,
+            Wanted::Begin { files, robot } => import::begun(&Documents::new(&files), &robot)?,
             Wanted::Open { files, motion } => {
                 let documents = Documents::new(&files);
                 Done::Opened(opened(&documents, &documents.project(&motion)?))
@@ -238,7 +239,8 @@ impl Session {
         (planned, bytes)
     }
 
-    /// Plans from the plan at hand, or from scratch if that is none or one of another robot. Steps of a drag are not refined.
+    /// Plans a step of a drag from the one before it, not refined; all else from scratch, so that documents have one plan, which is also that of
+    /// a library, whatever was edited before. Where that finds none, the plan at hand may lead to one.
     fn solve(
         &mut self,
         robot: &Robot,
@@ -246,20 +248,21 @@ impl Session {
         iterations: Option<usize>,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Solution {
-        let near = match iterations {
-            Some(iterations) => {
-                self.drag(iterations).map(|editing| editing.replan(robot, motion, progress))
-            }
-            None => {
-                let near = self.drag.as_ref().map(|drag| drag.editing.last());
-                near.or(self.good.as_ref())
-                    .map(|near| near.replan(robot, motion, &Options::default(), progress))
-            }
-        };
-        if let Some(Ok(solution)) = near {
+        if let Some(iterations) = iterations
+            && let Some(editing) = self.drag(iterations)
+            && let Ok(solution) = editing.replan(robot, motion, progress)
+        {
             return solution;
         }
-        optimise_solution(robot, motion, &Options::default(), progress)
+        let solution = optimise_solution(robot, motion, &Options::default(), progress);
+        let near = self.drag.as_ref().map(|drag| drag.editing.last()).or(self.good.as_ref());
+        if iterations.is_some() || solution.plan.solve.status == Status::Interrupted {
+            return solution;
+        }
+        let near = near.filter(|_| solution.plan.solve.status != Status::Converged);
+        let near = near.map(|near| near.replan_near(robot, motion, &Options::default(), progress));
+        let is_found = |near: &Solution| near.plan.solve.status == Status::Converged;
+        near.and_then(Result::ok).filter(is_found).unwrap_or(solution)
     }
 
     /// The drag with steps of so many iterations; it begins at the good plan, of which there may be none.

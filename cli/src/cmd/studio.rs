@@ -1,7 +1,7 @@
 //! `rollwalk studio`: the studio in a browser, planned for by this program.
 
 use crate::studio::Server;
-use crate::studio::desk::Desk;
+use crate::studio::desk::{self, Desk};
 use crate::studio::relay::Relay;
 use rollwalk_bus::name::BusName;
 use rollwalk_terminal::{Exit, output};
@@ -18,12 +18,14 @@ use std::process::{Command, Stdio};
 Examples:
   rollwalk studio                                  the robots and motions that ship
   rollwalk studio motions/walk.toml                a motion, with the robot that it names
+  rollwalk studio robots/pup.toml                  a robot, with a first motion
+  rollwalk studio my_robot.urdf                    the same of a URDF
   rollwalk studio my_library.toml --port 8080 --no-open
   rollwalk studio motions/agilebot_library.toml --bus can:can0    # a robot on a bus of this computer
 
 docs/studio.md describes what it does and who can reach it.")]
 pub struct Args {
-    /// Motion, library, robot and design files (TOML) to open, with those that they name.
+    /// Motion, library, robot and design files (TOML), URDFs and plans (JSON) to open, with what they name.
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Port on 127.0.0.1 [default: any that is free].
@@ -40,7 +42,8 @@ pub struct Args {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let relay = args.bus.clone().map(Relay::new).transpose()?;
-    let server = Server::bind(args.port, Desk::open(&args.files)?, relay)?;
+    let desk = Desk::open(&args.files, desk::folder())?;
+    let server = Server::bind(args.port, desk, relay)?;
     let address = server.address();
     output::print(&format!("the studio is at {address}"))?;
     if !args.no_open && !browse(&address) {

@@ -3,80 +3,35 @@
 //! Nothing else is read, and nothing else is written. Files may be a stranger's: what they name is opened if it is a document of ours, and written
 //! if it lies beside a file that the user named, or below. A file that another program has changed since is not overwritten.
 
-use rollwalk_terminal::files::{self, Named};
-use rollwalk_terminal::inputs::beside;
+mod edits;
+mod opening;
+
+use edits::Edits;
+pub use edits::folder;
+use opening::{Desired, Sheet};
+use rollwalk_terminal::files;
 use rollwalk_terminal::kind::Kind;
 use serde_json::{Value, json};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use toml_edit::{Document, Item, TableLike};
-
-/// Most files, those that others name included.
-const FILES_MAX: usize = 200;
 
 /// Files on the desk.
 pub struct Desk {
     sheets: Mutex<Vec<Sheet>>,
-    /// The motion file to begin with.
-    motion: Option<String>,
-    /// The library file to begin with.
-    library: Option<String>,
-}
-
-/// A file as it was read or written last.
-struct Sheet {
-    /// How the page knows it.
-    name: String,
-    path: PathBuf,
-    text: String,
-    /// Whether the user named it, or a file beside or above it.
-    is_users: bool,
+    desired: Desired,
+    edits: Option<Edits>,
 }
 
 impl Desk {
-    /// Opens files with all that they name.
+    /// Opens files with all that they name. Edits of the files that were not saved are kept in `folder` of the user's state.
     ///
     /// # Errors
-    /// A file that the user named cannot be read, or is none that the studio edits.
-    pub fn open(paths: &[PathBuf]) -> miette::Result<Self> {
-        let mut desk = Self { sheets: Mutex::default(), motion: None, library: None };
-        let mut open: Vec<(PathBuf, Named)> =
-            paths.iter().rev().map(|path| (path.clone(), Named::ByUser)).collect();
-        let folders: Vec<_> = paths.iter().filter_map(|path| folder_of(path)).collect();
-        let mut sheets: Vec<Sheet> = Vec::new();
-        while let Some((path, named)) = open.pop() {
-            let name = name_of(&path);
-            if sheets.len() == FILES_MAX || sheets.iter().any(|sheet| sheet.name == name) {
-                continue;
-            }
-            let text = match files::read_by(&path, named, |_| Kind::Motion) {
-                Ok(read) => files::text(read, &path)?,
-                Err(error) if named == Named::ByUser => return Err(error.into()),
-                // The engine says what is missing, and who names it.
-                Err(_) => continue,
-            };
-            match Kind::expect_document(&path, &text) {
-                Err(error) if named == Named::ByUser => return Err(error),
-                // Plans of libraries are no documents; whatever else a file names is none of the studio's business.
-                Err(_) if Kind::of(&text) != Some(Kind::Plan) => continue,
-                _ => {}
-            }
-            let Mentions { is_motion, is_library, files } = mentions(&text);
-            if named == Named::ByUser {
-                desk.motion = desk.motion.or_else(|| is_motion.then(|| name.clone()));
-                desk.library = desk.library.or_else(|| is_library.then(|| name.clone()));
-            }
-            let files = files.iter().rev().map(|file| (beside(&path, file), Named::InFile));
-            open.extend(files);
-            let is_below = |folder: &PathBuf| {
-                folder_of(&path).is_some_and(|of_file| of_file.starts_with(folder))
-            };
-            let is_users = named == Named::ByUser || folders.iter().any(is_below);
-            sheets.push(Sheet { name, path, text, is_users });
-        }
-        desk.sheets = Mutex::new(sheets);
-        Ok(desk)
+    /// A file that the user named cannot be read, or is none that the studio opens.
+    pub fn open(paths: &[PathBuf], folder: Option<PathBuf>) -> miette::Result<Self> {
+        let (sheets, desired) = opening::open(paths)?;
+        let edits = folder.map(|folder| Edits::of(paths, &folder));
+        Ok(Self { sheets: Mutex::new(sheets), desired, edits })
     }
 
     /// The answer to a request that is about files; `None` for those of the engine.
@@ -86,11 +41,22 @@ impl Desk {
         match request["kind"].as_str()? {
             "given" => {
                 let file = |sheet: &Sheet| json!({ "path": sheet.name, "text": sheet.text });
-                let files: Vec<_> = self.sheets().iter().map(file).collect();
-                let Self { motion, library, .. } = self;
+                let sheets = self.sheets();
+                let files: Vec<_> = sheets.iter().map(file).collect();
+                let edits = self.edits.as_ref().and_then(Edits::kept);
                 Some(json!({
-                    "seq": seq, "binary": false, "kind": "done", "files": files, "motion": motion, "library": library,
+                    "seq": seq, "binary": false, "kind": "done", "files": files, "desired": self.desired, "edits": edits,
                 }))
+            }
+            "keep" => {
+                let text = request["text"].as_str().unwrap_or_default();
+                let kept = self.edits.as_ref().map_or(Err(no_folder()), |edits| edits.keep(text));
+                Some(match kept {
+                    Ok(()) => json!({ "seq": seq, "binary": false, "kind": "done" }),
+                    Err(message) => json!({
+                        "seq": seq, "binary": false, "kind": "error", "message": message, "help": "save your files",
+                    }),
+                })
             }
             "save" => {
                 let [path, text] =
@@ -146,37 +112,6 @@ impl Desk {
     }
 }
 
-/// Folder of a file, without links; `None` if it is not there.
-fn folder_of(path: &Path) -> Option<PathBuf> {
-    Some(fs::canonicalize(path).ok()?.parent()?.to_owned())
-}
-
-/// A path as pages know it, with `/` between folders.
-fn name_of(path: &Path) -> String {
-    path.to_string_lossy().replace('\\', "/")
-}
-
-/// What a file is, and which files it names.
-#[derive(Default)]
-struct Mentions {
-    is_motion: bool,
-    is_library: bool,
-    files: Vec<String>,
-}
-
-fn mentions(text: &str) -> Mentions {
-    let Ok(document) = Document::parse(text) else { return Mentions::default() };
-    let root = document.as_table();
-    let mut files: Vec<String> =
-        root.get("robot").and_then(Item::as_str).map(str::to_owned).into_iter().collect();
-    let tables = root.get("motion").and_then(Item::as_array_of_tables).into_iter().flatten();
-    let tables = tables.map(|table| table as &dyn TableLike);
-    let inline = root.get("motions").and_then(Item::as_array).into_iter().flatten();
-    let inline = inline.filter_map(|value| Some(value.as_inline_table()? as &dyn TableLike));
-    for table in tables.chain(inline) {
-        let named = ["file", "plan"].into_iter().filter_map(|key| table.get(key)?.as_str());
-        files.extend(named.map(str::to_owned));
-    }
-    let (is_motion, is_library) = (root.contains_key("footfalls"), root.contains_key("safe"));
-    Mentions { is_motion, is_library, files }
+fn no_folder() -> String {
+    "edits that are not saved cannot be kept: this user has no folder for it (HOME or XDG_STATE_HOME)".to_owned()
 }

@@ -27,7 +27,7 @@ fn start(files: &[PathBuf]) -> Running {
 }
 
 fn start_with(files: &[PathBuf], relay: Option<Relay>) -> Running {
-    let server = Server::bind(0, Desk::open(files).unwrap(), relay).unwrap();
+    let server = Server::bind(0, Desk::open(files, None).unwrap(), relay).unwrap();
     let address = server.address();
     thread::spawn(|| server.run());
     let (port, token) =
@@ -199,7 +199,7 @@ fn files_of_the_command_line_are_opened_and_saved_and_no_others() {
     let server = start(std::slice::from_ref(&walk));
     let mut socket = server.own();
     let (given, _) = ask(&mut socket, json!({ "seq": 1, "kind": "given" }));
-    let name = given["motion"].as_str().unwrap().to_owned();
+    let name = given["desired"]["motion"].as_str().unwrap().to_owned();
     assert_eq!(given["files"].as_array().unwrap().len(), 1);
     // The robot that it names is not there; that of the same name that ships is.
     let (opened, _) = ask(
@@ -287,7 +287,7 @@ fn a_document_with_faults_is_opened_to_be_mended() {
     for text in ["name = ", "footfalls.all = \"stance\"", "link = []"] {
         let path = folder.path().join("mine.toml");
         fs::write(&path, text).unwrap();
-        assert!(Desk::open(&[path]).is_ok(), "{text}");
+        assert!(Desk::open(&[path], None).is_ok(), "{text}");
     }
 }
 
@@ -296,11 +296,67 @@ fn a_document_with_faults_is_opened_to_be_mended() {
 fn what_is_no_document_is_refused_with_what_would_be() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     for file in ["README.md", "CHANGELOG.md", "Cargo.toml", "host/gamepads/xbox.toml"] {
-        let error = Desk::open(&[root.join(file)]).err().unwrap();
+        let error = Desk::open(&[root.join(file)], None).err().unwrap();
         let text = error.to_string();
         assert!(text.contains("robot, motion, library and design files"), "{text}");
         assert!(text.ends_with(&format!("{file} is something else")), "{text}");
     }
+}
+
+#[test]
+fn libraries_for_controllers_folders_and_plans_of_unknown_motions_are_refused_with_what_to_open() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::create_dir(at("plans")).unwrap();
+    let plan =
+        r#"{"format": "rollwalk-plan", "motion": {"name": "hop"}, "robot": {"name": "pup"}}"#;
+    fs::write(at("plans/hop.json"), plan).unwrap();
+    fs::write(at("pup.rwl"), [b"ROLLWALK".as_slice(), &[0xff; 40]].concat()).unwrap();
+    let refused = |path: PathBuf| format!("{:?}", Desk::open(&[path], None).err().unwrap());
+    for (path, words) in [
+        ("pup.rwl", ["library for a controller", "the library file (TOML)"]),
+        ("", ["is a folder", "hop.json"]),
+        ("plans/hop.json", ["plan of the motion `hop` of the robot `pup`", "MOTION.toml"]),
+    ] {
+        let said = refused(at(path)).replace(['\n', ' ', '│'], "");
+        assert!(words.iter().all(|word| said.contains(&word.replace(' ', ""))), "{path}: {said}");
+    }
+    // With its motion it is opened.
+    fs::write(at("hop.toml"), "footfalls.all = \"stance\"\n").unwrap();
+    let opened = Desk::open(&[at("hop.toml"), at("plans/hop.json")], None).unwrap();
+    let given = opened.answer(r#"{"seq": 1, "kind": "given"}"#).unwrap();
+    let name = |of: &str| given["desired"][of].as_str().unwrap_or_default().to_owned();
+    assert!(name("motion").ends_with("hop.toml") && name("plan").ends_with("hop.json"), "{given}");
+}
+
+#[test]
+fn edits_are_kept_for_the_files_that_they_are_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let desk = |name: &str| {
+        fs::write(at(name), "footfalls.all = \"stance\"\n").unwrap();
+        Desk::open(&[at(name)], Some(at("state"))).unwrap()
+    };
+    let kept = |desk: &Desk| {
+        let given = desk.answer(r#"{"seq": 1, "kind": "given"}"#).unwrap();
+        given["edits"].as_str().map(str::to_owned)
+    };
+    let keep = |desk: &Desk, text: &str| {
+        let request = json!({ "seq": 2, "kind": "keep", "text": text });
+        desk.answer(&request.to_string()).unwrap()["kind"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(kept(&desk("a.toml")), None);
+    assert_eq!(keep(&desk("a.toml"), "mine"), "done");
+    assert_eq!(kept(&desk("a.toml")).as_deref(), Some("mine"));
+    assert_eq!(kept(&desk("b.toml")), None);
+    assert_eq!(keep(&desk("a.toml"), &"x".repeat(17 << 20)), "error");
+    assert_eq!(kept(&desk("a.toml")).as_deref(), Some("mine"), "what was kept stays");
+    for damaged in [b"{".as_slice(), b"[]", &[0xff]] {
+        let file = fs::read_dir(at("state")).unwrap().next().unwrap().unwrap().path();
+        fs::write(file, damaged).unwrap();
+        assert_eq!(kept(&desk("a.toml")), None);
+    }
+    assert_eq!(keep(&Desk::open(&[], None).unwrap(), "mine"), "error", "there is no folder");
 }
 
 #[test]

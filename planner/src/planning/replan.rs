@@ -87,6 +87,22 @@ impl Solution {
         let solution = surely(&self.plan, Some(&self.multipliers), request, effort)?;
         Ok(refine::motion(solution, robot, options, effort))
     }
+
+    /// [`replan`](Self::replan) from this solution alone: nothing else is tried where it does not lead to a plan.
+    ///
+    /// # Errors
+    /// As [`replan`](Self::replan).
+    pub fn replan_near(
+        &self,
+        robot: &Robot,
+        motion: &Motion,
+        options: &Options,
+        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Self, ReplanError> {
+        let (request, effort) = (Request { robot, motion, options }, &mut Effort::new(progress));
+        let solution = neighbour::from(&self.plan, Some(&self.multipliers), request, effort)?;
+        Ok(refine::motion(solution, robot, options, effort))
+    }
 }
 
 /// [`neighbour::from`], and from scratch if it fails: a request is not infeasible because one plan does not lead to it.

@@ -3,10 +3,11 @@
 use crate::*;
 
 #[test]
-fn an_edit_plans_again_from_the_plan_at_hand() {
+fn a_document_has_one_plan_whatever_was_edited_before() {
     let mut page = Page::default();
-    let text = page.walk();
-    let first = page.plan(&text, "scratch", None);
+    let original = page.walk();
+    let first = page.plan(&original, "scratch", None);
+    let text = original.clone();
     let text = page.amended(
         &text,
         json!({ "edit": "number", "table": ["goal"], "key": "forward_m", "value": 0.125 }),
@@ -18,12 +19,28 @@ fn an_edit_plans_again_from_the_plan_at_hand() {
     assert!(!step.json["solve"]["words"].as_str().unwrap().contains("played"));
     let last = page.plan(&text, "good", None);
     assert_eq!(last.json["good"], true);
-    let iterations = |answer: &Answer| answer.json["solve"]["iterations"].as_u64().unwrap();
-    assert!(iterations(&last) < iterations(&first));
     let fresh = Page::default().plan(&text, "scratch", None);
-    let energy = |answer: &Answer| answer.json["solve"]["energy"].as_f64().unwrap();
-    // Both stop when a step gains less than a thousandth.
-    assert!((energy(&last) / energy(&fresh) - 1.0).abs() < 5e-3);
+    assert_eq!((&last.json["solve"], &last.bytes), (&fresh.json["solve"], &fresh.bytes));
+    let undone = page.plan(&original, "good", None);
+    assert_eq!(undone.bytes, first.bytes);
+}
+
+/// The starts that the planner knows lead to 1 m a period, and not to 1.05 m.
+#[test]
+#[ignore = "half a minute: cargo xtask nightly --only long"]
+fn what_only_the_plan_at_hand_leads_to_is_planned_from_it() {
+    let mut page = Page::default();
+    let walk = page.walk();
+    let mut to = |forward_m: f64| {
+        let edit =
+            json!({ "edit": "number", "table": ["goal"], "key": "forward_m", "value": forward_m });
+        page.amended(&walk, edit)
+    };
+    let (near, far) = (to(1.0), to(1.05));
+    page.plan(&near, "scratch", None);
+    page.plan(&far, "good", Some(60));
+    assert_eq!(page.plan(&far, "good", None).json["converged"], true);
+    assert_eq!(Page::default().plan(&far, "scratch", None).json["converged"], false);
 }
 
 #[test]

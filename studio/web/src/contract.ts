@@ -4,6 +4,9 @@
 export type Vec3 = [number, number, number];
 export type File = { path: string; text: string };
 
+/** Names of the files of a command line that the page shows first. */
+export type Desired = Record<"motion" | "library" | "robot" | "plan" | "urdf" | "side", string | null>;
+
 /** Where a solve starts; a plan file comes with the request, as bytes. */
 export type Start = "scratch" | "good" | "plan";
 
@@ -11,6 +14,7 @@ export type RequestBody =
   | { kind: "examples" }
   | { kind: "example"; path: string }
   | { kind: "import"; urdf: File; side: File | null }
+  | { kind: "begin"; files: File[]; robot: string }
   | { kind: "open"; files: File[]; motion: string }
   | { kind: "amend"; files: File[]; motion: string; path: string; edit: Edit }
   | { kind: "plan"; files: File[]; motion: string; from: Start; iterations: number | null; frames_hz: number }
@@ -27,6 +31,7 @@ export type RequestBody =
   | { kind: "export"; what: "csv" | "json"; rate_hz: number }
   /** Of an engine in the program that serves the page: the files of its command line. */
   | { kind: "given" }
+  | { kind: "keep"; text: string }
   | { kind: "save"; path: string; text: string }
   | ({ kind: "robot"; now_us: number } & RobotRequest);
 

@@ -82,6 +82,8 @@ const NOISE = /software WebGL|GPU stall|GL Driver Message|WebGL context was lost
 export class Studio {
   errors = [];
   requests = [];
+  /** Questions of the browser, each answered with yes. */
+  questions = [];
 
   static async open(browser, url, options = {}) {
     const studio = new Studio();
@@ -95,6 +97,10 @@ export class Studio {
     });
     page.on("pageerror", (error) => studio.errors.push(String(error)));
     page.on("request", (request) => studio.requests.push(request.url()));
+    page.on("dialog", (dialog) => {
+      studio.questions.push(dialog.type());
+      void dialog.accept();
+    });
     await options.before?.(page);
     await page.goto(url);
     await studio.settled();

@@ -3,6 +3,8 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { EventEmitter } from "node:events";
+import { mkdtempSync } from "node:fs";
+import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
 import { createInterface } from "node:readline";
 import { fileURLToPath } from "node:url";
@@ -12,6 +14,8 @@ export const program = process.env.STUDIO_ROLLWALK;
 export const simulator = process.env.STUDIO_SIM;
 export const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
 
+/** Where programs keep what is to outlast them. */
+const state = mkdtempSync(join(tmpdir(), "studio-state-"));
 const children = new Set();
 process.on("exit", () => children.forEach((child) => child.kill("SIGKILL")));
 // The runner ends a file so that takes too long.
@@ -34,7 +38,7 @@ export class Program extends EventEmitter {
   constructor(file, args, folder = root) {
     super();
     this.name = [file, ...args].join(" ");
-    this.child = child(file, args, { cwd: folder });
+    this.child = child(file, args, { cwd: folder, env: { ...process.env, XDG_STATE_HOME: state } });
     for (const stream of [this.child.stdout, this.child.stderr]) {
       // Data may end within a line, in the middle of an address.
       createInterface({ input: stream }).on("line", (line) => {
@@ -68,6 +72,10 @@ export class Program extends EventEmitter {
   kill() {
     this.child.kill();
   }
+
+  async ended() {
+    if (!this.#hasEnded) await within(() => `the end of ${this.name}`, new Promise((resolve) => this.child.once("close", resolve)));
+  }
 }
 
 /** A test leg on a stand, whose link is at `bus`. */
@@ -81,5 +89,9 @@ export async function startRobot(folder, bus, args = []) {
 export async function serveStudio(folder, args) {
   const server = new Program(program, ["studio", ...args, "--no-open"], folder);
   const address = await server.said(/http:\S+/);
-  return { address, kill: () => server.kill() };
+  const end = async () => {
+    server.kill();
+    await server.ended();
+  };
+  return { address, kill: () => server.kill(), end };
 }

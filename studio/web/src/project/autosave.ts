@@ -1,45 +1,95 @@
-// The documents in this browser's storage, so that a reload or a crash loses nothing.
+// The documents with their history, kept so that a reload, a crash or a new start loses nothing: in this browser's storage, or by the
+// program that serves the page.
 
-import type { Snapshot } from "./documents.ts";
+import type { File } from "../contract.ts";
+import type { History, Snapshot } from "./documents.ts";
 import type { Studio } from "./studio.ts";
 
 const KEY = "rollwalk-studio-project";
-const WAIT_MS = 250;
+const DRAG_MS = 250;
+/** Steps of undo and characters that are kept at most: a browser's storage has 5 MB. */
+const MOST_STEPS = 50;
+const MOST_CHARACTERS = 2_000_000;
 
-export type Kept = { files: { path: string; text: string }[]; motion: string; saved: [string, string | null][] };
+/** Texts once each, and documents as indices into them. */
+type PackedSnapshot = { files: [string, number][]; motion: string };
+type Packed = { texts: string[]; now: PackedSnapshot; past: PackedSnapshot[]; future: PackedSnapshot[]; saved: [string, number | null][] };
 
+/** Keeps the documents after each change; while something is dragged now and then. */
 export function keepSaved(studio: Studio) {
   let timer = 0;
+  let due = false;
+  let busy = false;
   let failed = false;
-  const write = () => {
+  const write = async () => {
+    clearTimeout(timer);
     timer = 0;
-    const { files, motion } = studio.documents.now;
-    const kept: Kept = { files: files.map((file) => ({ ...file })), motion, saved: studio.documents.saved };
-    try {
-      localStorage.setItem(KEY, JSON.stringify(kept));
-      failed = false;
-    } catch {
-      failed = true;
-      // Storage may be full or forbidden: then there is no autosave, and leaving asks first.
+    due = true;
+    if (busy) return;
+    busy = true;
+    while (due) {
+      due = false;
+      try {
+        await store(studio, packed(studio.documents.history));
+        failed = false;
+      } catch (error) {
+        // Storage may be full or forbidden. That is said once; leaving asks in any case.
+        if (!failed) studio.say(`What is not saved is lost when the page is closed: ${(error as Error).message}`);
+        failed = true;
+      }
     }
+    busy = false;
   };
   studio.events.on("documents", () => {
-    if (studio.documents.now.files.length > 0) timer ||= setTimeout(write, WAIT_MS) as unknown as number;
+    if (studio.documents.now.files.length === 0) return;
+    if (studio.dragging) timer ||= setTimeout(write, DRAG_MS) as unknown as number;
+    else void write();
   });
-  addEventListener("beforeunload", (event) => failed && studio.documents.anyChanged && event.preventDefault());
-  addEventListener("pagehide", () => timer && (clearTimeout(timer), write()));
+  addEventListener("beforeunload", (event) => studio.documents.anyChanged && event.preventDefault());
+  addEventListener("pagehide", () => timer && void write());
 }
 
-export function kept(): Kept | null {
+async function store(studio: Studio, text: string) {
+  if (studio.engine.hasFiles) await studio.engine.request("documents", { kind: "keep", text });
+  else localStorage.setItem(KEY, text);
+}
+
+/** What this browser has kept. */
+export function keptHere(): History | null {
   try {
-    const value = JSON.parse(localStorage.getItem(KEY) ?? "null") as Kept | null;
-    const sound = value && Array.isArray(value.files) && value.files.every((file) => typeof file.path === "string" && typeof file.text === "string");
-    return sound && value.files.some((file) => file.path === value.motion) ? value : null;
+    return unpacked(localStorage.getItem(KEY));
   } catch {
     return null;
   }
 }
 
-export function snapshotOf(value: Kept): Snapshot {
-  return { files: value.files, motion: value.motion };
+function packed({ now, past, future, saved }: History): string {
+  const texts = new Map<string, number>();
+  const index = (text: string) => {
+    if (!texts.has(text)) texts.set(text, texts.size);
+    return texts.get(text)!;
+  };
+  const one = ({ files, motion }: Snapshot): PackedSnapshot => ({ files: files.map(({ path, text }) => [path, index(text)]), motion });
+  const body: Packed = { texts: [], now: one(now), past: [], future: [], saved: saved.map(([path, text]) => [path, text === null ? null : index(text)]) };
+  const isRoom = () => [...texts.keys()].reduce((sum, text) => sum + text.length, 0) <= MOST_CHARACTERS;
+  // The steps that come first are those next to the documents as they are.
+  for (const step of past.slice(-MOST_STEPS).reverse()) if (isRoom()) body.past.unshift(one(step));
+  for (const step of future.slice(-MOST_STEPS).reverse()) if (isRoom()) body.future.unshift(one(step));
+  return JSON.stringify({ ...body, texts: [...texts.keys()] });
+}
+
+/** The history that a text holds; null if it holds none. */
+export function unpacked(text: string | null): History | null {
+  try {
+    const { texts, now, past, future, saved } = JSON.parse(text ?? "null") as Packed;
+    const at = (index: number) => {
+      if (typeof texts[index] !== "string") throw new Error("a text is missing");
+      return texts[index];
+    };
+    const one = ({ files, motion }: PackedSnapshot): Snapshot => ({ files: files.map(([path, index]): File => ({ path: String(path), text: at(index) })), motion: String(motion) });
+    const history = { now: one(now), past: past.map(one), future: future.map(one), saved: saved.map(([path, index]): [string, string | null] => [path, index === null ? null : at(index)]) };
+    return history.now.files.some((file) => file.path === history.now.motion) ? history : null;
+  } catch {
+    return null;
+  }
 }

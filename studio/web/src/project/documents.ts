@@ -3,6 +3,8 @@
 import type { File } from "../contract.ts";
 
 export type Snapshot = { readonly files: readonly File[]; readonly motion: string };
+/** Documents with the steps of undo and redo; and what changed files were when they were saved, null if they never were. */
+export type History = { now: Snapshot; past: Snapshot[]; future: Snapshot[]; saved: [string, string | null][] };
 
 export class Documents {
   #now: Snapshot = { files: [], motion: "" };
@@ -114,20 +116,20 @@ export class Documents {
     this.#saved.set(path, this.text(path) ?? "");
   }
 
-  /** What a session before this one had saved, so that changes are still marked after a reload. */
-  restore(snapshot: Snapshot, saved: [string, string | null][]) {
-    this.#now = snapshot;
-    this.#saved = new Map(snapshot.files.map((file) => [file.path, file.text]));
+  /** The documents of a session before this one: changes are still marked, and can be undone. */
+  restore({ now, past, future, saved }: History) {
+    [this.#now, this.#past, this.#future] = [now, past, future];
+    this.#saved = new Map(now.files.map((file) => [file.path, file.text]));
     for (const [path, text] of saved) {
       if (text === null) this.#saved.delete(path);
       else this.#saved.set(path, text);
     }
   }
 
-  /** What changed files were when they were saved; null if they never were. */
-  get saved(): [string, string | null][] {
+  get history(): History {
     const changed = this.#now.files.filter((file) => this.changed(file.path));
-    return changed.map((file) => [file.path, this.#saved.get(file.path) ?? null]);
+    const saved = changed.map((file): [string, string | null] => [file.path, this.#saved.get(file.path) ?? null]);
+    return { now: this.#now, past: this.#past, future: this.#future, saved };
   }
 
   #remember() {

@@ -91,7 +91,7 @@ async function openWhatShips(studio: Studio, plan: Text) {
 }
 
 /** Makes a project of a URDF, with the side file beside it or the one that the import proposes. */
-async function importRobot(studio: Studio, urdf: Text, side: Text | null) {
+export async function importRobot(studio: Studio, urdf: Text, side: Text | null) {
   const { value } = await studio.engine.request("documents", { kind: "import", urdf, side });
   await studio.openProject({ files: value.files, motion: value.motion });
   remarkImport(studio, urdf, value);

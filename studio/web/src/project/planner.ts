@@ -10,8 +10,8 @@ const DRAG_ITERATIONS = 2;
 /** A solve in full that takes longer gives way to a newer edit. */
 const PATIENCE_MS = 500;
 
-/** `plan` is the text of a plan file to start from, `kept` the good plan that these documents had before. */
-export type Wish = { snapshot: Snapshot; version: number; drag: boolean; from: Start; plan?: Uint8Array; kept?: Uint8Array };
+/** `plan` is the text of a plan file to start from. */
+export type Wish = { snapshot: Snapshot; version: number; drag: boolean; from: Start; plan?: Uint8Array };
 
 export type Outcome = {
   planned(wish: Wish, planned: Planned, frames: Float32Array): void;
@@ -82,7 +82,7 @@ export class Planner {
   }
 
   async #plan(wish: Wish) {
-    const resumed = wish.kept ?? (this.#fresh ? this.#good : null);
+    const resumed = this.#fresh ? this.#good : null;
     if (resumed && wish.from === "good") await this.engine.request("solver", { kind: "resume" }, { binary: resumed });
     this.#fresh = false;
     const { value, binary } = await this.engine.request(

@@ -10,14 +10,13 @@ import { Planner, type Wish } from "./planner.ts";
 import { Selection } from "./selection.ts";
 
 export type Name = "documents" | "plan" | "kept" | "activity" | "selection";
-export type Shown = { planned: Planned; frames: Frames; version: number; drag: boolean };
+/** `of`: the texts that the plan is of. */
+export type Shown = { planned: Planned; frames: Frames; version: number; drag: boolean; of: string };
 export type Problem = { message: string; help: string };
 /** The last good plan with its multipliers, and the documents that it is of. */
 export type Kept = { snapshot: Snapshot; version: number; solution: Uint8Array };
 /** What is to be checked, and what is to be done once what it is about has changed. */
 export type Remarks = { of: string; each: string[]; again?: { text: string; isDue(): boolean; act(): Promise<void> } };
-/** So many plans are kept for undo and redo; steps further back are planned anew. */
-const MOST_SOLUTIONS = 20;
 type Amendment = { edit: Edit; path: string; gesture: string | null; drag: boolean; again?: boolean };
 
 export class Studio {
@@ -48,15 +47,12 @@ export class Studio {
   #gestures = 0;
   /** Grows when the documents change by other means than amendments: what was under way then is void. */
   #epoch = 0;
-  /** Good plans of documents that undo and redo come back to. */
-  #solutions = new Map<Snapshot, Uint8Array>();
 
   constructor(readonly engine: Engine) {
     this.#planner = new Planner(engine, {
       planned: (wish, planned, frames) => this.#planned(wish, planned, frames),
       kept: ({ snapshot, version }, solution) => {
         this.kept = { snapshot, version, solution };
-        this.#remember(snapshot, solution);
         this.events.emit("kept");
       },
       failed: (wish, error) => this.#failed(wish, error),
@@ -241,8 +237,26 @@ export class Studio {
     }
     // Reading may have made a robot that ships part of the documents.
     const { now } = this.documents;
-    const kept = drag ? undefined : this.#solutions.get(now);
-    this.#planner.ask({ snapshot: now, version, drag, from: how === "scratch" ? "scratch" : "good", kept });
+    if (how === "good" && this.#isOfShown(now)) return this.#keepShown(version);
+    this.#planner.ask({ snapshot: now, version, drag, from: how === "scratch" ? "scratch" : "good" });
+  }
+
+  /** Whether the plan that is shown is of these documents: the edit was of another one, such as the library. */
+  #isOfShown(snapshot: Snapshot): boolean {
+    const { shown } = this;
+    return shown !== null && !shown.drag && !this.#planner.busy && shown.planned.good && shown.of === this.#planOf(snapshot);
+  }
+
+  #keepShown(version: number) {
+    this.shown!.version = this.settled = version;
+    if (this.kept) this.kept = { ...this.kept, snapshot: this.documents.now, version };
+    this.events.emit("plan", "kept", "activity");
+  }
+
+  /** What a plan depends on: the texts of motion and robot. */
+  #planOf({ files, motion }: Snapshot): string {
+    const paths = [motion, this.documents.readRobot];
+    return JSON.stringify(paths.map((path) => [path, files.find((file) => file.path === path)?.text]));
   }
 
   /** What the documents say, checked by the engine, without waiting for a plan. */
@@ -273,18 +287,13 @@ export class Studio {
     this.documents.adopt({ path: robot, text: value.text });
   }
 
-  #remember(snapshot: Snapshot, solution: Uint8Array) {
-    this.#solutions.delete(snapshot);
-    this.#solutions.set(snapshot, solution);
-    if (this.#solutions.size > MOST_SOLUTIONS) this.#solutions.delete(this.#solutions.keys().next().value!);
-  }
-
   #planned(wish: Wish, planned: Planned, frames: Float32Array) {
     this.shown = {
       planned,
       frames: new Frames(planned.frames, frames, planned.scene.end_effectors),
       version: wish.version,
       drag: wish.drag,
+      of: this.#planOf(wish.snapshot),
     };
     this.faults = [];
     if (wish.version === this.version) {

@@ -2,6 +2,7 @@
 // robot's time, and how far joints are from it.
 
 import type { RobotView } from "../contract.ts";
+import type { Snapshot } from "../project/documents.ts";
 import type { Row } from "../project/frames.ts";
 import type { Shown, Studio } from "../project/studio.ts";
 import { format } from "../ui/dom.ts";
@@ -16,7 +17,7 @@ export type Apart = { joint: string; rad: number; most_rad: number };
 export class Beside {
   compared: Compared | null = null;
   apart: Apart | null = null;
-  #of: { shown: Shown; library: Uint8Array } | null = null;
+  #of: { shown: Shown; library: Uint8Array; documents: Snapshot } | null = null;
 
   constructor(
     private readonly studio: Studio,
@@ -45,13 +46,14 @@ export class Beside {
       [this.#of, this.compared, this.apart] = [null, null, null];
       return;
     }
-    if (this.#of?.shown !== shown || this.#of.library !== library) void this.#compare(shown, library);
+    const { now } = this.studio.documents;
+    if (this.#of?.shown !== shown || this.#of.library !== library || this.#of.documents !== now) void this.#compare(shown, library);
     this.#measure(shown, view);
   }
 
   async #compare(shown: Shown, library: Uint8Array) {
     const { documents, engine } = this.studio;
-    const of = { shown, library };
+    const of = { shown, library, documents: documents.now };
     [this.#of, this.compared, this.apart] = [of, null, null];
     const body = { kind: "compare", files: documents.files(), motion: documents.motionPath, library: documents.libraryPath ?? "" } as const;
     try {

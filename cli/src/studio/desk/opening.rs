@@ -1,0 +1,273 @@
+//! The files of the command line, with what they name, and what the page is to show of them first.
+
+use miette::{Report, miette};
+use rollwalk_terminal::files::{self, Named};
+use rollwalk_terminal::inputs::beside;
+use rollwalk_terminal::kind::Kind;
+use serde::Serialize;
+use serde_json::Value;
+use std::collections::VecDeque;
+use std::fs;
+use std::path::{Path, PathBuf};
+use toml_edit::{Document, Item, TableLike};
+
+/// Most files, those that others name included.
+const FILES_MAX: usize = 200;
+/// Most files of a folder that an error lists.
+const LISTED: usize = 4;
+/// How a library for a controller begins.
+const PACKED: &[u8] = b"ROLLWALK";
+
+/// A file as it was read or written last.
+pub struct Sheet {
+    /// How the page knows it.
+    pub name: String,
+    pub path: PathBuf,
+    pub text: String,
+    /// Whether the user named it, or a file beside or above it.
+    pub is_users: bool,
+}
+
+/// What the page is to show first: names of files, as far as the user named such.
+#[derive(Debug, Default, Serialize)]
+pub struct Desired {
+    pub motion: Option<String>,
+    pub library: Option<String>,
+    /// The robot that moves, whichever robot the motion file names.
+    pub robot: Option<String>,
+    /// The plan that the motion is planned from.
+    pub plan: Option<String>,
+    /// The URDF that a robot is made of.
+    pub urdf: Option<String>,
+    /// The side file of the URDF.
+    pub side: Option<String>,
+}
+
+/// Reads the files that the user named, and the documents that those name.
+///
+/// # Errors
+/// A file that the user named cannot be read, or is none that the studio opens.
+pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, Desired)> {
+    let folders: Vec<_> = paths.iter().filter_map(|path| folder_of(path)).collect();
+    let (mut sheets, mut desired) = (Vec::<Sheet>::new(), Desired::default());
+    let (mut robots, mut named) = (Vec::new(), VecDeque::new());
+    for path in paths {
+        let name = name_of(path);
+        if sheets.iter().any(|sheet| sheet.name == name) {
+            continue;
+        }
+        let text = text_of(path)?;
+        let mentions = Mentions::of(&text);
+        let role = role(path, &text, &mentions, paths)?;
+        match role {
+            Role::Robot => robots.push(name.clone()),
+            Role::Design => {
+                robots.extend(mentions.robot.iter().map(|robot| name_of(&beside(path, robot))));
+            }
+            Role::Other => {}
+            _ => {
+                let slot = match role {
+                    Role::Motion => &mut desired.motion,
+                    Role::Library => &mut desired.library,
+                    Role::Plan => &mut desired.plan,
+                    Role::Urdf => &mut desired.urdf,
+                    _ => &mut desired.side,
+                };
+                slot.get_or_insert_with(|| name.clone());
+            }
+        }
+        named.extend(mentions.all().map(|file| beside(path, file)));
+        sheets.push(Sheet { name, path: path.clone(), text, is_users: true });
+    }
+    let is_plan = |sheet: &&Sheet| desired.plan.as_ref() == Some(&sheet.name);
+    if desired.motion.is_none()
+        && let Some(plan) = sheets.iter().find(is_plan)
+    {
+        let motion = shipped_motion(plan)?;
+        desired.motion = Some(motion.to_owned());
+        named.push_back(motion.into());
+    }
+    while let Some(path) = named.pop_front()
+        && sheets.len() < FILES_MAX
+    {
+        let name = name_of(&path);
+        let is_there = sheets.iter().any(|sheet| sheet.name == name);
+        // The engine says what is missing, and who names it.
+        let text = files::read_by(&path, Named::InFile, kind_by_beginning);
+        let text = text.ok().filter(|_| !is_there).and_then(|read| files::text(read, &path).ok());
+        let Some(text) = text else { continue };
+        // Plans of libraries are no documents; whatever else a file names is none of the studio's business.
+        if Kind::expect_document(&path, &text).is_err() && Kind::of(&text) != Some(Kind::Plan) {
+            continue;
+        }
+        named.extend(Mentions::of(&text).all().map(|file| beside(&path, file)));
+        let folder = folder_of(&path);
+        let is_users =
+            folder.is_some_and(|of_file| folders.iter().any(|folder| of_file.starts_with(folder)));
+        sheets.push(Sheet { name, path, text, is_users });
+    }
+    if let [robot] = &robots[..] {
+        desired.robot = Some(robot.clone());
+    }
+    Ok((sheets, desired))
+}
+
+/// The text of a file that the user named.
+fn text_of(path: &Path) -> miette::Result<String> {
+    if path.is_dir() {
+        return Err(is_folder(path));
+    }
+    let read = files::read_by(path, Named::ByUser, kind_by_beginning)?;
+    if read.1 == Kind::Packed {
+        return Err(miette!(
+            help = "open the library file (TOML) that it was built from",
+            "{} is a motion library for a controller, which the studio does not open",
+            path.display()
+        ));
+    }
+    Ok(files::text(read, path)?)
+}
+
+/// The kind that bounds the size of a file.
+fn kind_by_beginning(start: &[u8]) -> Kind {
+    match start.first() {
+        Some(b'{') => Kind::Plan,
+        Some(b'<') => Kind::Urdf,
+        _ if start.starts_with(PACKED) => Kind::Packed,
+        _ => Kind::Motion,
+    }
+}
+
+fn is_folder(path: &Path) -> Report {
+    let of = |folder: &Path| {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let mut paths: Vec<_> = entries.map(|entry| entry.path()).collect();
+        paths.sort();
+        paths
+    };
+    let is_ours = |path: &PathBuf| {
+        let endings = ["toml", "urdf", "json"];
+        path.extension().is_some_and(|ending| endings.iter().any(|ours| ending == *ours))
+    };
+    let inner = of(path);
+    let below = inner.iter().filter(|path| path.is_dir()).flat_map(|folder| of(folder));
+    let files = inner.iter().cloned().chain(below).filter(is_ours);
+    let names: Vec<_> = files.take(LISTED).map(|path| path.display().to_string()).collect();
+    let help = if names.is_empty() {
+        "name a motion, library, robot or design file (TOML), a URDF or a plan".to_owned()
+    } else {
+        format!("name a file, such as {}", names.join(", "))
+    };
+    miette!(help = help, "{} is a folder, and the studio opens files", path.display())
+}
+
+/// What a file that the user named is for.
+#[derive(Clone, Copy)]
+enum Role {
+    Robot,
+    Motion,
+    Library,
+    Design,
+    Plan,
+    Urdf,
+    Side,
+    /// A document with faults.
+    Other,
+}
+
+fn role(path: &Path, text: &str, mentions: &Mentions, paths: &[PathBuf]) -> miette::Result<Role> {
+    let ends_in = |path: &Path, ending: &str| path.extension().is_some_and(|found| found == ending);
+    let has_urdf =
+        || paths.iter().any(|path| ["urdf", "xml"].iter().any(|ending| ends_in(path, ending)));
+    let kind = Kind::of(text);
+    match kind {
+        Some(Kind::Plan) => return Ok(Role::Plan),
+        Some(Kind::Urdf) => return Ok(Role::Urdf),
+        None if ends_in(path, "toml") && !mentions.is_document && has_urdf() => {
+            return Ok(Role::Side);
+        }
+        _ => Kind::expect_document(path, text)?,
+    }
+    Ok(match kind {
+        Some(Kind::Robot) => Role::Robot,
+        Some(Kind::Library) => Role::Library,
+        Some(Kind::Design) => Role::Design,
+        Some(Kind::Motion) => Role::Motion,
+        _ if mentions.is_motion => Role::Motion,
+        _ if mentions.is_library => Role::Library,
+        _ => Role::Other,
+    })
+}
+
+/// Path of the shipped motion file that a plan is of.
+///
+/// # Errors
+/// It is of none, and has no motion file in it.
+fn shipped_motion(plan: &Sheet) -> miette::Result<&'static str> {
+    let value: Value = serde_json::from_str(&plan.text).unwrap_or_default();
+    let [motion, robot] =
+        ["motion", "robot"].map(|of| value[of]["name"].as_str().unwrap_or_default());
+    let is_it = |(path, text): &&(&str, &str)| {
+        let document = Document::parse(*text).ok();
+        let string = |key| document.as_ref()?.get(key)?.as_str();
+        let names_robot = || Some(Path::new(string("robot")?).file_stem()? == robot);
+        path.starts_with("motions/")
+            && string("name") == Some(motion)
+            && names_robot() == Some(true)
+    };
+    rollwalk_shipped::FILES.iter().find(is_it).map(|(path, _)| *path).ok_or_else(|| {
+        let path = &plan.name;
+        miette!(
+            help = format!("name that file, too: rollwalk studio MOTION.toml {path}"),
+            "{path} is a plan of the motion `{motion}` of the robot `{robot}`, and has no motion file in it"
+        )
+    })
+}
+
+/// Folder of a file, without links; `None` if it is not there.
+fn folder_of(path: &Path) -> Option<PathBuf> {
+    Some(fs::canonicalize(path).ok()?.parent()?.to_owned())
+}
+
+/// A path as pages know it, with `/` between folders.
+fn name_of(path: &Path) -> String {
+    path.to_string_lossy().replace('\\', "/")
+}
+
+/// What a text is by its keys, and which files it names.
+#[derive(Default)]
+struct Mentions {
+    is_document: bool,
+    is_motion: bool,
+    is_library: bool,
+    robot: Option<String>,
+    others: Vec<String>,
+}
+
+impl Mentions {
+    fn of(text: &str) -> Self {
+        let Ok(document) = Document::parse(text) else { return Self::default() };
+        let root = document.as_table();
+        let robot = root.get("robot").and_then(Item::as_str).map(str::to_owned);
+        let tables = root.get("motion").and_then(Item::as_array_of_tables).into_iter().flatten();
+        let tables = tables.map(|table| table as &dyn TableLike);
+        let inline = root.get("motions").and_then(Item::as_array).into_iter().flatten();
+        let inline = inline.filter_map(|value| Some(value.as_inline_table()? as &dyn TableLike));
+        let mut others = Vec::new();
+        for table in tables.chain(inline) {
+            let named = ["file", "plan"].into_iter().filter_map(|key| table.get(key)?.as_str());
+            others.extend(named.map(str::to_owned));
+        }
+        Self {
+            is_document: robot.is_some() || root.contains_key("link"),
+            is_motion: root.contains_key("footfalls"),
+            is_library: root.contains_key("safe"),
+            robot,
+            others,
+        }
+    }
+
+    fn all(&self) -> impl Iterator<Item = &String> {
+        self.robot.iter().chain(&self.others)
+    }
+}
