@@ -51,9 +51,15 @@ pub struct Session {
     shown: Option<Plan>,
     /// The robot that the page talks to.
     connection: Option<Connection>,
+    names: robot::Names,
 }
 
 impl Session {
+    /// A session that knows names of libraries.
+    pub fn with_names(names: robot::Names) -> Self {
+        Self { names, ..Self::default() }
+    }
+
     /// Answers a request. `binary` are the bytes that came with it.
     pub fn request(&mut self, json: &str, binary: &[u8], tell: &mut Tell<'_>) {
         let request: Request = match serde_json::from_str(json) {
@@ -157,7 +163,8 @@ impl Session {
                 Done::Compared(compare::compared(&documents, plan, &motion, &library, binary))
             }
             Wanted::Robot { now_us, wanted } => {
-                let (view, bytes) = robot::request(&mut self.connection, now_us, wanted, binary)?;
+                let (view, bytes) =
+                    robot::request(&mut self.connection, self.names, now_us, wanted, binary)?;
                 return Ok((Done::Robot { view }, bytes));
             }
         };

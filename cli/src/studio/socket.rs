@@ -5,6 +5,8 @@
 
 use super::desk::Desk;
 use rollwalk_studio::Session;
+use rollwalk_studio::robot::Names;
+use rollwalk_terminal::link::names;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::net::TcpStream;
@@ -24,7 +26,7 @@ pub fn serve(stream: TcpStream, rest: Vec<u8>, desk: &Desk) {
         .max_frame_size(Some(MESSAGE_MAX));
     let socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(config));
     let mut line = Line { socket, waiting: VecDeque::new() };
-    let mut session = Session::default();
+    let mut session = Session::with_names(Names { find: names::kept, keep: names::keep });
     while let Some((json, bytes)) = line.request() {
         match desk.answer(&json) {
             Some(answer) => {

@@ -60,12 +60,28 @@ impl From<Wish> for Intent {
     }
 }
 
+/// Names of libraries that were built or flashed on this computer before: a robot that has one plays its motions by name.
+#[derive(Clone, Copy, Debug)]
+pub struct Names {
+    /// Names of the library with an identity.
+    pub find: fn(u32) -> Option<Catalog>,
+    pub keep: fn(&Catalog),
+}
+
+impl Default for Names {
+    /// No memory of names, as in a page without a program behind it.
+    fn default() -> Self {
+        Self { find: |_| None, keep: |_| {} }
+    }
+}
+
 /// Does what a page wants of a robot; returns what the page shows, and the bytes to be sent.
 ///
 /// # Errors
 /// There is no connection, or it cannot be made; documents with faults.
 pub fn request(
     connection: &mut Option<Connection>,
+    names: Names,
     now_us: u64,
     wanted: Wanted,
     binary: &[u8],
@@ -76,7 +92,7 @@ pub fn request(
             let found = documents.find(file).ok_or_else(|| missing("robot file", file, ""))?;
             let robot = documents.robot(found)?;
             let key = key.as_ref().map(Key::credentials).transpose()?;
-            let mut new = Connection::new(*place, robot, *node, key)?;
+            let mut new = Connection::new(*place, robot, *node, key, names)?;
             new.gamepad = gamepad.then(|| Gamepad::new(now_us, &mut new.operator));
             *connection = Some(new);
         }
@@ -116,8 +132,11 @@ pub struct Connection {
     operator: Operator,
     way: Way,
     robot: Robot,
-    /// Names of the library that the page has.
+    /// Names of the library that the page has, or that the robot has.
     catalog: Option<Catalog>,
+    names: Names,
+    /// The library whose names were looked for.
+    looked_up: Option<u32>,
     /// The gamepad that the operator uses.
     gamepad: Option<Gamepad>,
 }
@@ -138,6 +157,7 @@ impl Connection {
         robot: Robot,
         node: u8,
         credentials: Option<Credentials>,
+        names: Names,
     ) -> Result<Self, Answer> {
         let node = Node::new(node).ok_or_else(|| Answer::Error {
             message: format!("no controller has the number {node}"),
@@ -155,7 +175,7 @@ impl Connection {
             Place::Slcan => Way::Line(Box::new(Line::new(Coding::Slcan))),
         };
         let operator = Operator::new(Peer { node, credentials }, Some(hash));
-        Ok(Self { operator, way, robot, catalog: None, gamepad: None })
+        Ok(Self { operator, way, robot, catalog: None, names, looked_up: None, gamepad: None })
     }
 
     /// Gives motions the names that they have in a library.
@@ -173,6 +193,10 @@ impl Connection {
         let opened = opened.ok_or_else(|| refused("it changed while it was read".to_owned()))?;
         let channels = self.robot.channels().map(|channel| channel.name().to_owned()).collect();
         self.catalog = Catalog::of(&opened, &self.robot.name, channels);
+        self.looked_up = None;
+        if let Some(catalog) = &self.catalog {
+            (self.names.keep)(catalog);
+        }
         Ok(())
     }
 
@@ -205,8 +229,14 @@ impl Connection {
 
     /// Goes on until `now_us` by the page's clock, with the bytes that have arrived; returns those to be sent.
     pub fn tick(&mut self, now_us: u64, received: &[u8]) -> Vec<u8> {
+        let in_use = self.operator.hello().and_then(|hello| hello.library);
+        if in_use.is_some() && in_use != self.looked_up {
+            self.looked_up = in_use;
+            let is_known = self.catalog.as_ref().map(|catalog| catalog.library) == in_use;
+            let found = in_use.filter(|_| !is_known).and_then(self.names.find);
+            self.catalog = found.or(self.catalog.take());
+        }
         let (operator, catalog) = (&mut self.operator, &self.catalog);
-        let in_use = operator.hello().and_then(|hello| hello.library);
         operator.set_catalog(catalog.clone().filter(|catalog| Some(catalog.library) == in_use));
         match &mut self.way {
             Way::Simulated(robot) => {

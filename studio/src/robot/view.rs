@@ -50,7 +50,8 @@ pub fn robot_view(
     };
     let playing = view.status.and_then(|status| {
         let clip = status.clip?;
-        let name = catalog?.clip(clip)?;
+        let name = catalog.and_then(|catalog| catalog.clip(clip));
+        let name = name.unwrap_or_else(|| format!("clip {clip}"));
         let rate = match status.state {
             State::Playing => {
                 f64::from(view.asked.map_or(FULL_SPEED, |(_, speed)| speed)) / f64::from(FULL_SPEED)

@@ -69,7 +69,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   if (view) link.onChange(() => view.showLive(link.view?.poses ?? null, beside.row()));
   link.onChange(() => playback.hold(link.connected));
   shell.tab("Text", text.element, text.update);
-  buildStatus(shell.status, studio, {
+  buildStatus(shell.status, studio, link, {
     jump(fault: Fault) {
       shell.openTab("Text");
       text.jump(fault);

@@ -7,15 +7,15 @@ import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
 import { launch, Studio } from "./harness.mjs";
 import { program, root, serveStudio, simulator, startRobot } from "./programs.mjs";
-import { clearFaults, flashRobot, outlivesBusyPage, runRobot } from "./robot.mjs";
+import { arm, clearFaults, flashRobot, outlivesBusyPage, runRobot, stop } from "./robot.mjs";
 
 const browsers = (process.env.STUDIO_BROWSERS ?? "chromium,firefox").split(",");
 
 for (const name of browsers) describe(`a robot behind the page that rollwalk studio serves, in ${name}`, { skip: program && simulator ? false : "STUDIO_ROLLWALK and STUDIO_SIM name no programs" }, () => {
-  let folder, robot, served, browser, studio;
+  let folder, bus, robot, served, browser, studio;
   before(async () => {
     folder = await mkdtemp(join(tmpdir(), "studio-"));
-    const bus = `sim:${join(folder, "robot.sock")}`;
+    bus = `sim:${join(folder, "robot.sock")}`;
     robot = await startRobot(root, bus);
     served = await serveStudio(root, ["motions/test_leg_library.toml", "--bus", bus]);
     browser = await launch(name);
@@ -31,6 +31,25 @@ for (const name of browsers) describe(`a robot behind the page that rollwalk stu
   test("a simulated robot is flashed, armed by holding, plays, and is stopped with Escape", () => runRobot(studio));
 
   test("a robot on a bus of this computer is flashed, armed, plays, and is stopped", () => runRobot(studio, "relay"));
+
+  test("a robot that has a library is played by a page that has none, by name or by number", async () => {
+    for (const [env, motion] of [[{}, "roll"], [{ XDG_CACHE_HOME: join(folder, "cache") }, "motion 2"]]) {
+      const served = await serveStudio(root, ["robots/test_leg.toml", "--bus", bus], env);
+      const other = await Studio.open(browser, `${served.address}&quality=low`);
+      await other.click("#tab-run");
+      await other.page.select("#place", "relay");
+      await other.button("Connect");
+      await other.until(() => globalThis.studio.link.view?.library && document.querySelector(".motions button"));
+      assert.match(await other.page.$eval(".motions", (list) => list.innerText), new RegExp(motion));
+      await clearFaults(other);
+      for (let attempt = 1; !(await arm(other)) && attempt < 3; attempt++) await clearFaults(other);
+      await other.click(`::-p-xpath(//div[contains(@class, "motions")]//button[contains(., "${motion}")])`);
+      await other.until(() => globalThis.studio.link.view.playing);
+      await stop(other);
+      await other.page.close();
+      await served.end();
+    }
+  });
 
   // In Firefox bytes of a worker's WebSocket pass through the page's own thread: there the first would disarm it.
   test("it stays armed while the page is busy for half a second, and does not for three", { skip: name === "firefox" }, async () => {

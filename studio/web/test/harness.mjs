@@ -159,8 +159,11 @@ export class Studio {
     return this.page.$eval(".status", (status) => status.innerText);
   }
 
-  click(selector) {
-    return this.page.locator(selector).click();
+  async click(selector) {
+    const element = await this.page.waitForSelector(selector);
+    // Heads that stay in sight as a panel scrolls lie over what is clicked; scroll-padding keeps it from under them.
+    await element.evaluate((one) => one.scrollIntoView({ block: "nearest" }));
+    await this.page.locator(selector).click();
   }
 
   button(text) {

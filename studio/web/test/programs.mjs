@@ -35,10 +35,10 @@ export class Program extends EventEmitter {
   #lines = [];
   #hasEnded = false;
 
-  constructor(file, args, folder = root) {
+  constructor(file, args, folder = root, env = {}) {
     super();
     this.name = [file, ...args].join(" ");
-    this.child = child(file, args, { cwd: folder, env: { ...process.env, XDG_STATE_HOME: state } });
+    this.child = child(file, args, { cwd: folder, env: { ...process.env, XDG_STATE_HOME: state, ...env } });
     for (const stream of [this.child.stdout, this.child.stderr]) {
       // Data may end within a line, in the middle of an address.
       createInterface({ input: stream }).on("line", (line) => {
@@ -86,8 +86,8 @@ export async function startRobot(folder, bus, args = []) {
 }
 
 /** `rollwalk studio`, and where its page is. */
-export async function serveStudio(folder, args) {
-  const server = new Program(program, ["studio", ...args, "--no-open"], folder);
+export async function serveStudio(folder, args, env) {
+  const server = new Program(program, ["studio", ...args, "--no-open"], folder, env);
   const address = await server.said(/http:\S+/);
   const end = async () => {
     server.kill();

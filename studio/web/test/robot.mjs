@@ -29,7 +29,7 @@ export async function armRobot(studio, place) {
 }
 
 /** Arms a robot; false if it has stopped before it was ready. */
-async function arm(studio) {
+export async function arm(studio) {
   const until = waits(studio);
   // A click is not enough to arm.
   await studio.click(".run .hold");
@@ -82,6 +82,9 @@ async function stopped(studio) {
   const until = waits(studio);
   await until(() => !globalThis.studio.link.view.torque);
   assert.match(await studio.page.$eval(".messages", (list) => list.innerText), /emergency stop/i);
+  // What the plan is worth is not what matters then.
+  await until(() => /stopped by an emergency stop/.test(document.querySelector(".status-head").textContent));
+  assert.doesNotMatch(await studio.words(), /hold/);
   await studio.button("Disconnect");
   await until(() => !globalThis.studio.link.connected);
 }

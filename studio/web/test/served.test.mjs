@@ -42,6 +42,77 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
     assert.equal(await studio.text(), original);
   });
 
+  test("a library that is begun changes no plan, and the plan is the library's", async () => {
+    await studio.example("motions/walk.toml");
+    // Any order of edits leads to the same plan.
+    const frames = () => studio.page.evaluate(() => Array.from(globalThis.studio.state.shown.frames.data));
+    await studio.edit(() => studio.type("Forward", "0.11"));
+    await studio.edit(() => studio.type("Forward", "0.12"));
+    const before = await frames();
+    const shown = await studio.state("state.shown.of");
+    await studio.click("#tab-library");
+    await studio.edit(() => studio.button("New library"));
+    assert.equal(await studio.state("state.shown.of"), shown);
+    assert.deepEqual(await frames(), before);
+    await studio.button("Build library");
+    await studio.until(() => Number(document.querySelector("[data-built]")?.dataset.built) > 100, undefined, 4 * WAIT_MS);
+    const compared = await studio.page.evaluate(async () => {
+      const { state } = globalThis.studio;
+      const { documents, engine } = state;
+      const library = documents.libraryPath;
+      const built = await engine.request("library", { kind: "library", files: documents.files(), library });
+      const body = { kind: "compare", files: documents.files(), motion: documents.motionPath, library };
+      return (await engine.request("solver", body, { binary: built.binary })).value;
+    });
+    assert.equal(compared.why, "");
+    await studio.click("#tab-motion");
+  });
+
+  test("what is said of a plan does not move the field that is being edited", async () => {
+    await studio.example("motions/test_leg_roll.toml");
+    const at = async () => (await studio.field("Forward")).evaluate((input) => input.getBoundingClientRect().y);
+    const before = await at();
+    await studio.edit(() => studio.type("Forward", "3"));
+    assert.equal(await studio.converged(), false);
+    assert.equal(await at(), before);
+    await studio.edit(() => studio.press("Control", "z"));
+    assert.equal(await at(), before);
+  });
+
+  test("paths and goal go on into the next cycles with the robot", async () => {
+    await studio.example("motions/walk.toml");
+    const goalAt = async (cycle) => {
+      await studio.page.evaluate((cycle) => {
+        const { playback, state } = globalThis.studio;
+        playback.playing = true;
+        playback.seek((cycle + 0.1) * state.shown.frames.header.duration_s);
+        playback.pause();
+      }, cycle);
+      await studio.until((cycle) => globalThis.studio.playback.cycle === cycle, cycle);
+      await studio.page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+      return await studio.state("view.handles.group.position.x");
+    };
+    if (!(await studio.state("view"))) return;
+    assert.equal(await goalAt(0), 0);
+    const offset_m = await studio.state("state.shown.frames.header.period.offset_m.0");
+    assert.ok(Math.abs((await goalAt(3)) - 3 * offset_m) < 1e-9);
+    assert.ok(offset_m > 0.1);
+  });
+
+  test("a plan that asks for more than a motor has is not said to hold all constraints", async () => {
+    await studio.page.evaluate(() => {
+      const { state } = globalThis.studio;
+      const { planned } = state.shown;
+      const limit = planned.scene.joints[0].speed_max_rad_s;
+      planned.scene.joints[0].speed_max_rad_s = limit / 100;
+      state.events.emit("plan", "activity");
+    });
+    assert.match(await studio.words(), /more than a motor has/);
+    assert.doesNotMatch(await studio.words(), /All constraints hold/);
+    await studio.edit(() => studio.page.evaluate(() => globalThis.studio.state.planAgain()));
+    assert.match(await studio.words(), /All constraints hold/);
+  });
+
   test("a URDF becomes a robot with a motion, and says what was assumed", async () => {
     const drop = (name, text) =>
       studio.page.evaluate(

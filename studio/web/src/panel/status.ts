@@ -3,6 +3,8 @@
 import type { Culprit, Fault } from "../contract.ts";
 import { baseName } from "../project/documents.ts";
 import type { Shown, Studio } from "../project/studio.ts";
+import type { RobotLink } from "../robot/link.ts";
+import { stateOf as robotStateOf } from "../robot/words.ts";
 import { factsOf, peaksOf, percent } from "./facts.ts";
 import { format, h, prose, replace } from "../ui/dom.ts";
 
@@ -13,7 +15,7 @@ const QUIET_MS = 250;
 /** Planning that takes longer is likely to find that there is no plan. */
 const LONG_S = 15;
 
-export function buildStatus(host: HTMLElement, studio: Studio, actions: StatusActions) {
+export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, actions: StatusActions) {
   const head = h("div", { class: "status-head" });
   const body = h("div", { class: "status-body" });
   // One live region for all of it, so that a screen reader hears what changed, and once.
@@ -24,7 +26,7 @@ export function buildStatus(host: HTMLElement, studio: Studio, actions: StatusAc
   let drawn = "";
 
   const update = () => {
-    const state = stateOf(studio, since || performance.now());
+    const state = robotOf(link) ?? stateOf(studio, since || performance.now());
     if (state.kind === "planning") {
       since ||= performance.now();
       const wait = QUIET_MS - (performance.now() - since);
@@ -45,7 +47,19 @@ export function buildStatus(host: HTMLElement, studio: Studio, actions: StatusAc
     if (live.textContent !== said) live.textContent = said;
   };
   studio.events.on(["activity", "plan", "documents", "selection"], update);
+  let robot = "";
+  link.onChange(() => {
+    const now = JSON.stringify(robotOf(link));
+    if (now !== robot) update();
+    robot = now;
+  });
   update();
+}
+
+/** A connected robot that has stopped: what its plan is worth does not matter until it is clear. */
+function robotOf({ view, place }: RobotLink): { kind: Kind; title: string; words: string } | null {
+  if (!view || !(view.state?.startsWith("stopped") || view.faults.length > 0)) return null;
+  return { kind: "problem", title: robotStateOf(view, place), words: [...view.faults, view.advice].filter(Boolean).join("\n") };
 }
 
 type Kind = "empty" | "planning" | "good" | "bad" | "faults" | "problem";
@@ -70,7 +84,9 @@ function stateOf(studio: Studio, since_ms: number): { kind: Kind; title: string;
   }
   if (!shown) return { kind: "empty", title: "No motion is open", words: "" };
   const { solve, converged } = shown.planned;
-  const words = [solve.words, studio.notice].filter(Boolean).join(" ");
+  const isOver = converged && peaksOf(shown).some(({ share }) => share > OVER);
+  const judged = isOver ? "Constraints hold within their tolerances. Between the samples the plan asks for more than a motor has." : solve.words;
+  const words = [judged, studio.notice].filter(Boolean).join(" ");
   // A step of a drag is capped, so that it cannot converge; what counts is whether its constraints hold.
   if (shown.drag || studio.dragging) return { kind: met(shown) ? "good" : "planning", title: met(shown) ? "Follows" : "Following", words };
   return { kind: converged ? "good" : "bad", title: converged ? "Planned" : TITLES[solve.status] ?? "Not planned", words };
@@ -84,7 +100,7 @@ function met(shown: Shown): boolean {
 }
 
 /** Share of a limit from which a plan is said to ask for more than a motor has. */
-const OVER = 1.03;
+const OVER = 1.005;
 
 const TITLES: Record<string, string> = {
   infeasible: "Cannot be met",
@@ -100,6 +116,7 @@ function stopButton(studio: Studio): HTMLElement {
 
 function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLElement | null)[] {
   if (kind === "faults") return [h("ul", { class: "faults" }, ...studio.faults.map((fault) => faultOf(studio, fault, actions)))];
+  const again = h("button", { type: "button", class: "button small", text: "Plan from scratch", title: "Without the plan before as a start", onclick: () => studio.planAgain() });
   if (kind === "good") {
     const peaks = peaksOf(studio.shown!);
     // Between samples a plan may go beyond a limit by the tolerance of its check: the motor will not.
@@ -107,11 +124,10 @@ function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLEle
       const text = `Needs ${percent(share)} of the ${of} of ${motor} at ${format(time_s, 2)} s`;
       return h("li", {}, h("button", { type: "button", class: "culprit", title: "Move the time cursor there", text, onclick: () => actions.seek(time_s) }), h("span", { class: "advice", text: "Between the samples, within the tolerance of the check; the motor gives 100 %. More samples, more time or a shorter way help." }));
     });
-    return [h("p", { class: "facts", text: factsOf(studio.shown!, peaks) }), over.length > 0 ? h("ul", { class: "culprits mild" }, ...over) : null];
+    return [h("p", { class: "facts", text: factsOf(studio.shown!, peaks) }), over.length > 0 ? h("ul", { class: "culprits mild" }, ...over) : null, again];
   }
   if (kind !== "bad") return [];
   const { culprits } = studio.shown!.planned.solve;
-  const again = h("button", { type: "button", class: "button small", text: "Plan from scratch", title: "Without the plan before as a start", onclick: () => studio.planAgain() });
   const blamed = culprits.map((culprit, index) => culpritOf(studio, culprit, index, actions));
   return [...(blamed.length > 0 ? [h("h3", { text: "To blame" }), h("ul", { class: "culprits" }, ...blamed)] : []), again];
 }

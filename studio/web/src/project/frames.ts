@@ -95,18 +95,25 @@ export class Frames {
     }
   }
 
-  /** A row as it is some cycles later: turned about the vertical and moved. */
+  /** What some cycles of a periodic motion add: they turn about the vertical by `yaw`, rad, and move by `x` and `y`, m. */
+  moved(cycles: number): { x: number; y: number; yaw: number } {
+    const { period } = this.header;
+    let [x, y, yaw] = [0, 0, 0];
+    for (let k = 0; period && k < cycles; k++) {
+      x += Math.cos(yaw) * period.offset_m[0] - Math.sin(yaw) * period.offset_m[1];
+      y += Math.sin(yaw) * period.offset_m[0] + Math.cos(yaw) * period.offset_m[1];
+      yaw += period.yaw_rad;
+    }
+    return { x, y, yaw };
+  }
+
+  /** A row as it is some cycles later. */
   #moved(row: Row, cycles: number, out: Row = new Float32Array(row.length)): Row {
     const { period, columns } = this.header;
     if (!period) return row;
     const source = out === row ? row.slice() : row;
     out.set(source);
-    let [x, y, yaw] = [0, 0, 0];
-    for (let k = 0; k < cycles; k++) {
-      x += Math.cos(yaw) * period.offset_m[0] - Math.sin(yaw) * period.offset_m[1];
-      y += Math.sin(yaw) * period.offset_m[0] + Math.cos(yaw) * period.offset_m[1];
-      yaw += period.yaw_rad;
-    }
+    const { x, y, yaw } = this.moved(cycles);
     const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
     const turn = (at: number) => {
       out[at] = c * source[at] - s * source[at + 1];

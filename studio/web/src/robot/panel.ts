@@ -8,7 +8,7 @@ import type { Beside } from "./beside.ts";
 import { connectFields } from "./connect.ts";
 import { holdButton } from "./hold.ts";
 import type { RobotLink } from "./link.ts";
-import { adviceOf, factsOf, latestOf, stateOf } from "./words.ts";
+import { adviceOf, factsOf, latestOf, motionsOf, stateOf } from "./words.ts";
 
 /** The planned speed in the link's 64ths; faster is none. */
 const FULL_SPEED = 64;
@@ -102,7 +102,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
     drawMessages(view);
   };
   const drawMotions = (view: RobotView | null) => {
-    const list = (view?.motions ?? []).filter((one) => one.code !== null);
+    const list = view ? motionsOf(view).filter((one) => one.code !== null) : [];
     const can = !!view?.contact && view.can_play;
     const key = JSON.stringify([list, can, view?.playing?.name]);
     if (key === drawnMotions) return;
@@ -147,7 +147,7 @@ function libraryOf(view: RobotView | null, built: boolean): string {
   if (!view?.contact) return built ? "Built. Connect to flash it." : "";
   const has = view.library ? `The robot has library ${view.library} in use.` : "The robot has no library.";
   if (view.motions.length > 0) return has;
-  if (!built) return view.library ? `${has} Build the library here to play its motions by name.` : has;
+  if (!built) return view.library ? `${has} Its names are not known here: motions are played by number, until the library is built here.` : has;
   return view.library ? `${has} The one that was built here is another: flash it.` : `${has} One is built: flash it.`;
 }
 

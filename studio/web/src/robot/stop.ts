@@ -2,6 +2,7 @@
 
 import { h } from "../ui/dom.ts";
 import type { RobotLink } from "./link.ts";
+import { motionsOf } from "./words.ts";
 
 /** A stop that is not acknowledged for so long is said to be so. */
 const UNANSWERED_MS = 500;
@@ -83,7 +84,7 @@ export function playByNumber(link: RobotLink) {
       const typing = (event.target as HTMLElement).matches("input, textarea, select");
       if (typing || event.ctrlKey || event.metaKey || event.altKey || !link.view?.torque || !/^[1-9]$/.test(event.key)) return;
       const code = Number(event.key);
-      if (!link.view.motions.some((one) => one.code === code)) return;
+      if (!motionsOf(link.view).some((one) => one.code === code)) return;
       event.stopPropagation();
       link.wish({ robot: "wish", intent: "play", code });
     },

@@ -17,6 +17,12 @@ export function stateOf(view: RobotView, place: Place | null): string {
   return `${which} is ${view.state ?? "silent"}${playing}${torque}.${fallen}`;
 }
 
+/** Motions that can be asked for: of a library whose names are not known those of the number keys, of which the robot may have fewer. */
+export function motionsOf({ motions, library }: RobotView): { name: string; code: number | null }[] {
+  if (motions.length > 0 || library === null) return motions;
+  return Array.from({ length: 9 }, (_, index) => ({ name: `motion ${index + 1}`, code: index + 1 }));
+}
+
 /** What to do next, or what keeps the robot from it. */
 export function adviceOf(view: RobotView, connected_ms: number): string {
   const reason = view.mismatch ?? view.complaint;

@@ -34,14 +34,22 @@ class Connection {
   #busy = false;
   /** A view has been posted that the page has not answered. */
   #unseen = false;
-  #heard_ms = performance.now();
+  #simulated = false;
+  #heard_ms = this.#now_ms();
   #timer = 0;
 
   constructor(engine: Source) {
     this.#engine = new LaneOfRequests((events) => ("address" in engine ? openSocket(engine.address, events) : openDoor(engine.module, events)));
   }
 
+  /** The robot's time of a simulated one, which a slow computer makes pass more slowly; else that of the clock. */
+  #now_ms(): number {
+    return this.#simulated ? 1000 * (this.#view?.time_s ?? 0) : performance.now();
+  }
+
   async start(way: Way, connect: RobotRequest) {
+    this.#simulated = way.kind === "engine";
+    this.#heard_ms = this.#now_ms();
     try {
       this.#port = await this.#open(way);
       await this.#ask(connect);
@@ -54,7 +62,7 @@ class Connection {
 
   heard(message: ToWorker) {
     // Bytes of a port and looks at a gamepad come by themselves, also from a page that shows nothing any more.
-    if (message.kind === "seen" || message.kind === "ask") this.#heard_ms = performance.now();
+    if (message.kind === "seen" || message.kind === "ask") this.#heard_ms = this.#now_ms();
     if (message.kind === "seen") this.#unseen = false;
     else if (message.kind === "arrived") this.#take(message.bytes);
     else if (message.kind === "gamepad") {
@@ -105,7 +113,7 @@ class Connection {
     this.#busy = true;
     const arrived = joined(this.#arrived.splice(0));
     const gamepad = this.#gamepad.splice(0);
-    const attended = performance.now() - this.#heard_ms < PAGE_SILENT_MS;
+    const attended = this.#now_ms() - this.#heard_ms < PAGE_SILENT_MS;
     try {
       await this.#ask({ robot: "tick", attended, gamepad }, arrived.length > 0 ? arrived : undefined);
       if (this.#view?.leaving === "now") {

@@ -56,13 +56,25 @@ export class Handles {
     this.stage.invalidate();
   }
 
-  /** Where a handle is on the page, for tests and for labels. */
+  /** Where a handle is on the page: for tests, for labels and for the pointer. */
   screen(grip: Grip): { x: number; y: number } | null {
     const handle = this.#handles.find(({ grip: one }) => one.kind === grip.kind && (one.kind === "goal" || one.index === (grip as { index: number }).index));
     if (!handle) return null;
     const box = this.stage.canvas.getBoundingClientRect();
     this.stage.camera.updateMatrixWorld();
-    return this.#project(handle.at, box);
+    return this.#project(this.#world(handle), box);
+  }
+
+  /** Carries all handles to a later cycle of the motion. */
+  carry({ x, y, yaw }: { x: number; y: number; yaw: number }) {
+    if (this.dragging) return;
+    this.group.position.set(x, y, 0);
+    this.group.rotation.z = yaw;
+    this.group.updateMatrixWorld();
+  }
+
+  #world({ at }: Handle): Vector3 {
+    return this.group.localToWorld(at.clone());
   }
 
   #project(at: Vector3, box = this.stage.canvas.getBoundingClientRect()): { x: number; y: number } {
@@ -71,8 +83,9 @@ export class Handles {
   }
 
   /** Pixels that a length across the view takes there. */
-  #pixels({ at, reach_m }: Handle): number {
-    const across = new Vector3().setFromMatrixColumn(this.stage.camera.matrixWorld, 0).multiplyScalar(reach_m);
+  #pixels(handle: Handle): number {
+    const at = this.#world(handle);
+    const across = new Vector3().setFromMatrixColumn(this.stage.camera.matrixWorld, 0).multiplyScalar(handle.reach_m);
     const [a, b] = [this.#project(at), this.#project(at.clone().add(across))];
     return Math.hypot(b.x - a.x, b.y - a.y);
   }
@@ -119,10 +132,11 @@ export class Handles {
     const drag = this.#drag!;
     drag.shift = upwards;
     const normal = upwards ? this.stage.camera.getWorldDirection(new Vector3()).setZ(0).normalize() : new Vector3(0, 0, 1);
-    drag.plane.setFromNormalAndCoplanarPoint(normal, drag.handle.at);
+    const at = this.#world(drag.handle);
+    drag.plane.setFromNormalAndCoplanarPoint(normal, at);
     this.#aim(event);
     const hit = this.#ray.ray.intersectPlane(drag.plane, new Vector3());
-    drag.offset.copy(hit ? drag.handle.at.clone().sub(hit) : new Vector3());
+    drag.offset.copy(hit ? at.sub(hit) : new Vector3());
   }
 
   #move(event: PointerEvent) {
@@ -137,8 +151,9 @@ export class Handles {
     if (upwards !== drag.shift) this.#plane(event, upwards);
     this.#aim(event);
     const hit = this.#ray.ray.intersectPlane(drag.plane, new Vector3());
-    if (!hit || hit.length() > 20) return;
-    hit.add(drag.offset);
+    if (!hit) return;
+    this.group.worldToLocal(hit.add(drag.offset));
+    if (hit.length() > 20) return;
     const { at, object } = drag.handle;
     if (upwards) at.z = Math.max(0, hit.z);
     else at.set(hit.x, hit.y, at.z);

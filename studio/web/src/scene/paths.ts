@@ -35,6 +35,12 @@ export class Paths {
     });
   }
 
+  /** Carries the paths to a later cycle of the motion. */
+  carry({ x, y, yaw }: { x: number; y: number; yaw: number }) {
+    this.group.position.set(x, y, 0);
+    this.group.rotation.z = yaw;
+  }
+
   dispose() {
     dispose(this.group);
   }

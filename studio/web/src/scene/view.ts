@@ -216,6 +216,9 @@ export class View {
     if (!shown || !this.#robot || !this.#overlays) return;
     const { frames } = shown;
     const row = frames.at(this.playback.time_s);
+    const moved = frames.moved(this.playback.cycle);
+    this.handles.carry(moved);
+    this.#paths?.carry(moved);
     this.#robot.pose(row, frames.header.columns.bodies);
     this.#overlays.update(frames, row, this.settings.layers);
     this.#place(...frames.com(row));
