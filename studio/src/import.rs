@@ -5,7 +5,7 @@ use crate::messages::{Answer, Done, File};
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Status;
-use rollwalk_planner::{Options, Settings, candidates, optimise};
+use rollwalk_planner::{Options, Search, Settings, candidates};
 use rollwalk_robot::document::DocumentError;
 use rollwalk_robot::urdf::{self, Imported, Text};
 use rollwalk_robot::{GRAVITY_M_S2, Robot};
@@ -121,6 +121,10 @@ fn can(robot: &Robot, file: &File) -> bool {
     let settings = Settings { iterations: TRIED, ..Settings::default() };
     let options = Options { settings, refine: false, ..Options::default() };
     let first = candidates(robot, &motion, &options).swap_remove(0);
-    let plan = optimise(robot, &motion, &first, &mut |_| ControlFlow::Continue(()));
-    plan.solve.status == Status::Converged
+    let search = Search::new(robot, &motion, &first);
+    search.work(&mut |_| match search.refusal() {
+        Some(_) => ControlFlow::Break(()),
+        None => ControlFlow::Continue(()),
+    });
+    search.finish().plan.solve.status == Status::Converged
 }

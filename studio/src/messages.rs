@@ -188,6 +188,9 @@ pub enum Answer {
         worst_constraint: &'static str,
         /// What is being planned.
         what: String,
+        /// What the first start has come to, once that has found the request infeasible.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        refused: Option<Box<Solve>>,
     },
     Done(Box<Done>),
     /// The documents have faults; nothing else happened.
@@ -299,6 +302,7 @@ impl Answer {
             worst_level: state.worst_level,
             worst_constraint: state.worst_constraint.name(),
             what: what.to_owned(),
+            refused: None,
         }
     }
 }

@@ -16,9 +16,7 @@ use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::plot::{Extras, animation};
 use rollwalk_planner::report::Report;
-use rollwalk_planner::{
-    Editing, Options, Progress, Settings, Solution, optimise_solution, replan_solution,
-};
+use rollwalk_planner::{Editing, Options, Progress, Search, Settings, Solution, replan_solution};
 use rollwalk_robot::Robot;
 use serde::Deserialize;
 use std::cell::LazyCell;
@@ -26,6 +24,9 @@ use std::ops::ControlFlow;
 
 /// Where answers go: JSON and bytes, of which most answers have none. Breaks off a solve.
 pub type Tell<'t> = dyn FnMut(&str, &[u8]) -> ControlFlow<()> + 't;
+
+/// Sees iterations, and once the plan of a first start that has failed. Breaks off a solve.
+type Watch<'w> = dyn FnMut(&Progress, Option<&Plan>) -> ControlFlow<()> + 'w;
 
 /// A request of which only the number is known.
 #[derive(Deserialize)]
@@ -191,7 +192,13 @@ impl Session {
         if from == From::Scratch {
             (self.good, self.drag) = (None, None);
         }
-        let mut watch = |state: &Progress| progress(&Answer::progress(state, &project.motion.name));
+        let mut watch = |state: &Progress, refused: Option<&Plan>| {
+            let mut answer = Answer::progress(state, &project.motion.name);
+            if let Answer::Progress { refused: slot, .. } = &mut answer {
+                *slot = refused.map(|plan| Box::new(outcome::solve(plan, &project, true)));
+            }
+            progress(&answer)
+        };
         let Project { robot, motion, .. } = &project;
         let solution = self.solve(robot, motion, iterations, &mut watch);
         Ok(self.planned(&documents, &project, solution, iterations.is_none(), frames_hz))
@@ -253,20 +260,29 @@ impl Session {
         robot: &Robot,
         motion: &Motion,
         iterations: Option<usize>,
-        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        watch: &mut Watch<'_>,
     ) -> Solution {
+        let progress = &mut |state: &Progress| watch(state, None);
         if let Some(iterations) = iterations
             && let Some(editing) = self.drag(iterations)
             && let Ok(solution) = editing.replan(robot, motion, progress)
         {
             return solution;
         }
-        let solution = optimise_solution(robot, motion, &Options::default(), progress);
+        let search = Search::new(robot, motion, &Options::default());
+        let mut refusal = None;
+        search.work(&mut |state| {
+            let is_new = refusal.is_none();
+            refusal = search.refusal();
+            watch(state, refusal.filter(|_| is_new))
+        });
+        let solution = search.finish();
         let near = self.drag.as_ref().map(|drag| drag.editing.last()).or(self.good.as_ref());
         if iterations.is_some() || solution.plan.solve.status == Status::Interrupted {
             return solution;
         }
         let near = near.filter(|_| solution.plan.solve.status != Status::Converged);
+        let progress = &mut |state: &Progress| watch(state, None);
         let near = near.map(|near| near.replan_near(robot, motion, &Options::default(), progress));
         let is_found = |near: &Solution| near.plan.solve.status == Status::Converged;
         near.and_then(Result::ok).filter(is_found).unwrap_or(solution)

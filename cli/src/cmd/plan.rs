@@ -127,7 +127,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             let progress = &mut |progress: &_| watch.iteration(progress);
             replan(&previous, &robot, &motion, &options, progress).into_diagnostic()?
         }
-        None => planning::optimise(&robot, &motion, &options, &|state| watch.iteration(state)),
+        None => planning::optimise(&robot, &motion, &options, &watch),
     };
     let mut time_s = watch.finish().as_secs_f64();
     let mut report = Report::new(&plan);

@@ -13,7 +13,7 @@ use rollwalk_planner::report::Report;
 use rollwalk_planner::{Options, Progress, Search, TransitionError, optimise_transition};
 use rollwalk_robot::Robot;
 use serde::Serialize;
-use std::ops::ControlFlow;
+use std::sync::Once;
 use std::thread;
 use std::time::Duration;
 
@@ -97,15 +97,17 @@ impl Plans {
 }
 
 /// Optimises a motion from its candidate starts on all cores; the plan does not depend on how many there are.
-/// `progress` sees the iterations of the first start that can still win, and may stop them all.
-pub fn optimise(
-    robot: &Robot,
-    motion: &Motion,
-    options: &Options,
-    progress: &(dyn Fn(&Progress) -> ControlFlow<()> + Sync),
-) -> Plan {
+/// Watched are the iterations of the first start that can still win, and what is in the way of the first of all.
+pub fn optimise(robot: &Robot, motion: &Motion, options: &Options, watch: &Watch) -> Plan {
     let search = Search::new(robot, motion, options);
     let cores = thread::available_parallelism().map_or(1, usize::from);
+    let said = Once::new();
+    let progress = |state: &Progress| {
+        if let Some(refused) = search.refusal() {
+            said.call_once(|| watch.refused(refused));
+        }
+        watch.iteration(state)
+    };
     let work = || search.work(&mut |state| progress(state));
     thread::scope(|scope| {
         for _ in 1..cores.min(search.candidates()) {
@@ -139,7 +141,7 @@ impl Watched {
 impl Solver for Watched {
     fn motion(&mut self, robot: &Robot, motion: &Motion, options: &Options) -> Option<Plan> {
         let watch = Watch::start(&motion.name, self.verbose);
-        let plan = optimise(robot, motion, options, &|state| watch.iteration(state));
+        let plan = optimise(robot, motion, options, &watch);
         self.ended(watch, plan)
     }
 
@@ -205,10 +207,11 @@ mod tests {
         for motion in ["motions/stand.toml", "motions/flying_trot.toml"] {
             let (robot, motion) = Source::Shipped.motion(Path::new(motion)).unwrap();
             let options = Options::default();
-            let go_on = |_: &Progress| ControlFlow::Continue(());
-            let plan = optimise(&robot, &motion, &options, &go_on);
+            let watch = Watch::start(&motion.name, false);
+            let plan = optimise(&robot, &motion, &options, &watch);
             assert_eq!(plan.solve.status, Status::Converged);
-            assert_eq!(plan, rollwalk_planner::optimise(&robot, &motion, &options, &mut { go_on }));
+            let go_on = &mut |state: &Progress| watch.iteration(state);
+            assert_eq!(plan, rollwalk_planner::optimise(&robot, &motion, &options, go_on));
         }
     }
 }

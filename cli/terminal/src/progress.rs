@@ -3,7 +3,7 @@
 use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use rollwalk_planner::Progress;
-use rollwalk_planner::plan::{SolveSummary, Status};
+use rollwalk_planner::plan::{Plan, SolveSummary, Status};
 use rollwalk_protocol::text::Shown;
 use std::fmt::Display;
 use std::io::{self, IsTerminal};
@@ -85,6 +85,18 @@ impl Watch {
         }
         self.bar.set_message(at);
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Says what is in the way of the first start, long before the numbers with which the request would work.
+    pub fn refused(&self, plan: &Plan) {
+        let culprits = plan.solve.diagnosis.iter().flat_map(|diagnosis| &diagnosis.culprits);
+        let worst = culprits.take(1).map(|culprit| format!(": {culprit}")).collect::<String>();
+        let name = self.bar.prefix();
+        self.bar.suspend(|| {
+            output::say(format_args!(
+                "{name}: the first start finds no plan{worst}. Other starts and nearer numbers are tried; Ctrl-C ends that"
+            ));
+        });
     }
 
     /// The solve is over; returns how long it took.

@@ -16,6 +16,15 @@ pub struct Diagnosis {
     pub culprits: Vec<Culprit>,
 }
 
+impl Diagnosis {
+    /// Leaves out estimates of numbers with which the request would work.
+    pub(crate) fn forget_numbers(&mut self) {
+        for culprit in &mut self.culprits {
+            culprit.would_do = None;
+        }
+    }
+}
+
 /// Evidence against a request, the strongest first. None is a proof: another start may lead to a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

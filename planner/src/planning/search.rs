@@ -12,12 +12,12 @@ use super::second_look::second_look;
 use super::solution::Solution;
 use super::trials::OwnEnds;
 use crate::motion::Motion;
-use crate::plan::Ending;
+use crate::plan::{Diagnosis, Ending, Plan};
 use crate::solve::Progress;
 use crate::start;
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Options of every start that [`optimise`](crate::optimise) tries, in order; a chosen start is the only one.
 pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
@@ -45,6 +45,8 @@ pub struct Search<'a> {
     motion: &'a Motion,
     candidates: Vec<Options>,
     race: Race<Solution>,
+    /// Plan of the first candidate, if it found none.
+    refusal: OnceLock<Plan>,
 }
 
 impl<'a> Search<'a> {
@@ -52,12 +54,18 @@ impl<'a> Search<'a> {
     pub fn new(robot: &'a Robot, motion: &'a Motion, options: &Options) -> Self {
         let candidates = candidates(robot, motion, options);
         let race = Race::new(candidates.len());
-        Self { robot, motion, candidates, race }
+        Self { robot, motion, candidates, race, refusal: OnceLock::new() }
     }
 
     /// Count of candidates, which is the largest useful number of threads.
     pub fn candidates(&self) -> usize {
         self.candidates.len()
+    }
+
+    /// The plan of the first candidate with its diagnosis, as soon as that has found the request infeasible. What is in the way is
+    /// known then; numbers with which the request would work, and other starts, take ten times as long, and may still find a plan.
+    pub fn refusal(&self) -> Option<&Plan> {
+        self.refusal.get()
     }
 
     /// Solves candidates until none is left that can still win. The caller runs this at least once, and on several
@@ -74,6 +82,11 @@ impl<'a> Search<'a> {
                 (solution.plan.solve.ending(), solution)
             } else {
                 // If no candidate converges, it is the diagnosis of the first that is shown.
+                if solution.plan.solve.diagnosis.is_some() {
+                    let mut plan = solution.plan.clone();
+                    plan.solve.diagnosis.iter_mut().for_each(Diagnosis::forget_numbers);
+                    self.refusal.get_or_init(|| plan);
+                }
                 second_look(request, &OwnEnds, solution, effort)
             };
             (ending, refine::motion(solution, robot, options, effort))

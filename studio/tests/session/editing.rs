@@ -25,6 +25,26 @@ fn a_document_has_one_plan_whatever_was_edited_before() {
     assert_eq!(undone.bytes, first.bytes);
 }
 
+#[test]
+fn what_is_in_the_way_is_said_long_before_numbers_that_work() {
+    let mut page = Page::default();
+    let roll = page.text("motions/test_leg_roll.toml");
+    let text = roll.replace("forward_m = 0.2", "forward_m = 3.0");
+    assert_ne!(text, roll);
+    let files = json!([{ "path": "roll.toml", "text": text }]);
+    let answer = page.ask(json!({
+        "kind": "plan", "files": files, "motion": "roll.toml", "from": "scratch", "iterations": null, "frames_hz": 60.0,
+    }));
+    assert_eq!(answer.json["solve"]["status"], "infeasible");
+    let (before, refused) = answer.refused.unwrap();
+    assert!(5 * before < answer.progress, "{before} of {}", answer.progress);
+    let goal = &refused["culprits"][0];
+    assert_eq!(goal["constraint"], "displacement goal");
+    // A number that was not tried is not said.
+    assert!(goal["fix"].is_null() && !goal["what"].as_str().unwrap().contains("works"), "{goal}");
+    assert!(answer.json["solve"]["culprits"][0]["fix"].is_object());
+}
+
 /// The starts that the planner knows lead to 1 m a period, and not to 1.05 m.
 #[test]
 #[ignore = "half a minute: cargo xtask nightly --only long"]

@@ -17,11 +17,13 @@ struct Page {
     seq: u64,
 }
 
-/// The last answer to a request, its bytes, and how many came before it.
+/// The last answer to a request, its bytes, how many came before it, and what was said of a start that failed, with the number of answers
+/// before.
 struct Answer {
     json: Value,
     bytes: Vec<u8>,
     progress: usize,
+    refused: Option<(usize, Value)>,
 }
 
 impl Page {
@@ -41,7 +43,9 @@ impl Page {
         assert!(answers.iter().all(|(json, _)| json["kind"] == "progress"), "{answers:?}");
         assert_eq!(json["seq"], self.seq);
         assert_eq!(json["binary"], !bytes.is_empty());
-        Answer { json, bytes, progress: answers.len() }
+        let refused = answers.iter().map(|(json, _)| json["refused"].clone());
+        let refused = refused.enumerate().find(|(_, refused)| !refused.is_null());
+        Answer { json, bytes, progress: answers.len(), refused }
     }
 
     fn done(&mut self, request: Value) -> Value {

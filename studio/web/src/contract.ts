@@ -254,6 +254,8 @@ export type Opened = { scene: Scene; motion: MotionView; /** Paths of motion and
 export type Planned = Opened & { solve: Solve; frames: FramesHeader; converged: boolean; good: boolean };
 
 export type Progress = {
+  /** What the first start has come to, once that has found the request infeasible. */
+  refused?: Solve;
   iteration: number;
   worst_level: number;
   worst_constraint: string;

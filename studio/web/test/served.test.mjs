@@ -79,6 +79,18 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
     assert.equal(await at(), before);
   });
 
+  test("what is in the way is said at once, while numbers that work are sought, and that can be stopped", async () => {
+    await studio.example("motions/walk.toml");
+    await studio.type("Forward", "1.2");
+    await studio.until(() => document.querySelector(".status").dataset.state === "refused");
+    assert.match(await studio.words(), /Not met yet[^]*displacement goal/);
+    await studio.button("Stop");
+    await studio.settled();
+    assert.match(await studio.words(), /Planning was stopped/);
+    await studio.edit(() => studio.press("Control", "z"));
+    assert.equal(await studio.converged(), true);
+  });
+
   test("paths and goal go on into the next cycles with the robot", async () => {
     await studio.example("motions/walk.toml");
     const goalAt = async (cycle) => {

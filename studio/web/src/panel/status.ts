@@ -12,8 +12,6 @@ export type StatusActions = { jump(fault: Fault): void; seek(time_s: number): vo
 
 /** Planning that is over sooner than this is not announced: it would only flicker. */
 const QUIET_MS = 250;
-/** Planning that takes longer is likely to find that there is no plan. */
-const LONG_S = 15;
 
 export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, actions: StatusActions) {
   const head = h("div", { class: "status-head" });
@@ -23,11 +21,11 @@ export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, 
   replace(host, head, body, live);
   let since = 0;
   let timer = 0;
-  let drawn = "";
+  let [drawn, drawnHead] = ["", ""];
 
   const update = () => {
-    const state = robotOf(link) ?? stateOf(studio, since || performance.now());
-    if (state.kind === "planning") {
+    const state = robotOf(link) ?? stateOf(studio);
+    if (state.kind === "planning" || state.kind === "refused") {
       since ||= performance.now();
       const wait = QUIET_MS - (performance.now() - since);
       if (wait > 0) {
@@ -37,13 +35,16 @@ export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, 
       }
     } else since = 0;
     host.dataset.state = state.kind;
-    replace(head, h("span", { class: "status-mark", "aria-hidden": "true", text: MARKS[state.kind] }), h("strong", {}, prose(state.title)), ...(state.kind === "planning" ? [stopButton(studio)] : []));
+    const titled = JSON.stringify([state.kind, state.title]);
+    // A button that is made anew between press and release is not clicked.
+    if (titled !== drawnHead) replace(head, h("span", { class: "status-mark", "aria-hidden": "true", text: MARKS[state.kind] }), h("strong", {}, prose(state.title)), ...(state.kind === "planning" || state.kind === "refused" ? [stopButton(studio)] : []));
+    drawnHead = titled;
     const key = JSON.stringify([state.kind, state.words, studio.shown?.version, studio.faults, studio.shown?.planned.solve.culprits, studio.selection.culprit, studio.remarks, studio.remarks?.again?.isDue()]);
     if (key !== drawn) {
       drawn = key;
       replace(body, state.words ? h("p", { class: "lines" }, prose(state.words)) : null, ...detailsOf(studio, state.kind, actions), remarksOf(studio));
     }
-    const said = state.kind === "planning" ? "Planning" : `${state.title}. ${state.words}`;
+    const said = state.kind === "planning" ? "Planning" : state.kind === "refused" ? state.title : `${state.title}. ${state.words}`;
     if (live.textContent !== said) live.textContent = said;
   };
   studio.events.on(["activity", "plan", "documents", "selection"], update);
@@ -62,12 +63,11 @@ function robotOf({ view, place }: RobotLink): { kind: Kind; title: string; words
   return { kind: "problem", title: robotStateOf(view, place), words: [...view.faults, view.advice].filter(Boolean).join("\n") };
 }
 
-type Kind = "empty" | "planning" | "good" | "bad" | "faults" | "problem";
+type Kind = "empty" | "planning" | "refused" | "good" | "bad" | "faults" | "problem";
 
-const MARKS: Record<Kind, string> = { empty: "○", planning: "◔", good: "✓", bad: "✕", faults: "✕", problem: "!" };
+const MARKS: Record<Kind, string> = { empty: "○", planning: "◔", refused: "✕", good: "✓", bad: "✕", faults: "✕", problem: "!" };
 
-/** `since_ms`: when planning began. */
-function stateOf(studio: Studio, since_ms: number): { kind: Kind; title: string; words: string } {
+function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
   const { faults, problem, progress, shown } = studio;
   if (faults.length > 0) {
     const title = faults.length === 1 ? "A fault in the file" : `${faults.length} faults in the files`;
@@ -75,11 +75,11 @@ function stateOf(studio: Studio, since_ms: number): { kind: Kind; title: string;
   }
   if (problem) return { kind: "problem", title: problem.message, words: problem.help };
   if (studio.planning && !(studio.dragging && shown)) {
-    const passed_s = (performance.now() - since_ms) / 1000;
-    const long = passed_s < LONG_S ? "" : ` ${format(passed_s, 0)} s: this may be out of reach. When the starts have all been tried, the page says what is in the way; Stop keeps the previous plan.`;
-    const detail = progress
-      ? `Iteration ${progress.iteration} of this start: ${progress.worst_constraint} is at ${format(progress.worst_level, 2)} times its tolerance.${long}`
-      : "";
+    if (progress?.refused) {
+      const words = `${progress.refused.words} Other starts and numbers that work are tried; Stop keeps the previous plan.`;
+      return { kind: "refused", title: "Not met yet", words };
+    }
+    const detail = progress ? `Iteration ${progress.iteration} of this start: ${progress.worst_constraint} is at ${format(progress.worst_level, 2)} times its tolerance.` : "";
     return { kind: "planning", title: progress?.what && progress.what !== "plan" ? `Planning ${progress.what}` : "Planning", words: detail };
   }
   if (!shown) return { kind: "empty", title: "No motion is open", words: "" };
@@ -126,10 +126,10 @@ function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLEle
     });
     return [h("p", { class: "facts", text: factsOf(studio.shown!, peaks) }), over.length > 0 ? h("ul", { class: "culprits mild" }, ...over) : null, again];
   }
-  if (kind !== "bad") return [];
-  const { culprits } = studio.shown!.planned.solve;
+  if (kind !== "bad" && kind !== "refused") return [];
+  const { culprits } = kind === "bad" ? studio.shown!.planned.solve : studio.progress!.refused!;
   const blamed = culprits.map((culprit, index) => culpritOf(studio, culprit, index, actions));
-  return [...(blamed.length > 0 ? [h("h3", { text: "To blame" }), h("ul", { class: "culprits" }, ...blamed)] : []), again];
+  return [...(blamed.length > 0 ? [h("h3", { text: "To blame" }), h("ul", { class: "culprits" }, ...blamed)] : []), kind === "bad" ? again : null];
 }
 
 function remarksOf({ remarks }: Studio): HTMLElement | null {

@@ -58,7 +58,8 @@ export class Studio {
       failed: (wish, error) => this.#failed(wish, error),
       restarted: (error) => this.#restarted(error),
       progress: (progress) => {
-        this.progress = progress;
+        // What is in the way stays to be seen while numbers that work are sought.
+        this.progress = progress && { ...progress, refused: progress.refused ?? this.progress?.refused };
         this.events.emit("activity");
       },
       activity: () => this.events.emit("activity"),
