@@ -60,7 +60,7 @@ pub enum NameFault {
     Unclear {
         /// Number of the motion.
         motion: u8,
-        /// Its name.
+        /// Name of the motion.
         name: String,
     },
     /// A name that can pass for another.
@@ -68,7 +68,7 @@ pub enum NameFault {
     Doubtful {
         /// Number of the motion.
         motion: u8,
-        /// Its name.
+        /// Name of the motion.
         name: String,
         /// What is wrong with it.
         problem: &'static str,

@@ -40,7 +40,7 @@ pub struct LibraryContent<'a> {
 /// A motion of a library.
 #[derive(Clone, Copy, Debug)]
 pub struct LibraryMotion<'a> {
-    /// Its name.
+    /// Name of the motion.
     pub name: &'a str,
     /// Command code that selects it.
     pub code: u8,

@@ -327,7 +327,7 @@ impl<'a> End<'a> {
         if let Some(verdict) = simulation {
             text += &format!("{verdict}\n");
             if let Some(why) = plan.motion.needs_feedback.as_ref().filter(|_| !verdict.holds()) {
-                text += &format!("its motion file says that it needs feedback: {why}\n");
+                text += &format!("the motion needs feedback, as its file says: {why}\n");
             }
         }
         let holds = simulation.is_none_or(|verdict| verdict.is_good(plan));

@@ -9,9 +9,9 @@ use tungstenite::handshake::derive_accept_key;
 /// Most bytes of a head, and most fields.
 const HEAD_MAX: usize = 8 * 1024;
 const FIELDS_MAX: usize = 64;
-/// How long a browser may take for a whole head: it is on the same computer.
+/// Longest wait for a whole head: the browser is on the same computer.
 const HEAD: Duration = Duration::from_secs(2);
-/// How long it may take to take in an answer.
+/// Longest wait for a browser to take in an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The head of a request.

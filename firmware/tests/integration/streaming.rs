@@ -250,7 +250,7 @@ fn a_stream_begins_in_ready_at_safe_and_nowhere_else() {
     assert_eq!(rig.command(Action::Pause).result, CommandResult::WrongState);
 }
 
-/// As while a motion plays.
+/// A bound that holds while a motion plays holds here.
 #[test]
 fn a_joint_that_does_not_follow_and_a_motor_without_torque_end_a_stream() {
     type Cause = fn(&mut Rig);

@@ -94,7 +94,7 @@ fn the_library_says_how_safe_tilts_the_body() {
     }
 }
 
-/// What is over is not counted: leans of less than the patience, again and again, are steps.
+/// Leans of less than the patience, again and again, are steps.
 #[test]
 fn leans_that_end_in_time_lead_nowhere() {
     let mut rig = Rig::ready();

@@ -349,7 +349,7 @@ fn it_begins_near_safe_only() {
     }
 }
 
-/// As while a motion plays.
+/// A bound that holds while a motion plays holds here.
 #[test]
 fn a_joint_that_does_not_follow_and_a_motor_without_torque_end_it() {
     type Cause = fn(&mut Rig);
@@ -374,7 +374,7 @@ fn a_joint_that_does_not_follow_and_a_motor_without_torque_end_it() {
     }
 }
 
-/// Of a sample that was not taken yet, or of one so old that the robot would hold still.
+/// Answers to a sample that was not taken yet, or to one so old that the robot would hold still.
 #[test]
 fn answers_to_no_sample_of_late_are_none() {
     for off in [1, 2, 100, 250, 251] {

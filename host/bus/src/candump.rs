@@ -57,7 +57,7 @@ pub struct ParseError {
 /// A log that was read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Log<I = String> {
-    /// Its data frames.
+    /// Data frames of the log.
     pub entries: Vec<LogEntry<I>>,
     /// Frames of CAN FD and CAN XL, which are left out.
     pub foreign: usize,
@@ -68,7 +68,7 @@ pub struct Log<I = String> {
 /// Reads the data frames of a log, as [`read`] does.
 ///
 /// # Errors
-/// As [`read`].
+/// Those of [`read`].
 pub fn parse<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Vec<LogEntry<I>>, ParseError> {
     read(text).map(|log| log.entries)
 }

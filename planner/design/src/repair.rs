@@ -46,7 +46,7 @@ const HALF_DIFFERENCE: f64 = 1e-3;
 /// A parameter that may change.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Free {
-    /// Its name.
+    /// Name of the parameter.
     pub name: String,
     /// Value to begin with, which is preferred.
     pub original: f64,

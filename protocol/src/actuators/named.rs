@@ -10,7 +10,7 @@ use serde::{Deserializer, Serializer};
 pub trait Named: Copy + 'static {
     const ALL: &'static [Self];
 
-    /// Its name.
+    /// Name of the value.
     fn name(&self) -> &'static str;
 }
 

@@ -387,7 +387,7 @@ impl Outcome {
             let simulated =
                 |of: &Option<Verdict>| of.map_or("not simulated".to_owned(), |of| of.to_string());
             let needs = motion.needs_feedback.as_ref().map_or(String::new(), |why| {
-                format!("\nits motion file says that it needs feedback: {why}")
+                format!("\nthe motion needs feedback, as its file says: {why}")
             });
             let before = match before == after {
                 true => ", as before".to_owned(),

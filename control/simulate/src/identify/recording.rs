@@ -49,7 +49,7 @@ pub enum TableError {
     /// A column is missing.
     #[error("there is no column `{name}`: {what}")]
     Missing {
-        /// Its name.
+        /// Name of the column.
         name: String,
         /// What it would have.
         what: &'static str,

@@ -36,7 +36,7 @@ const VALUES_MAX: usize = 10_000;
 /// A sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
-    /// Its name.
+    /// Name of the sweep.
     pub name: String,
     /// The design file, relative to the sweep file.
     pub design: Option<String>,
@@ -49,7 +49,7 @@ pub struct Sweep {
 pub enum Axis {
     /// A parameter of the design.
     Parameter {
-        /// Its name.
+        /// Name of the parameter.
         name: String,
         /// Its values.
         values: Vec<f64>,

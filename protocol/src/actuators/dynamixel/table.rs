@@ -59,7 +59,7 @@ pub const MAX_GAIN: u16 = 16_383;
 /// A servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// Its name.
+    /// Name of the servo.
     pub name: &'static str,
     /// What it answers to a ping.
     pub number: u16,
