@@ -99,8 +99,7 @@ describe("the page", () => {
     const before = await energy();
     await studio.edit(() => studio.type("Forward", "0.2"));
     await studio.edit(() => studio.press("Control", "z"));
-    assert.ok(Math.abs((await energy()) / before - 1) < 1e-3, `${before}, then ${await energy()}`);
-    assert.ok((await studio.state("state.shown.planned.solve.iterations")) <= 3);
+    assert.equal(await energy(), before);
   });
 
   test("a swing's edge is dragged in the footfall chart", async () => {
