@@ -3,6 +3,7 @@
 //! On the wire a library is its identity, a motion its code, a clip or a channel its index. A catalog is made with
 //! the library, where the names are known, and stored next to it.
 
+use crate::actuators::Actuators;
 use rollwalk_protocol::library::{EdgeId, Library, NodeId};
 use rollwalk_protocol::names;
 use rollwalk_protocol::text::{Shown, is_plain_name};
@@ -25,6 +26,9 @@ pub struct Catalog {
     pub safe: usize,
     /// Names of joints, then of actuated wheels, in the order of the robot's configuration.
     pub channels: Vec<String>,
+    /// Actuators of the channels and their buses; empty where they are not known.
+    #[serde(default)]
+    pub actuators: Actuators,
 }
 
 /// A motion.
@@ -151,6 +155,7 @@ impl Catalog {
             transitions: library.edges().map(transition).collect::<Option<_>>()?,
             safe: usize::from(library.safe_node().0),
             channels,
+            actuators: Actuators::default(),
         })
     }
 
@@ -164,7 +169,14 @@ impl Catalog {
             transitions: Vec::new(),
             safe: 0,
             channels,
+            actuators: Actuators::default(),
         }
+    }
+
+    /// Catalog with the actuators of its robot.
+    #[must_use]
+    pub fn with_actuators(self, actuators: Actuators) -> Self {
+        Self { actuators, ..self }
     }
 
     /// The motion with a name.

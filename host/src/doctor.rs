@@ -2,9 +2,11 @@
 //!
 //! A pure function of [`Findings`], which the caller collects from a bus.
 
+use crate::actuators::{Actuators, BusKind, conditions, fault_words};
 use crate::catalog::{Catalog, channel_name};
-use crate::describe::{event_sentence, fault_report, report_details, state_name};
+use crate::describe::{condition, entry_sentence, fault_report_on, report_details, state_name};
 use crate::session::History;
+use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::transport::Hello;
@@ -12,13 +14,19 @@ use rollwalk_protocol::wire::{
     FaultReport, FromController, JointTelemetry, LogEntry, State, Status, Torque,
 };
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Bus load above which frames come late, percent.
 const FULL_PERCENT: f64 = 70.0;
 
 /// Tilt beyond that of the motion that no operator would call one, rad: 3 degrees. Controllers stop at 0.35 rad.
 const LEVEL_RAD: f32 = 0.05;
+
+/// Part of its reports in which a servo has no answer when another one has the same ID: some of the collisions still read.
+const COLLIDES: f64 = 0.05;
+
+/// Actuators of a robot that is not known.
+static UNKNOWN: Actuators = Actuators { buses: Vec::new(), channels: Vec::new() };
 
 /// Traffic on the link over a span of time.
 #[derive(Clone, Debug, Default)]
@@ -29,6 +37,8 @@ pub struct Traffic {
     pub status: Option<Status>,
     /// Last report of each fault, by code.
     pub faults: BTreeMap<u8, FaultReport>,
+    /// Other controllers that were heard.
+    pub others: BTreeSet<u8>,
     /// Last telemetry of each channel.
     pub joints: BTreeMap<u8, JointTelemetry>,
     /// Of each channel, telemetry that tells of a servo that did not answer, and all of its telemetry.
@@ -58,6 +68,9 @@ impl Traffic {
                 }
                 _ => {}
             },
+            Ok((from, FromController::Status(_))) => {
+                self.others.insert(from.number());
+            }
             _ => {}
         }
     }
@@ -136,6 +149,7 @@ impl Findings<'_> {
         found.push(self.state(&status, hello));
         found.extend(status.faults.iter().map(|fault| self.fault(fault)));
         found.extend(self.silent_channels(hello, &status));
+        found.extend(self.conditions());
         found.extend(self.unanswered());
         found.extend(self.last_stop());
         found.extend(self.host(&status));
@@ -151,6 +165,17 @@ impl Findings<'_> {
 
     fn nobody(&self) -> Finding {
         let bus = self.bus;
+        if !self.heard.others.is_empty() {
+            let others: Vec<_> = self.heard.others.iter().map(u8::to_string).collect();
+            let are = if others.len() == 1 { "controller" } else { "controllers" };
+            let what = format!(
+                "the controller does not answer; {are} {} is on the bus",
+                others.join(", ")
+            );
+            let what = if others.len() == 1 { what } else { what.replace(" is on", " are on") };
+            let help = format!("name it: rollwalk doctor --node {} --bus {bus}", others[0]);
+            return finding(Gravity::Wrong, what, help);
+        }
         let others = match self.heard.by_id.len() {
             0 => "there is nothing on the bus at all".to_owned(),
             count => format!(
@@ -181,7 +206,14 @@ impl Findings<'_> {
         let bus = self.bus;
         let clip = status.clip.map(|clip| self.clip(clip)).unwrap_or_default();
         let clip = if clip.is_empty() { clip } else { format!(" ({clip})") };
-        let what = format!("the robot is {}{clip}", state_name(status.state));
+        // Faults have findings of their own, unless one is what stopped the robot.
+        let words = match status.state {
+            State::EStopped if !status.faults.contains(Fault::EStop) => {
+                condition(status, self.actuators())
+            }
+            state => state_name(state).to_owned(),
+        };
+        let what = format!("the robot is {words}{clip}");
         let faulty = !status.faults.is_empty();
         let (gravity, help) = match status.state {
             State::Disarmed if hello.library.is_none() => (
@@ -217,33 +249,130 @@ impl Findings<'_> {
     fn fault(&self, fault: Fault) -> Finding {
         let (code, report) = (fault.code(), self.heard.faults.get(&fault.code()));
         let channel = report.and_then(|report| self.channel_of(report.channel));
-        let mut described = fault_report(fault, channel, report.map(|report| report.value));
+        let number = report.and_then(|report| report.channel);
+        let value = report.map(|report| report.value);
+        let actuators = self.actuators();
+        let mut described = fault_report_on(fault, number, channel, value, actuators);
         // What is reported is the tilt of now; the fault is latched since that of then.
         let is_level = |report: &FaultReport| (0.0..LEVEL_RAD).contains(&report.value);
         if fault == Fault::Tilt && report.is_some_and(is_level) {
             described = "the body was tilted, and is not any more".to_owned();
         }
-        let help = format!("{} (docs/faults.md, {code} {fault:?})", fault.description().advice);
+        let advice = fault_words(fault, actuators.kind_for(fault, number, value)).advice;
+        let help = format!("{advice} (docs/faults.md, {code} {fault:?})");
         finding(Gravity::Wrong, format!("fault {code}: {described}"), help)
     }
 
-    /// Channels without telemetry, whose position is unknown.
-    fn silent_channels(&self, hello: &Hello, status: &Status) -> Option<Finding> {
-        let silent = (0..hello.channels).filter(|channel| !self.heard.joints.contains_key(channel));
-        let silent: Vec<_> = silent.map(|channel| self.channel(channel)).collect();
+    /// Channels without telemetry, whose position is unknown: one finding for each bus of a robot that is known.
+    fn silent_channels(&self, hello: &Hello, status: &Status) -> Vec<Finding> {
+        let is_silent = |channel: &u8| !self.heard.joints.contains_key(channel);
+        let gravity = if status.state == State::Boot { Gravity::Note } else { Gravity::Wrong };
+        let all: Vec<u8> = (0..hello.channels).collect();
+        let actuators = self.actuators();
+        if actuators.channels.len() != all.len() {
+            return self.silent_on(gravity, None, &all, is_silent).into_iter().collect();
+        }
+        let on_bus = |bus: u8| {
+            let channels: Vec<_> = actuators.on_bus(bus).collect();
+            self.silent_on(gravity, Some(bus), &channels, is_silent)
+        };
+        (0..actuators.buses.len() as u8).filter_map(on_bus).collect()
+    }
+
+    /// Silent ones of these channels, which are all of a bus, or of the robot.
+    fn silent_on(
+        &self,
+        gravity: Gravity,
+        bus: Option<u8>,
+        channels: &[u8],
+        is_silent: impl Fn(&u8) -> bool,
+    ) -> Option<Finding> {
+        let silent: Vec<u8> = channels.iter().copied().filter(is_silent).collect();
         if silent.is_empty() {
             return None;
         }
-        let gravity = if status.state == State::Boot { Gravity::Note } else { Gravity::Wrong };
-        let all = silent.len() == usize::from(hello.channels);
-        let who = if all { "any actuator".to_owned() } else { silent.join(", ") };
-        let what = format!("no position from {who}: the robot cannot be armed");
-        let help = if all {
-            "is motor power on, and are the actuator buses connected and terminated?"
-        } else {
-            "is it powered and connected, and does it have the address in the robot file?"
+        let all = silent.len() == channels.len();
+        let of = bus.and_then(|bus| Some((bus, self.actuators().buses.get(usize::from(bus))?)));
+        let who = match of {
+            Some((bus, of)) if all => format!("any actuator on bus {bus} ({})", of.protocol),
+            _ if all => "any actuator".to_owned(),
+            _ => {
+                silent.iter().map(|&channel| self.addressed(channel)).collect::<Vec<_>>().join(", ")
+            }
         };
-        Some(finding(gravity, what, help.into()))
+        let what = format!("no position from {who}: the robot cannot be armed");
+        let help = match of {
+            Some((_, of)) if of.kind == BusKind::ServoLine => match (all, self.twin(channels)) {
+                (true, _) => format!(
+                    "is the servo supply on, is the data wire in the adapter, and are the servos set to {} bit/s? New ones have \
+                     another rate. An adapter that echoes what it sends hides the answers: switch its echo off",
+                    of.bit_rate
+                ),
+                (false, Some(twin)) => format!(
+                    "{} answers only sometimes: do two servos have its ID? Unplug one of them, and set the other's",
+                    self.addressed(twin)
+                ),
+                (false, None) => "is its plug in, and does it have the ID and baud rate of the robot file? New servos have ID 1; \
+                                  behind a break in the chain all are silent"
+                    .to_owned(),
+            },
+            Some((_, of)) if of.kind == BusKind::PulseBoard => format!(
+                "is the servo board powered and connected, with serial mode UART at {} bit/s?",
+                of.bit_rate
+            ),
+            Some((_, of)) if all => format!(
+                "is motor power on, is the CAN bus connected and terminated at both ends, and at {} bit/s?",
+                of.bit_rate
+            ),
+            None if all => "is motor power on, and are the actuator buses connected?".to_owned(),
+            _ => "is it powered and connected, and does it have the address in the robot file?".to_owned(),
+        };
+        Some(finding(gravity, what, help))
+    }
+
+    /// Servo among these whose answers are lost now and then, as those of two with one ID are.
+    fn twin(&self, channels: &[u8]) -> Option<u8> {
+        let missed = |channel: &u8| {
+            let (missed, all) = self.heard.unanswered.get(channel).copied().unwrap_or_default();
+            f64::from(missed) > COLLIDES * f64::from(all)
+        };
+        let mut all = channels.iter().copied().filter(missed);
+        let one = all.next()?;
+        all.next().is_none().then_some(one)
+    }
+
+    /// Name of a channel with its bus and address, where they are known.
+    fn addressed(&self, channel: u8) -> String {
+        let name = self.channel(channel);
+        match self.actuators().channels.get(usize::from(channel)) {
+            Some(of) => format!("{name} (bus {}, ID {})", of.bus, of.id),
+            None => name,
+        }
+    }
+
+    /// Actuators that are too hot, have a wrong supply, or dropped torque for another reason: telemetry has no degrees and no volts, but
+    /// these flags.
+    fn conditions(&self) -> Vec<Finding> {
+        let all = self.heard.joints.values().filter(|joint| joint.status.faulty());
+        let each = |joint: &JointTelemetry| {
+            let status = ActuatorStatus(joint.status.0 & ActuatorStatus::FAULTS);
+            let limits = self.actuators().limits(joint.channel);
+            let words = conditions(status, limits).join(", ");
+            let has = |bit| status.0 & bit != 0;
+            let help = if has(ActuatorStatus::BAD_VOLTAGE) {
+                "measure the supply at the servo under load: battery, thin or long wires"
+            } else if has(ActuatorStatus::OVERHEATED) {
+                "let it cool; a joint that carries the robot in a bent pose heats most"
+            } else {
+                ""
+            };
+            finding(
+                Gravity::Wrong,
+                format!("{}: {words}", self.addressed(joint.channel)),
+                help.into(),
+            )
+        };
+        all.map(each).collect()
     }
 
     /// Servos on serial lines that now and then do not answer: what a disturbed line shows first.
@@ -278,7 +407,7 @@ impl Findings<'_> {
         let what = format!(
             "it last stopped {seconds:.1} s ago while it was {}: {}{}",
             state_name(stop.before),
-            event_sentence(stop.event),
+            entry_sentence(stop, self.actuators()),
             self.entry_detail(stop)
         );
         Some(finding(Gravity::Note, what, String::new()))
@@ -314,6 +443,15 @@ impl Findings<'_> {
         name.unwrap_or_else(|| format!("clip {clip}"))
     }
 
+    fn actuators(&self) -> &Actuators {
+        self.catalog.map_or(&UNKNOWN, |catalog| &catalog.actuators)
+    }
+
+    /// Description of a log entry's event, in the words for the robot's buses.
+    pub fn entry_sentence(&self, entry: &LogEntry) -> String {
+        entry_sentence(entry, self.actuators())
+    }
+
     fn channel_of(&self, channel: Option<u8>) -> Option<String> {
         channel.map(|channel| self.channel(channel))
     }
@@ -330,7 +468,7 @@ fn finding(gravity: Gravity, what: String, help: String) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::actuator::ActuatorStatus;
+    use crate::actuators::{ActuatorBus, ActuatorOf};
     use rollwalk_protocol::faults::{FaultBits, Severity};
     use rollwalk_protocol::wire::Node;
 
@@ -471,6 +609,92 @@ mod tests {
         assert!(text.contains("no position from any actuator:"), "{text}");
         let text = diagnose(&Traffic::default(), None);
         assert!(text.contains("nothing on the bus at all"), "{text}");
+    }
+
+    fn of_pup() -> Catalog {
+        let bus = ActuatorBus {
+            kind: BusKind::ServoLine,
+            protocol: "Dynamixel".into(),
+            bit_rate: 1_000_000,
+        };
+        let of = |id| ActuatorOf { bus: 0, id, model: "XL330-M288-T".into() };
+        let actuators = Actuators { buses: vec![bus], channels: vec![of(1), of(3)] };
+        let channels = vec!["hip".into(), "knee".into()];
+        Catalog::of_robot("pup", 7, channels).with_actuators(actuators)
+    }
+
+    fn of_servos(heard: &Traffic) -> String {
+        let (hello, catalog) = (hello(), of_pup());
+        let findings = Findings { catalog: Some(&catalog), ..findings(heard, Some(&hello)) };
+        text(&findings)
+    }
+
+    /// No word of CAN for a robot without CAN: adapter gone, all silent, one silent, two with one ID, supply, heat.
+    #[test]
+    fn a_serial_line_is_diagnosed_in_its_own_words() {
+        let node = Node::new(1).unwrap();
+        let mut gone = heard(State::EStopped, FaultBits::default().with(Fault::BusOff), 2);
+        let report = FaultReport { counter: 0, fault: Fault::BusOff, channel: None, value: 0.0 };
+        gone.take(1, &report.encode(node));
+        let all_silent = heard(State::Disarmed, FaultBits::default(), 0);
+        let one_silent = heard(State::Disarmed, FaultBits::default(), 1);
+        let joint = |channel, bits| JointTelemetry {
+            channel,
+            position_rad: 0.0,
+            velocity_rad_s: 0.0,
+            torque_nm: 0.0,
+            status: ActuatorStatus(bits),
+        };
+        let mut same_id = heard(State::Disarmed, FaultBits::default(), 1);
+        for n in 0..40 {
+            let bits = if n % 4 == 0 { ActuatorStatus::UNANSWERED } else { 0 };
+            same_id.take(1, &joint(0, bits).encode(node));
+        }
+        let mut brown_out = heard(State::Disarmed, FaultBits::default(), 2);
+        brown_out.take(1, &joint(1, ActuatorStatus::BAD_VOLTAGE).encode(node));
+        let mut hot = heard(State::Disarmed, FaultBits::default(), 2);
+        hot.take(1, &joint(1, ActuatorStatus::OVERHEATED).encode(node));
+        for (heard, expected) in [
+            (
+                gone,
+                &[
+                    "stopped: the serial adapter of the servos is gone",
+                    "fault 11: the serial adapter",
+                    "plug the adapter in",
+                ][..],
+            ),
+            (all_silent, &["any actuator on bus 0 (Dynamixel)", "1000000 bit/s", "echo"]),
+            (one_silent, &["no position from knee (bus 0, ID 3)", "New servos have ID 1"]),
+            (
+                same_id,
+                &[
+                    "no position from knee (bus 0, ID 3)",
+                    "hip (bus 0, ID 1) answers only sometimes: do two servos have its ID",
+                ],
+            ),
+            (brown_out, &["Wrong: knee (bus 0, ID 3): supply voltage outside 3.7 to 6 V"]),
+            (hot, &["Wrong: knee (bus 0, ID 3): hotter than 70 °C"]),
+        ] {
+            let text = of_servos(&heard);
+            for words in expected {
+                assert!(text.contains(words), "{words}: {text}");
+            }
+            // The link of these robots is on CAN, and says so in its line.
+            for word in ["CAN_H", "terminat", "candump", "emergency stop", "a bus is off"] {
+                assert!(!text.contains(word), "{word}: {text}");
+            }
+        }
+    }
+
+    #[test]
+    fn another_controller_on_the_bus_is_named() {
+        let mut traffic = Traffic { span_us: 1_000_000, ..Traffic::default() };
+        let of_one = heard(State::Disarmed, FaultBits::default(), 0);
+        let status = of_one.status.unwrap();
+        traffic.take(3, &status.encode(Node::new(1).unwrap()));
+        let text = diagnose(&traffic, None);
+        assert!(text.contains("controller 1 is on the bus"), "{text}");
+        assert!(text.contains("rollwalk doctor --node 1 --bus can:can0"), "{text}");
     }
 
     #[test]

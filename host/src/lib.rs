@@ -15,6 +15,7 @@
 //! | [`stream`] | setpoints that a host streams: frames in, messages out |
 //! | [`discover`], [`listener`] | controllers on the link; other hosts of a controller |
 //! | [`catalog`] | names for the numbers of a library |
+//! | [`actuators`] | buses and servos of a robot, and the words that faults have on each kind of bus |
 //! | [`doctor`] | diagnosis of a robot, and how to clear its faults |
 //! | [`transfer`] | transfer of a library: answers in, requests out |
 //! | [`describe`] | states, events and faults in words, and what to do next |
@@ -39,6 +40,7 @@
 
 #![warn(missing_docs)]
 
+pub mod actuators;
 pub mod authentication;
 pub mod catalog;
 pub mod client;

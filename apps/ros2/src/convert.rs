@@ -1,9 +1,10 @@
 //! From what the host knows of a robot to messages of ROS: values in, messages out.
 
 use crate::messages::{DiagnosticArray, DiagnosticStatus, Header, JointState, KeyValue, Level};
+use rollwalk_host::actuators::Actuators;
 use rollwalk_host::catalog::Catalog;
-use rollwalk_host::describe::{fault_names, report_details, state_name};
-use rollwalk_host::operator::View;
+use rollwalk_host::describe::{condition, fault_report_on};
+use rollwalk_host::operator::{FaultView, View};
 use rollwalk_protocol::faults::Severity;
 use rollwalk_protocol::wire::{JointTelemetry, State, Status, Torque};
 use ros2_client::builtin_interfaces::Time;
@@ -86,6 +87,8 @@ pub fn diagnostics(stamp: Time, of: &Diagnosed<'_>) -> DiagnosticArray {
 
 fn controller(of: &Diagnosed<'_>) -> (Level, String, Vec<KeyValue>) {
     let view = of.view;
+    let unknown = Actuators::default();
+    let actuators = of.catalog.map_or(&unknown, |catalog| &catalog.actuators);
     let mut values = vec![entry("state", state(view))];
     if heard(view).is_some() {
         values.push(entry("motion", motion(view, of.catalog)));
@@ -96,12 +99,12 @@ fn controller(of: &Diagnosed<'_>) -> (Level, String, Vec<KeyValue>) {
     }
     for fault in &view.faults {
         let channels = of.catalog.map(|catalog| &catalog.channels);
-        let channel = fault.channel.map(|channel| {
+        let name = fault.channel.map(|channel| {
             let name = channels.and_then(|names| names.get(usize::from(channel)));
             name.cloned().unwrap_or_else(|| format!("channel {channel}"))
         });
-        let details = report_details(fault.fault, channel, fault.value);
-        values.push(entry("fault", fault.fault.description().name.to_owned() + &details));
+        let FaultView { fault, channel, value, .. } = *fault;
+        values.push(entry("fault", fault_report_on(fault, channel, name, value, actuators)));
     }
     let Some(status) = heard(view) else {
         return (Level::Stale, "no contact with the controller".to_owned(), values);
@@ -116,11 +119,7 @@ fn controller(of: &Diagnosed<'_>) -> (Level, String, Vec<KeyValue>) {
         Severity::None | Severity::Notice => Level::Warn,
         _ => Level::Error,
     };
-    let mut message = state_name(status.state).to_owned();
-    if !status.faults.is_empty() {
-        message = format!("{message}: {}", fault_names(status.faults));
-    }
-    (level, message, values)
+    (level, condition(&status, actuators), values)
 }
 
 fn link(of: &Diagnosed<'_>) -> (Level, String, Vec<KeyValue>) {
@@ -235,6 +234,7 @@ mod tests {
             diagnostics(Time::ZERO, &of).status
         };
         let (none, tilt) = (FaultBits::default(), FaultBits::default().with(Fault::Tilt));
+        let off = none.with(Fault::BusOff);
         for (state, faults, severity, level, message) in [
             (State::Playing, none, Severity::None, Level::Ok, "playing"),
             (State::Playing, tilt, Severity::Notice, Level::Warn, "playing: the body is tilted"),
@@ -246,6 +246,7 @@ mod tests {
                 "returning to SAFE: the body is tilted",
             ),
             (State::EStopped, none, Severity::EStop, Level::Error, "stopped by an emergency stop"),
+            (State::EStopped, off, Severity::EStop, Level::Error, "stopped: a bus is off"),
         ] {
             let status = of(&view(state, faults, severity));
             assert_eq!(status[0].level, level, "{:?}", status[0]);

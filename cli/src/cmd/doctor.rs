@@ -4,7 +4,7 @@ use crate::system;
 use miette::miette;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::decode::decode;
-use rollwalk_host::describe::{event_sentence, state_name};
+use rollwalk_host::describe::state_name;
 use rollwalk_host::doctor::{Finding, Findings, Gravity, Traffic};
 use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::{History, Session};
@@ -194,7 +194,7 @@ fn report(
     let log = history.into_iter().flat_map(|history| {
         history.entries.iter().rev().map(|(_, entry)| Entry {
             seconds_ago: f64::from(history.age_ms(entry)) * 1e-3,
-            event: event_sentence(entry.event) + &findings.entry_detail(entry),
+            event: findings.entry_sentence(entry) + &findings.entry_detail(entry),
             before: state_name(entry.before),
             after: state_name(entry.after),
         })

@@ -388,6 +388,7 @@ mod tests {
             transitions: Vec::new(),
             safe: 0,
             channels: vec!["hip".into(), "knee".into()],
+            actuators: Default::default(),
         }
     }
 

@@ -3,7 +3,7 @@
 
 use rollwalk_multibody::{Standing, Tree, doubts};
 use rollwalk_robot::Robot;
-use rollwalk_terminal::output::Table;
+use rollwalk_terminal::output::{Table, unsigned_zero};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -271,7 +271,5 @@ fn apart(distance_m: f64) -> String {
 
 /// A number with so many decimals, and no minus in front of zeros.
 fn fixed<const DECIMALS: usize>(value: f64) -> String {
-    let shown = format!("{value:.DECIMALS$}");
-    let zero = shown.trim_start_matches('-').chars().all(|digit| matches!(digit, '0' | '.'));
-    if zero { shown.trim_start_matches('-').to_owned() } else { shown }
+    unsigned_zero(format!("{value:.DECIMALS$}"))
 }

@@ -173,6 +173,15 @@ pub fn print_json(value: &impl Serialize) -> miette::Result<()> {
     print(&text)
 }
 
+/// A number without the sign of a zero: `0.00` for `-0.00`. Other text is left as it is.
+pub fn unsigned_zero(number: String) -> String {
+    let zero = number.strip_prefix('-').filter(|digits| digits.starts_with('0'));
+    match zero.filter(|digits| digits.bytes().all(|byte| byte == b'0' || byte == b'.')) {
+        Some(zero) => zero.to_owned(),
+        None => number,
+    }
+}
+
 /// A table with aligned columns: the first column to the left, numbers to the right.
 pub struct Table {
     rows: Vec<Vec<String>>,
@@ -192,7 +201,7 @@ impl Table {
     }
 
     pub fn row<const N: usize>(&mut self, cells: [String; N]) {
-        self.rows.push(cells.to_vec());
+        self.rows.push(cells.map(unsigned_zero).to_vec());
     }
 
     /// The table as text, columns two blanks apart, a rule below the titles.
@@ -247,6 +256,16 @@ mod tests {
         table.row(["x".repeat(70_000), "y".repeat(70_000)]);
         let text = table.render();
         assert_eq!(text.lines().last().unwrap().len(), 140_002);
+    }
+
+    #[test]
+    fn zeros_in_tables_have_no_sign() {
+        let mut table = Table::new(["joint", "rad", "rad/s"]);
+        table.row(["hip".into(), format!("{:.3}", -0.0001), format!("{:.3}", -0.1)]);
+        let last = table.render().lines().last().unwrap().to_owned();
+        assert_eq!(last, "hip    0.000  -0.100");
+        assert_eq!(unsigned_zero("-".into()), "-");
+        assert_eq!(unsigned_zero("-0".into()), "0");
     }
 
     #[test]

@@ -4,6 +4,7 @@ use crate::inputs::Source;
 use crate::kind::Kind;
 use crate::{files, shipped};
 use miette::{IntoDiagnostic, miette};
+use rollwalk_host::actuators::Actuators;
 use rollwalk_host::catalog::{Catalog, check_names};
 use rollwalk_protocol::library::{Index, Library, Reject, SignedFile, Why, validate};
 use rollwalk_robot::Robot;
@@ -80,13 +81,27 @@ impl Packed {
     pub fn catalog(&self) -> Catalog {
         let channels = channel_names(&self.robot);
         let catalog = Catalog::of(&self.library(), &self.robot.name, channels);
-        catalog.expect("a validated library has a name for every motion")
+        let catalog = catalog.expect("a validated library has a name for every motion");
+        catalog.with_actuators(actuators(&self.robot))
     }
 }
 
 /// Names of a robot's joints and wheels, in the order of its configuration.
 pub fn channel_names(robot: &Robot) -> Vec<String> {
     robot.channels().map(|channel| channel.name().to_owned()).collect()
+}
+
+/// Actuators of a robot and their buses; none of a robot that breaks the rules of robot files.
+pub fn actuators(robot: &Robot) -> Actuators {
+    let models = robot.channels().map(|channel| channel.actuator().model.clone());
+    let models: Vec<_> = models.collect();
+    let config = robot.controller_config();
+    config.map_or_else(
+        |_| Actuators::default(),
+        |config| {
+            Actuators::new(&config, &robot.controller_buses(), models.iter().map(String::as_str))
+        },
+    )
 }
 
 /// A file's library without the signature.

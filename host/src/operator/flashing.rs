@@ -57,7 +57,7 @@ impl Operator {
                 self.log.say(now_us, Weight::Note, "transferring the library");
             }
             Err(why) => {
-                let text = format!("not sent, to transfer a library: {why}");
+                let text = format!("the library was not sent: {why}");
                 self.log.say(now_us, Weight::Refused, text);
             }
         }

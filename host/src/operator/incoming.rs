@@ -126,7 +126,9 @@ impl Operator {
             Outcome::Unanswered => {
                 (Weight::Warning, format!("no answer to the command to {words}: try again"))
             }
-            Outcome::Unsent => (Weight::Warning, format!("not sent, no contact: to {words}")),
+            Outcome::Unsent => {
+                (Weight::Warning, format!("the command to {words} was not sent: no contact"))
+            }
         };
         if let Some(wish) = wish {
             self.log.answer(now_us, wish, weight, text);
@@ -139,7 +141,7 @@ impl Operator {
                 self.asked = Some((code, speed_64ths));
                 let begins_s = f64::from(ack.value) / f64::from(RATE_HZ);
                 let words = order.words(self.catalog.as_ref());
-                return format!("to {words}: begins in {begins_s:.1} s");
+                return format!("{words}: begins in {begins_s:.1} s");
             }
             Order::Arm => self.latch = self.latch.armed(),
             Order::Clear => self.latch = self.latch.cleared(),

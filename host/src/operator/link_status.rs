@@ -2,10 +2,11 @@
 
 use super::log::{Log, Weight};
 use super::view::{FaultView, JointView, LinkView};
+use crate::actuators::{Actuators, BusKind, fault_names_on, fault_words};
 use crate::client::Client;
-use crate::describe::{LEFT_ALONE, fault_names, state_name};
+use crate::describe::{LEFT_ALONE, condition, state_name};
 use rollwalk_protocol::faults::{Fault, FaultBits};
-use rollwalk_protocol::wire::{FaultReport, JointTelemetry, State, Status};
+use rollwalk_protocol::wire::{FaultReport, JointTelemetry, State, Status, Torque};
 use std::collections::BTreeMap;
 
 /// Age of the last STATUS at which contact is lost, µs.
@@ -24,6 +25,7 @@ pub struct LinkStatus {
     contact: Option<bool>,
     reports: BTreeMap<u8, (u64, FaultReport)>,
     joints: BTreeMap<u8, (u64, JointTelemetry)>,
+    actuators: Actuators,
     received: u64,
     lost: u64,
 }
@@ -32,6 +34,21 @@ impl LinkStatus {
     /// The last status.
     pub fn status(&self) -> Option<Status> {
         self.status.map(|(_, status)| status)
+    }
+
+    /// Sets the actuators of the robot.
+    pub fn set_actuators(&mut self, actuators: Actuators) {
+        self.actuators = actuators;
+    }
+
+    /// Kind of the robot's actuator buses: of the one that a latched fault is about, or of all.
+    pub fn bus_kind(&self) -> Option<BusKind> {
+        let first = self.status().and_then(|status| status.faults.first());
+        let report = first.and_then(|fault| self.reports.get(&fault.code())).map(|(_, of)| of);
+        match report {
+            Some(of) => self.actuators.kind_for(of.fault, of.channel, Some(of.value)),
+            None => self.actuators.kind(),
+        }
     }
 
     /// State according to the last status.
@@ -58,24 +75,33 @@ impl LinkStatus {
             log.say(
                 now_us,
                 Weight::Note,
-                format!("{text}: the robot is {}", state_name(status.state)),
+                format!("{text}: the robot is {}", condition(&status, &self.actuators)),
             );
         } else if before.is_some_and(|(_, last)| last.state != status.state) {
             let weight = match status.state {
                 State::Damped | State::TorqueOff | State::EStopped => Weight::Warning,
                 _ => Weight::Note,
             };
-            log.say(now_us, weight, format!("the robot is {}", state_name(status.state)));
+            // The fault that caused it follows as a message of its own.
+            let words = match status.state {
+                State::EStopped if !status.faults.contains(Fault::EStop) => {
+                    condition(&status, &self.actuators)
+                }
+                state => state_name(state).to_owned(),
+            };
+            log.say(now_us, weight, format!("the robot is {words}"));
         }
         self.contact = Some(true);
         let old = before.map_or(FaultBits::default(), |(_, last)| last.faults);
         let new = FaultBits(status.faults.0 & !old.0);
         let gone = FaultBits(old.0 & !status.faults.0);
         if !new.is_empty() {
-            log.say(now_us, Weight::Warning, format!("fault: {}", fault_names(new)));
+            let names = fault_names_on(new, &self.actuators);
+            log.say(now_us, Weight::Warning, format!("fault: {names}"));
         }
         if !gone.is_empty() {
-            log.say(now_us, Weight::Note, format!("no longer: {}", fault_names(gone)));
+            let names = fault_names_on(gone, &self.actuators);
+            log.say(now_us, Weight::Note, format!("cleared: {names}"));
             self.reports.retain(|&code, _| gone.iter().all(|fault| fault.code() != code));
         }
     }
@@ -93,7 +119,8 @@ impl LinkStatus {
         let latched = self.status().is_some_and(|status| status.faults.contains(report.fault));
         let recent = known.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < SHOWN_US);
         if !latched && !recent {
-            let name = report.fault.description().name;
+            let kind = self.actuators.kind_for(report.fault, report.channel, Some(report.value));
+            let name = fault_words(report.fault, kind).name;
             log.say(now_us, Weight::Warning, format!("fault report: {name}"));
         }
     }
@@ -108,14 +135,15 @@ impl LinkStatus {
         self.contact = self.contact.map(|_| false);
     }
 
-    /// Reports a loss of contact; returns whether it happened just now. Without a
-    /// person who watches, there is none who could do something about it.
-    pub fn watch(&mut self, now_us: u64, unwatched: bool, log: &mut Log) -> bool {
+    /// Reports a loss of contact; returns whether it happened just now. `way_out` is what a person does to stop a robot with torque;
+    /// without a person there is none.
+    pub fn watch(&mut self, now_us: u64, way_out: Option<&str>, log: &mut Log) -> bool {
         if self.contact == Some(true) && !self.in_contact(now_us) {
             self.contact = Some(false);
             let mut text = "no contact: nothing was heard for 0.5 s".to_owned();
-            if !unwatched {
-                text += &format!("; quit, or let go of the deadman, and {LEFT_ALONE}");
+            let has_torque = self.state().is_some_and(|state| state.torque() != Torque::Off);
+            if let Some(way_out) = way_out.filter(|_| has_torque) {
+                text += &format!("; {way_out}, and {LEFT_ALONE}");
             }
             log.say(now_us, Weight::Warning, text);
             return true;

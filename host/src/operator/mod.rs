@@ -30,6 +30,7 @@ pub use intent::{Deadman, Intent, LetGo};
 pub use log::{Message, Weight};
 pub use view::{FaultView, JointView, Leaving, LinkView, View};
 
+use crate::actuators::Actuators;
 use crate::authentication::{NoSession, Peer};
 use crate::catalog::Catalog;
 use crate::client::{Client, Outgoing};
@@ -96,6 +97,8 @@ pub struct Operator {
     unattended: bool,
     /// No person watches the robot.
     unwatched: bool,
+    /// No keys and no deadman: a person ends the program by Ctrl-C.
+    scripted: bool,
     /// A frame that the bus refused.
     unsent: Option<Frame>,
     /// A library on its way to the controller.
@@ -136,6 +139,7 @@ impl Operator {
             silent: false,
             unattended: false,
             unwatched: false,
+            scripted: false,
             unsent: None,
             flashing: None,
             setpoints: Setpoints::Streamed(Stream::default()),
@@ -150,6 +154,25 @@ impl Operator {
     pub fn unwatched(mut self) -> Self {
         self.unwatched = true;
         self
+    }
+
+    /// For a program without keys and gamepad, which a person ends by Ctrl-C.
+    #[must_use]
+    pub fn scripted(mut self) -> Self {
+        self.scripted = true;
+        self
+    }
+
+    /// What a person who watches the robot does when contact is lost; `None` without one.
+    fn way_out(&self) -> Option<&'static str> {
+        match self.deadman {
+            _ if self.unwatched => None,
+            _ if self.scripted => Some("Ctrl-C ends this program"),
+            Some(Deadman::Held) => Some("let go of the deadman"),
+            // Heartbeats are withheld already.
+            Some(Deadman::Released(_)) => None,
+            None => Some("quit"),
+        }
     }
 
     /// Adds a frame to the stream of setpoints, of all channels. A stream begins anew with [`Intent::Stream`]: then its first frames are
@@ -180,7 +203,15 @@ impl Operator {
 
     /// Sets the catalog of the controller's library: names for messages, and which motions loop.
     pub fn set_catalog(&mut self, catalog: Option<Catalog>) {
+        if let Some(catalog) = &catalog {
+            self.link.set_actuators(catalog.actuators.clone());
+        }
         self.catalog = catalog;
+    }
+
+    /// Sets the actuators of the robot, where it is known without its library: words about faults depend on their buses.
+    pub fn set_actuators(&mut self, actuators: Actuators) {
+        self.link.set_actuators(actuators);
     }
 
     /// The controller's identity.
@@ -253,7 +284,8 @@ impl Operator {
         if let Some(frame) = self.unsent.take() {
             return Some(frame);
         }
-        if self.link.watch(now_us, self.unwatched, &mut self.log) {
+        let leave = self.way_out();
+        if self.link.watch(now_us, leave, &mut self.log) {
             // After a loss of contact another controller may answer.
             self.hello = None;
         }
@@ -315,7 +347,7 @@ impl Operator {
     pub fn view(&self, now_us: u64) -> View {
         let status = self.link.status();
         let advice = match status {
-            Some(status) => describe::advice(status.state, status.faults),
+            Some(status) => describe::advice(status.state, status.faults, self.link.bus_kind()),
             None => "wait for the controller",
         };
         View {

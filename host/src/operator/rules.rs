@@ -121,7 +121,7 @@ impl Operator {
                 let text = if self.link.in_contact(now_us) && self.bus_lost.is_none() {
                     "going home: it returns to SAFE, then torque goes off"
                 } else {
-                    "no contact: once more leaves at once"
+                    "no contact: quit again to leave at once"
                 };
                 self.log.say(now_us, Weight::Note, text);
                 Leaving::WhenHome
@@ -166,7 +166,7 @@ impl Operator {
 
     fn refuse(&mut self, now_us: u64, order: Order, why: &str) {
         let words = order.words(self.catalog.as_ref());
-        let text = format!("not sent, to {words}: {why}");
+        let text = format!("the command to {words} was not sent: {why}");
         self.log.answer(now_us, self.wished, Weight::Refused, text);
     }
 
@@ -202,13 +202,15 @@ impl Operator {
             }
             (Order::Clear, _) => return Ok(()),
             (_, Latch::Stopped) => {
-                return refused("an emergency stop: clear it first, then arm");
+                return refused("the emergency stop is latched; clear it first, then arm");
             }
             (Order::Arm, Latch::Cleared) if state.is_some_and(has_torque) => {
                 return Err(Barred::NeedsNothing(Latch::Open, "it is armed already"));
             }
             (Order::Arm, _) | (_, Latch::Open) => {}
-            (_, Latch::Cleared) => return refused("an emergency stop: arm first"),
+            (_, Latch::Cleared) => {
+                return refused("the robot is not armed since the emergency stop; arm first");
+            }
         }
         if order == Order::Arm && self.hello.is_none() {
             return refused("the controller has not said yet which robot it is");

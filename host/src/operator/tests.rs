@@ -3,6 +3,7 @@
 mod any_sequence;
 
 use super::*;
+use crate::actuators::{ActuatorBus, ActuatorOf, BusKind};
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, CommandResult, Estop, EstopAck, FaultReport, HeartbeatReply,
@@ -35,6 +36,7 @@ fn catalog() -> Catalog {
         transitions: vec![Transition { from: 0, to: 1 }],
         safe: 0,
         channels: vec!["hip".into()],
+        actuators: Actuators::default(),
     }
 }
 
@@ -332,7 +334,10 @@ fn after_a_stop_it_takes_clearing_and_arming() {
     desk.answer(CommandResult::Ok, 0);
     desk.hear(status(State::Disarmed, 2).encode(node()));
     desk.want(Intent::Play { code: 3 });
-    assert_eq!(desk.last_words(), "not sent, to play code 3: an emergency stop: arm first");
+    assert_eq!(
+        desk.last_words(),
+        "the command to play code 3 was not sent: the robot is not armed since the emergency stop; arm first"
+    );
     desk.want(Intent::Arm);
     desk.poll();
     desk.answer(CommandResult::Ok, 6);
@@ -445,6 +450,56 @@ fn without_contact_and_without_the_deadman_it_is_silent_but_for_asking() {
     assert_eq!(desk.sent, [], "what was held again brings nothing back");
     desk.hear(status(State::Disarmed, 0).encode(node()));
     assert!(matches!(desk.poll()[..], [ToController::Heartbeat(_), ..]), "{:?}", desk.sent);
+}
+
+/// Whoever reads the message has the key, the deadman or the Ctrl-C that it names.
+#[test]
+fn a_loss_of_contact_names_the_control_that_this_program_has() {
+    let told = |state, prepare: fn(&mut Desk)| {
+        let mut desk = Desk::new();
+        desk.hear(status(state, 1).encode(node()));
+        prepare(&mut desk);
+        desk.pass(600_000);
+        let messages = desk.operator.log.messages();
+        let mut text = messages.iter().map(|message| &message.text);
+        text.rfind(|text| text.starts_with("no contact")).cloned().unwrap()
+    };
+    let bare = "no contact: nothing was heard for 0.5 s";
+    assert_eq!(told(State::Disarmed, |_| ()), bare);
+    let by = |what: &str| format!("{bare}; {what}, and {LEFT_ALONE}");
+    assert_eq!(told(State::Playing, |_| ()), by("quit"));
+    assert_eq!(
+        told(State::Playing, |desk| desk.want(Intent::Deadman(Deadman::Held))),
+        by("let go of the deadman")
+    );
+    let scripted = |desk: &mut Desk| desk.operator = desk.operator.clone().scripted();
+    assert_eq!(told(State::Streaming, scripted), by("Ctrl-C ends this program"));
+}
+
+/// An operator at a console reads what the buses of this robot can have.
+#[test]
+fn faults_of_a_serial_line_are_told_in_its_words() {
+    let bus =
+        ActuatorBus { kind: BusKind::ServoLine, protocol: "Dynamixel".into(), bit_rate: 1_000_000 };
+    let of = ActuatorOf { bus: 0, id: 1, model: "XL330-M288-T".into() };
+    let mut desk = Desk::new();
+    desk.operator.set_actuators(Actuators { buses: vec![bus], channels: vec![of] });
+    desk.hear(status(State::Playing, 1).encode(node()));
+    let faults = FaultBits::default().with(Fault::BusOff);
+    desk.hear(Status { faults, ..status(State::EStopped, 2) }.encode(node()));
+    let messages: Vec<_> =
+        desk.operator.log.messages().iter().map(|message| &*message.text).collect();
+    assert!(
+        messages.contains(&"the robot is stopped: the serial adapter of the servos is gone"),
+        "{messages:?}"
+    );
+    let view = desk.operator.view(desk.now_us);
+    assert!(view.advice.starts_with("plug the adapter in again"), "{}", view.advice);
+    desk.hear(status(State::Disarmed, 3).encode(node()));
+    let messages = desk.operator.log.messages();
+    assert!(
+        messages.iter().any(|of| of.text == "cleared: the serial adapter of the servos is gone")
+    );
 }
 
 #[test]

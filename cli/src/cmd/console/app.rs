@@ -194,6 +194,7 @@ impl<'a> App<'a> {
             self.operated.operator.say(now_us, Weight::Warning, text);
         }
         self.operated.operator.set_catalog(names.catalog.clone());
+        self.operated.operator.set_actuators(names.actuators.clone());
         self.names = names;
     }
 }

@@ -1,12 +1,13 @@
 //! What the console knows beside the operator's view: names, limits, which key plays what.
 
+use rollwalk_host::actuators::Actuators;
 use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::operator::View;
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_robot::Robot;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::{self, NamesArgs};
-use rollwalk_terminal::packed::{self, Packed, channel_names};
+use rollwalk_terminal::packed::{self, Packed, actuators, channel_names};
 
 /// Keys that play motions, beside the digits that are command codes; the others have a meaning of their own.
 const LETTERS: &str = "befghijklmnostuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
@@ -45,6 +46,8 @@ pub struct Names {
     pub channels: Vec<String>,
     /// By channel; `None` for a wheel.
     pub ranges: Vec<Option<Range>>,
+    /// Actuators and their buses; empty where they are not known.
+    pub actuators: Actuators,
 }
 
 /// A motion and the key that plays it.
@@ -121,11 +124,13 @@ impl Lookup {
             let robot = catalog.as_ref().map(|catalog| catalog.robot.clone());
             let channels = catalog.as_ref().map(|catalog| catalog.channels.clone());
             let channels = channels.unwrap_or_default();
-            return (Names { catalog, robot, channels, ranges: Vec::new() }, other);
+            let actuators = catalog.as_ref().map(|catalog| catalog.actuators.clone());
+            let actuators = actuators.unwrap_or_default();
+            return (Names { catalog, robot, channels, ranges: Vec::new(), actuators }, other);
         };
         let ranges = config(&robot).map_or_else(Vec::new, ranges);
-        let channels = channel_names(&robot);
-        (Names { catalog, robot: Some(robot.name), channels, ranges }, other)
+        let (channels, actuators) = (channel_names(&robot), actuators(&robot));
+        (Names { catalog, robot: Some(robot.name), channels, ranges, actuators }, other)
     }
 }
 

@@ -4,7 +4,8 @@ use ratatui::Frame;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
-use rollwalk_host::describe::{fault_names, state_name};
+use rollwalk_host::actuators::Actuators;
+use rollwalk_host::describe::{condition, state_name};
 use rollwalk_host::operator::{View, Weight};
 use rollwalk_pilot::{Phase, Pilot};
 
@@ -20,6 +21,8 @@ pub struct Scene<'a> {
     /// The bus, as it was typed.
     pub bus: &'a str,
     pub pilot: &'a Pilot,
+    /// Actuators of the robot.
+    pub actuators: &'a Actuators,
     /// The gamepad in a few words, if there is one.
     pub gamepad: Option<&'a str>,
     /// Frames that the controller has not taken yet.
@@ -56,12 +59,7 @@ fn state(scene: &Scene) -> Line<'static> {
             (format!("the robot is {}", state_name(status.state)), Color::Green)
         }
         Some(status) => (
-            format!(
-                "the robot is {}: {}; {}",
-                state_name(status.state),
-                fault_names(status.faults),
-                view.advice
-            ),
+            format!("the robot is {}; {}", condition(&status, scene.actuators), view.advice),
             Color::Red,
         ),
     };

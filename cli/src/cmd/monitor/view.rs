@@ -1,10 +1,12 @@
 //! The text output of a monitor: changes, and the joints.
 
+use rollwalk_host::actuators::{Actuators, conditions, fault_names_on};
 use rollwalk_host::catalog::{Catalog, channel_name};
-use rollwalk_host::describe::{fault_names, fault_report, state_name};
+use rollwalk_host::describe::{condition, fault_report_on, state_name};
 use rollwalk_host::refusal::command_refusal;
+use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::faults::FaultBits;
+use rollwalk_protocol::faults::{Fault, FaultBits};
 use rollwalk_protocol::wire::{
     Action, CommandResult, FaultReport, FromController, JointTelemetry, Node, State, Status,
     ToController,
@@ -29,6 +31,7 @@ pub struct View<'a> {
     asked: Option<(u8, Action)>,
     measured: BTreeMap<u8, JointTelemetry>,
     shown_us: u64,
+    actuators: Actuators,
 }
 
 impl<'a> View<'a> {
@@ -45,6 +48,7 @@ impl<'a> View<'a> {
             asked: None,
             measured: BTreeMap::new(),
             shown_us: start_us,
+            actuators: catalog.map_or_else(Actuators::default, |of| of.actuators.clone()),
         }
     }
 
@@ -85,6 +89,7 @@ impl<'a> View<'a> {
                 }
             }
             FromController::JointTelemetry(joint) => {
+                self.conditions(at_us, joint)?;
                 self.measured.insert(joint.channel, joint);
                 self.show_joints(at_us)
             }
@@ -103,18 +108,42 @@ impl<'a> View<'a> {
         let is_other = std::mem::replace(&mut self.clip, clip) != clip;
         if is_new || is_other && clip.is_some() {
             let clip = clip.map_or_else(String::new, |clip| format!(": {}", self.clip_name(clip)));
-            self.say(at_us, &format!("{}{clip}", state_name(status.state)))?;
+            // Other faults have a line of their own.
+            let state = match status.state {
+                State::EStopped if !status.faults.contains(Fault::EStop) => {
+                    condition(status, &self.actuators)
+                }
+                state => state_name(state).to_owned(),
+            };
+            self.say(at_us, &format!("{state}{clip}"))?;
         }
         if std::mem::replace(&mut self.faults, status.faults) != status.faults {
-            self.say(at_us, &format!("faults: {}", fault_names(status.faults)))?;
+            self.say(
+                at_us,
+                &format!("faults: {}", fault_names_on(status.faults, &self.actuators)),
+            )?;
         }
         Ok(())
     }
 
     fn fault(&self, at_us: u64, report: &FaultReport) -> miette::Result<()> {
         let channel = report.channel.map(|channel| self.channel_name(channel));
-        let described = fault_report(report.fault, channel, Some(report.value));
+        let FaultReport { fault, channel: number, value, .. } = *report;
+        let described = fault_report_on(fault, number, channel, Some(value), &self.actuators);
         self.say(at_us, &format!("fault: {described}"))
+    }
+
+    /// Warns of an actuator that has become too hot, whose supply is wrong, or that failed otherwise.
+    fn conditions(&self, at_us: u64, joint: JointTelemetry) -> miette::Result<()> {
+        let of = |status: ActuatorStatus| ActuatorStatus(status.0 & ActuatorStatus::FAULTS);
+        let before = self.measured.get(&joint.channel).map_or(0, |before| of(before.status).0);
+        let new = ActuatorStatus(of(joint.status).0 & !before);
+        let words = conditions(new, self.actuators.limits(joint.channel));
+        if words.is_empty() {
+            return Ok(());
+        }
+        let name = self.channel_name(joint.channel);
+        self.say(at_us, &format!("warning: {name}: {}", words.join(", ")))
     }
 
     fn command(&self, at_us: u64, action: Action, result: CommandResult) -> miette::Result<()> {
@@ -155,13 +184,14 @@ impl<'a> View<'a> {
             return Ok(());
         }
         self.shown_us = at_us;
-        let mut table = output::Table::new(["", "rad", "rad/s", "N·m"]);
+        let mut table = output::Table::new(["", "rad", "rad/s", "N·m", ""]);
         for (&channel, joint) in &self.measured {
             table.row([
                 self.channel_name(channel),
                 format!("{:.3}", joint.position_rad),
                 format!("{:.2}", joint.velocity_rad_s),
                 format!("{:.2}", joint.torque_nm),
+                conditions(joint.status, self.actuators.limits(channel)).join(", "),
             ]);
         }
         output::line(&table.render())

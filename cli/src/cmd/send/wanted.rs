@@ -137,6 +137,7 @@ mod tests {
             transitions: Vec::new(),
             safe: 0,
             channels: Vec::new(),
+            actuators: Default::default(),
         };
         let code = |code: &str, catalog, is_its_own| {
             let chosen = choose(&code.parse().unwrap(), catalog, is_its_own);

@@ -3,7 +3,7 @@
 
 use crate::inputs::Source;
 use crate::kind::Kind;
-use crate::packed::{self, Packed, channel_names};
+use crate::packed::{self, Packed, actuators, channel_names};
 use crate::{files, output};
 use directories::ProjectDirs;
 use miette::IntoDiagnostic;
@@ -102,7 +102,8 @@ impl NamesArgs {
             },
             (None, None) => return Ok(None),
         };
-        Ok(Some(Catalog::of_robot(&robot.name, config_hash, channel_names(&robot))))
+        let catalog = Catalog::of_robot(&robot.name, config_hash, channel_names(&robot));
+        Ok(Some(catalog.with_actuators(actuators(&robot))))
     }
 }
 

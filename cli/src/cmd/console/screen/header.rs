@@ -7,8 +7,10 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
-use rollwalk_host::operator::{FaultView, Leaving, View};
-use rollwalk_protocol::faults::{Quantity, Severity};
+use rollwalk_host::actuators::{conditions, fault_words};
+use rollwalk_host::operator::{FaultView, JointView, Leaving, View};
+use rollwalk_protocol::actuator::ActuatorStatus;
+use rollwalk_protocol::faults::{Fault, Quantity, Severity};
 use rollwalk_protocol::wire::State;
 
 /// Columns of the state.
@@ -67,9 +69,16 @@ pub fn state_words(view: &View) -> &'static str {
         Some(State::Returning) => "RETURNING",
         Some(State::Damped) => "DAMPED",
         Some(State::TorqueOff) => "TORQUE OFF",
+        // By a bus that failed: nobody has pressed anything.
+        Some(State::EStopped) if stopped_by_a_bus(view) => "STOPPED",
         Some(State::EStopped) => "EMERGENCY STOP",
         Some(State::Streaming) => "STREAMING",
     }
+}
+
+fn stopped_by_a_bus(view: &View) -> bool {
+    let faults = view.status.map(|status| status.faults).unwrap_or_default();
+    faults.contains(Fault::BusOff) && !faults.contains(Fault::EStop)
 }
 
 fn colour(view: &View) -> Color {
@@ -90,13 +99,18 @@ fn colour(view: &View) -> Color {
 fn severity(view: &View) -> &'static str {
     match view.status.filter(|_| view.link.contact).map(|status| status.severity) {
         None => "",
+        Some(Severity::None) if has_faulty_servo(view) => "see the warning",
         Some(Severity::None) => "all is well",
         Some(Severity::Notice) => "notice",
-        Some(Severity::Return) => "has to return",
-        Some(Severity::Damp) => "has to be let down",
-        Some(Severity::TorqueOff) => "torque has to be off",
-        Some(Severity::EStop) => "has to be stopped",
+        Some(Severity::Return) => "returns for a fault",
+        Some(Severity::Damp) => "is let down",
+        Some(Severity::TorqueOff) => "clear before arming",
+        Some(Severity::EStop) => "torque is off",
     }
+}
+
+fn has_faulty_servo(view: &View) -> bool {
+    view.joints.values().any(|joint| joint.telemetry.status.faulty())
 }
 
 fn link(view: &View, width: usize) -> Line<'static> {
@@ -160,9 +174,13 @@ pub fn draw_faults(frame: &mut Frame, scene: &Scene, area: Rect) {
     let width = usize::from(area.width);
     let bad = Style::new().fg(Color::Red).add_modifier(Modifier::BOLD);
     let faults: Vec<_> = view.faults.iter().map(|fault| words(scene, fault)).collect();
+    let servos = servos(scene);
     let first = match &view.mismatch {
         Some(why) => Line::styled(fit(&format!(" DO NOT ARM: {why}"), width), bad),
-        None if faults.is_empty() => Line::from(" no fault"),
+        None if faults.is_empty() && servos.is_empty() => Line::from(" no fault"),
+        None if faults.is_empty() => {
+            Line::styled(fit(&format!(" WARNING: {}", servos.join("; ")), width), bad)
+        }
         None => Line::styled(fit(&format!(" FAULT: {}", faults.join("; ")), width), bad),
     };
     let advice = if view.link.contact { view.advice } else { "wait, or see to bus and power" };
@@ -173,11 +191,23 @@ pub fn draw_faults(frame: &mut Frame, scene: &Scene, area: Rect) {
     frame.render_widget(Paragraph::new(vec![first, next]), area);
 }
 
+/// Actuators that are too hot, have a wrong supply, or failed otherwise.
+fn servos(scene: &Scene) -> Vec<String> {
+    let all = scene.view.joints.iter().filter(|(_, joint)| joint.telemetry.status.faulty());
+    let each = |(&channel, joint): (&u8, &JointView)| {
+        let status = ActuatorStatus(joint.telemetry.status.0 & ActuatorStatus::FAULTS);
+        let words = conditions(status, scene.names.actuators.limits(channel)).join(", ");
+        format!("{}: {words}", scene.names.channel(channel))
+    };
+    all.map(each).collect()
+}
+
 /// A fault with its channel and, where it has a unit, its value: in short, as lines are.
 fn words(scene: &Scene, fault: &FaultView) -> String {
     let description = fault.fault.description();
+    let kind = scene.names.actuators.kind_for(fault.fault, fault.channel, fault.value);
     let channel = fault.channel.map(|channel| format!(", {}", scene.names.channel(channel)));
-    let words = description.name.to_owned() + &channel.unwrap_or_default();
+    let words = fault_words(fault.fault, kind).name.to_owned() + &channel.unwrap_or_default();
     let unit = description.value.map_or("", Quantity::unit);
     match fault.value {
         Some(value) if !unit.is_empty() => format!("{words} ({value:.2} {unit})"),

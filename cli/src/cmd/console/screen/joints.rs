@@ -8,6 +8,7 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Paragraph};
 use rollwalk_host::operator::JointView;
+use rollwalk_terminal::output::unsigned_zero;
 
 /// Minimum number of columns.
 pub const LEAST_WIDTH: u16 = 46;
@@ -69,11 +70,17 @@ fn row(
     let age_s = (joint.age_us as f64 * 1e-6).min(999.0);
     Line::styled(
         format!(
-            "{mark} {name} {:>6.2} {bar} {:>6.2} {:>6.2}{age_s:>5.1}",
-            telemetry.position_rad, telemetry.velocity_rad_s, telemetry.torque_nm
+            "{mark} {name} {:>6} {bar} {:>6} {:>6}{age_s:>5.1}",
+            hundredths(telemetry.position_rad),
+            hundredths(telemetry.velocity_rad_s),
+            hundredths(telemetry.torque_nm)
         ),
         style,
     )
+}
+
+fn hundredths(value: f32) -> String {
+    unsigned_zero(format!("{value:.2}"))
 }
 
 /// A place in a range: `├──●───┤`, at an end `◀` or `▶` when it is outside.

@@ -5,6 +5,7 @@ use super::draw;
 use proptest::prelude::*;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
+use rollwalk_host::actuators::{ActuatorBus, ActuatorOf, Actuators, BusKind};
 use rollwalk_host::catalog::{Catalog, Motion, Transition};
 use rollwalk_host::operator::{FaultView, JointView, Leaving, LinkView, Message, View, Weight};
 use rollwalk_protocol::actuator::ActuatorStatus;
@@ -63,8 +64,10 @@ fn names() -> Names {
         transitions: edges.map(|(from, to)| Transition { from, to }).to_vec(),
         safe: 0,
         channels: channels.clone(),
+        actuators: Actuators::default(),
     };
-    Names { catalog: Some(catalog), robot: Some("agilebot".into()), channels, ranges }
+    let actuators = Actuators::default();
+    Names { catalog: Some(catalog), robot: Some("agilebot".into()), channels, ranges, actuators }
 }
 
 fn view(state: State, clip: Option<u8>) -> View {
@@ -125,7 +128,7 @@ fn view(state: State, clip: Option<u8>) -> View {
                 Weight::Refused,
                 "the controller refused to play drive_1m: torque is off; arm first",
             ),
-            say(64_000_000, Weight::Note, "to play walk: begins in 1.2 s"),
+            say(64_000_000, Weight::Note, "play walk: begins in 1.2 s"),
         ]
         .into(),
     }
@@ -163,7 +166,7 @@ fn a_fault_on_the_way_to_safe() {
         number: 2,
         at_us: 64_500_000,
         weight: Weight::Warning,
-        text: "no contact: nothing was heard for 0.5 s; without heartbeats an armed robot returns to SAFE by itself".into(),
+        text: "no contact: nothing was heard for 0.5 s; let go of the deadman, and an armed robot returns to SAFE by itself, or halts if it is streamed to".into(),
         answers: None,
     });
     for (width, height) in [(80, 24), (120, 40)] {
@@ -202,6 +205,44 @@ fn what_is_wrong_with_the_bus_is_in_the_line_of_the_link() {
     view.link.status_age_us = Some(1_200_000);
     let lost = link(&view);
     assert!(lost.contains("NO CONTACT for 1.2 s: can0 is bus-off"), "{lost}");
+}
+
+/// A stopped robot is described as it is, and by what stopped it.
+#[test]
+fn what_stopped_a_robot_is_not_mistaken_for_another_cause() {
+    let mut names = names();
+    names.actuators = of_a_serial_line();
+    let head = |faults: FaultBits| {
+        let mut view = view(State::EStopped, None);
+        let severity = Severity::EStop;
+        view.status = view.status.map(|status| Status { faults, severity, ..status });
+        let fault = |fault| FaultView { fault, present: true, channel: None, value: Some(0.0) };
+        view.faults = faults.iter().map(fault).collect();
+        render(&scene(&view, &names), 120, 24).lines().take(6).collect::<Vec<_>>().join("\n")
+    };
+    let pressed = head(FaultBits::default().with(Fault::EStop));
+    assert!(pressed.contains("EMERGENCY STOP") && pressed.contains("torque is off"), "{pressed}");
+    assert!(!pressed.contains("has to be"), "{pressed}");
+    let lost = head(FaultBits::default().with(Fault::BusOff));
+    assert!(lost.contains("STOPPED") && !lost.contains("EMERGENCY"), "{lost}");
+    assert!(lost.contains("FAULT: the serial adapter of the servos is gone"), "{lost}");
+}
+
+/// Telemetry has neither degrees nor volts, but a flag for each; the limits are those of the data sheet.
+#[test]
+fn a_servo_that_is_too_hot_is_named_with_its_limit() {
+    let mut names = names();
+    names.actuators = of_a_serial_line();
+    let screen = render(&scene(&view(State::TorqueOff, None), &names), 120, 24);
+    let expected = "WARNING: front_right_hip: hotter than 70 °C, torque is off";
+    assert!(screen.contains(expected), "{screen}");
+}
+
+fn of_a_serial_line() -> Actuators {
+    let bit_rate = 1_000_000;
+    let bus = ActuatorBus { kind: BusKind::ServoLine, protocol: "Dynamixel".into(), bit_rate };
+    let of = |id| ActuatorOf { bus: 0, id, model: "XL330-M288-T".into() };
+    Actuators { buses: vec![bus], channels: (1..15).map(of).collect() }
 }
 
 /// Without colours the words still distinguish the states.
