@@ -9,9 +9,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Makes PNG of SVG.
-const RSVG: Tool = Tool { program: "rsvg-convert", package: "librsvg2-bin" };
+const RSVG: Tool =
+    Tool { program: "rsvg-convert", package: "librsvg2-bin", formats: "PNG, GIF or MP4" };
 /// Makes films of PNG.
-const FFMPEG: Tool = Tool { program: "ffmpeg", package: "ffmpeg" };
+const FFMPEG: Tool = Tool { program: "ffmpeg", package: "ffmpeg", formats: "GIF or MP4" };
 /// Pixels of a PNG by those of the SVG: sharp on displays of today.
 const ZOOM: &str = "2";
 
@@ -25,6 +26,8 @@ pub struct Tool {
     pub program: &'static str,
     /// Debian's package that has it.
     pub package: &'static str,
+    /// Formats that need it.
+    formats: &'static str,
 }
 
 impl Tool {
@@ -32,6 +35,11 @@ impl Tool {
     pub fn is_installed(&self) -> bool {
         let path = std::env::var_os("PATH").unwrap_or_default();
         std::env::split_paths(&path).any(|folder| folder.join(self.program).is_file())
+    }
+
+    /// Consequence of its absence.
+    pub fn lack(&self) -> String {
+        format!("`rollwalk plot` writes SVG, but no {}", self.formats)
     }
 
     /// How it is installed.

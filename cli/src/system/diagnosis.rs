@@ -138,7 +138,12 @@ fn serial_devices(system: &System) -> Vec<Finding> {
         let has_access = user.is_root || user.groups.iter().any(|one| one == group);
         let what = "no serial adapter and no board is plugged in";
         found.push(if has_access {
-            fine(format!("{what}; this user may use those with the group `{group}`"))
+            // Nothing to use, and nothing to mend: no tick.
+            finding(
+                Gravity::Note,
+                format!("{what}; this user may use those with the group `{group}`"),
+                "",
+            )
         } else {
             finding(
                 Gravity::Note,
@@ -188,14 +193,14 @@ fn gamepads(system: &System) -> Vec<Finding> {
     }
     found.extend(system.gamepads.iter().map(|name| fine(format!("gamepad: {name}"))));
     if found.is_empty() {
-        found.push(fine("no gamepad is plugged in; none is needed"));
+        found.push(finding(Gravity::Note, "no gamepad is plugged in; none is needed", ""));
     }
     found
 }
 
 fn tools(system: &System) -> Vec<Finding> {
     let missing = system.missing_tools.iter().map(|tool| {
-        let what = format!("{} is not installed: pictures and films are fewer", tool.program);
+        let what = format!("{} is not installed: {}", tool.program, tool.lack());
         finding(Gravity::Note, what, tool.install())
     });
     missing.collect()
@@ -361,7 +366,9 @@ mod tests {
         let mut root = ready();
         root.serial.clear();
         root.user = User { is_root: true, ..User::default() };
-        assert!(diagnose(&root).iter().all(|one| one.gravity == Gravity::Fine));
+        let found = diagnose(&root);
+        let none = found.iter().find(|one| one.what.contains("no serial adapter")).unwrap();
+        assert_eq!((none.gravity, none.help.as_str()), (Gravity::Note, ""), "no tick for nothing");
     }
 
     #[test]
@@ -392,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gamepad_that_may_not_be_read_is_wrong_and_none_is_fine() {
+    fn a_gamepad_that_may_not_be_read_is_wrong_and_none_is_a_note() {
         let path = Path::new("/dev/input/event7");
         let finding = after(|system| {
             system.gamepads.clear();
@@ -401,7 +408,9 @@ mod tests {
         assert_is(&finding, Gravity::Wrong, "/dev/input/event7", "sudo usermod -aG input $USER");
         let mut none = ready();
         none.gamepads.clear();
-        assert!(diagnose(&none).iter().all(|one| one.gravity == Gravity::Fine));
+        let found = diagnose(&none);
+        let none = found.iter().find(|one| one.what.contains("gamepad")).unwrap();
+        assert_eq!(none.gravity, Gravity::Note, "no tick for nothing");
     }
 
     #[test]

@@ -22,7 +22,7 @@ const KNOWN_S: f64 = 10.0;
 /// Longest time until it is armed and stands in SAFE, µs.
 const ARMED_US: u64 = 30_000_000;
 /// Latency from which on a robot is not controlled, s: it falls before it is answered, and samples tell no longer one.
-const LATENCY_MAX_S: f64 = 0.05;
+pub const LATENCY_MAX_S: f64 = 0.05;
 /// For how long contacts count that were heard, s.
 const CONTACTS_S: f64 = 0.05;
 /// Samples that are answered before the loop of the program goes on: heartbeats are sent there.
@@ -163,6 +163,11 @@ impl<'p> Conductor<'p> {
         &self.tally
     }
 
+    /// Samples a second that the controller is asked for.
+    pub fn rate_hz(&self) -> u16 {
+        self.tracking.rate_hz
+    }
+
     #[cfg(test)]
     pub fn sequence(&self) -> &Sequence<'p> {
         &self.sequence
@@ -221,7 +226,7 @@ impl<'p> Conductor<'p> {
                 operator.want(now_us, Intent::Quit);
             }
             (_, state) => {
-                let text = format!("the robot is {}: the motion is over", state_name(state));
+                let text = format!("the motion is over: the robot is {}", state_name(state));
                 operator.say(now_us, Weight::Warning, text);
                 self.phase = Phase::Over;
                 if operator.leaving() == Leaving::No {

@@ -1,19 +1,32 @@
 //! The loop around a [`Conductor`]: a bus, a clock and Ctrl-C.
 
-use super::conductor::{Conductor, Phase, Tally};
+use super::conductor::{Conductor, LATENCY_MAX_S, Phase, Tally};
 use rollwalk_bus::port::Live;
 use rollwalk_host::operator::{Intent, Leaving, Operator};
 use rollwalk_pilot::END_US;
 use rollwalk_terminal::link::LinkArgs;
 use rollwalk_terminal::link::operated::{Operated, farewell, say_new};
 use rollwalk_terminal::{Exit, interrupt, output};
+use serde::Serialize;
 use std::time::Instant;
 
 /// Time without contact after which the program ends, µs.
 const SILENT_US: u64 = 5_000_000;
 
-/// Plays the sequence of a conductor on a bus, and says how it went.
-pub fn run(link: &LinkArgs, bus: Live, operator: Operator, conductor: &mut Conductor<'_>) -> Exit {
+/// Part of the samples that may go without an answer in time before the link counts as too slow.
+const MISSED: f64 = 0.01;
+
+/// Plays the sequence of a conductor on a bus, and prints how it went.
+///
+/// # Errors
+/// Standard output is closed.
+pub fn run(
+    link: &LinkArgs,
+    bus: Live,
+    operator: Operator,
+    conductor: &mut Conductor<'_>,
+    json: bool,
+) -> miette::Result<Exit> {
     interrupt::listen();
     let mut operated = Operated::new(link, bus, operator);
     let (mut said, mut heard_us, mut over_us) = (None, 0, None);
@@ -46,38 +59,120 @@ pub fn run(link: &LinkArgs, bus: Live, operator: Operator, conductor: &mut Condu
         let is_lost = now_us.saturating_sub(heard_us) > SILENT_US || overtime_us > 2 * END_US;
         if operated.operator.leaving() == Leaving::Now || is_lost {
             let ended = farewell(&view);
-            output::say(summary(conductor.tally(), &mut took_ms));
-            return match ended {
+            let report = Report::new(conductor, &mut took_ms);
+            output::say(report.verdict());
+            if json {
+                output::print_json(&report)?;
+            }
+            return Ok(match ended {
                 Exit::Ok if interrupts > 0 => Exit::Interrupted,
-                Exit::Ok if !conductor.tally().complete => Exit::NotDone,
+                Exit::Ok if !report.complete => Exit::NotDone,
                 ended => ended,
-            };
+            });
         }
         operated.hear();
     }
 }
 
-/// How the samples went, in words.
-fn summary(tally: &Tally, took_ms: &mut [f64]) -> String {
-    let Tally { answered, untracked, late, stale, lost, complete } = tally;
-    took_ms.sort_by(f64::total_cmp);
-    let at = |part: f64| {
-        let index = (part * took_ms.len() as f64) as usize;
-        took_ms.get(index.min(took_ms.len().saturating_sub(1))).copied().unwrap_or(0.0)
-    };
-    let late: Vec<String> = late
-        .iter()
-        .enumerate()
-        .filter(|(_, count)| **count > 0)
-        .map(|(late, count)| format!("{count} by {late}"))
-        .collect();
-    format!(
-        "{}; {answered} samples answered ({untracked} with the plan alone, {lost} lost, {stale} measurements of a channel missing), a tick in {:.2} ms \
-         (99 %: {:.2}, most {:.2}); answers late in samples: {}",
-        if *complete { "all was played" } else { "not all was played" },
-        at(0.5),
-        at(0.99),
-        at(1.0),
-        if late.is_empty() { "none came".to_owned() } else { late.join(", ") }
-    )
+/// How samples were answered: output of `--json`.
+#[derive(Serialize)]
+struct Report {
+    complete: bool,
+    rate_hz: u16,
+    answered: u64,
+    untracked: u64,
+    lost: u64,
+    missing_measurements: u64,
+    /// Duration of a tick: median, 99 % of all, and the longest.
+    tick_median_ms: f64,
+    tick_99_percent_ms: f64,
+    tick_longest_ms: f64,
+    /// Samples by how many samples late their answer acted, from 0.
+    late_by_samples: Vec<u64>,
+}
+
+impl Report {
+    fn new(conductor: &Conductor<'_>, took_ms: &mut [f64]) -> Self {
+        let Tally { answered, untracked, late, stale, lost, complete } = conductor.tally().clone();
+        took_ms.sort_by(f64::total_cmp);
+        let at = |part: f64| {
+            let index = (part * took_ms.len() as f64) as usize;
+            took_ms.get(index.min(took_ms.len().saturating_sub(1))).copied().unwrap_or(0.0)
+        };
+        Self {
+            complete,
+            rate_hz: conductor.rate_hz(),
+            answered,
+            untracked,
+            lost,
+            missing_measurements: stale,
+            tick_median_ms: at(0.5),
+            tick_99_percent_ms: at(0.99),
+            tick_longest_ms: at(1.0),
+            late_by_samples: late.to_vec(),
+        }
+    }
+
+    /// Lateness within which 99 % of the answers acted, samples; `None` without any.
+    fn late_samples(&self) -> Option<usize> {
+        let all: u64 = self.late_by_samples.iter().sum();
+        let mut within = 0;
+        self.late_by_samples.iter().position(|count| {
+            within += count;
+            all > 0 && within as f64 >= 0.99 * all as f64
+        })
+    }
+
+    /// Whether all was played, and whether the link and this computer were fast enough.
+    fn verdict(&self) -> String {
+        let all = if self.complete { "all was played" } else { "not all was played" };
+        let Some(late) = self.late_samples() else {
+            return format!("{all}; no sample of the robot was answered");
+        };
+        let late_ms = 1e3 * late as f64 / f64::from(self.rate_hz.max(1));
+        let total = self.answered + self.lost;
+        let missed = self.lost as f64 / total.max(1) as f64;
+        let is_slow = late_ms >= 1e3 * LATENCY_MAX_S;
+        let cause = match (missed > MISSED, is_slow) {
+            (true, _) => "the link loses samples: look at its load and its cable",
+            (false, true) => {
+                "the link or this computer is too slow: end other programs, or give a lower --rate"
+            }
+            (false, false) => "the link was fast enough",
+        };
+        format!(
+            "{all}; {cause} ({} of {total} samples answered, 99 % within {late_ms:.0} ms)",
+            self.answered
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_verdict_says_whether_the_link_was_fast_enough() {
+        let report = |late_by_samples: &[u64], lost| Report {
+            complete: true,
+            rate_hz: 120,
+            answered: late_by_samples.iter().sum(),
+            untracked: 0,
+            lost,
+            missing_measurements: 0,
+            tick_median_ms: 0.15,
+            tick_99_percent_ms: 0.2,
+            tick_longest_ms: 0.24,
+            late_by_samples: late_by_samples.to_vec(),
+        };
+        assert_eq!(
+            report(&[0, 14, 967, 102], 5).verdict(),
+            "all was played; the link was fast enough (1083 of 1088 samples answered, 99 % within 25 ms)"
+        );
+        let slow = report(&[0, 14, 0, 0, 0, 0, 0, 100], 0).verdict();
+        assert!(slow.contains("too slow"), "{slow}");
+        let lossy = report(&[0, 900], 100).verdict();
+        assert!(lossy.contains("loses samples"), "{lossy}");
+        assert!(report(&[0, 0], 0).verdict().contains("no sample"));
+    }
 }

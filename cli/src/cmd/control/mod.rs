@@ -67,6 +67,9 @@ pub struct Args {
     /// How the robot is brought back to the plan; on a robot by gains.
     #[arg(long, value_enum)]
     feedback: Option<Way>,
+    /// Print how samples were answered as JSON, at the end of a run on a robot.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -102,6 +105,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             args.file.display()
         )),
         (_, true) if args.play.is_empty() => {
+            if args.json {
+                return Err(miette!(
+                    help = "for another simulator all lines are JSON",
+                    "--json is for a robot on a bus"
+                ));
+            }
             let feedback = match args.feedback {
                 Some(Way::Tasks) => Feedback::Tasks,
                 Some(Way::Gains) | None => Feedback::Gains,
@@ -168,8 +177,9 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
         return Ok(ended(link, &host));
     }
     let mut operator = Operator::new(peer, Some(catalog.config_hash));
+    operator = operator.scripted();
     operator.set_catalog(Some(catalog));
-    Ok(live::run(link, bus, operator, &mut conductor))
+    live::run(link, bus, operator, &mut conductor, args.json)
 }
 
 fn open(link: &LinkArgs) -> miette::Result<Live> {

@@ -125,6 +125,7 @@ impl<'a> App<'a> {
                     view: &view,
                     bus: &self.bus,
                     pilot: &self.steered.pilot,
+                    actuators: &self.catalog.actuators,
                     gamepad: gamepad.as_deref(),
                     ahead: self.operated.operator.streamed_ahead(),
                     took_ms: self.took_ms.last().copied(),
@@ -168,7 +169,7 @@ impl<'a> App<'a> {
             say_new(&mut said, &view.messages);
             if let Some(time_s) = time_s.filter(|_| now_us >= tell_us && over_us.is_none()) {
                 tell_us = now_us + TELL_US;
-                self.tell(time_s, steering);
+                self.tell(now_us, time_s, steering);
             }
             let overtime_us = over_us.map_or(0, |over_us: u64| now_us - over_us);
             if overtime_us > END_US && self.operated.operator.leaving() == Leaving::No {
@@ -189,13 +190,14 @@ impl<'a> App<'a> {
         view.link.contact && view.status.as_ref().is_some_and(has_to_be_cleared)
     }
 
-    /// Prints a line of a drive without a terminal.
-    fn tell(&self, time_s: f64, steering: Steering) {
+    /// Prints a line of a drive without a terminal: in the first column the clock of all its lines, then that of `--steer`.
+    fn tell(&self, now_us: u64, time_s: f64, steering: Steering) {
         let [forward, left, turn] = self.steered.pilot.tally().velocity;
         let Steering { forward_m_s, left_m_s, turn_rad_s } = steering;
         let line = format!(
-            "{time_s:7.1} s  steered {forward_m_s:.2} {left_m_s:.2} {turn_rad_s:.2}  planned {forward:.3} {left:.3} {turn:.3}  \
-             ahead {}",
+            "{:7.1} s: after {time_s:.1} s steered {forward_m_s:.2} m/s {left_m_s:.2} m/s {turn_rad_s:.2} rad/s, planned \
+             {forward:.3} m/s {left:.3} m/s {turn:.3} rad/s, {} frames ahead",
+            now_us as f64 * 1e-6,
             self.operated.operator.streamed_ahead()
         );
         if output::line(&line).is_err() {

@@ -102,6 +102,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Ok(ended(&args.link, &SessionError::HasHost { node: node.number() }));
     }
     let mut operator = Operator::new(peer, Some(catalog.config_hash));
+    if !needs_terminal {
+        operator = operator.scripted();
+    }
     operator.set_catalog(Some(catalog.clone()));
     let controls = Controls::new(fastest, route.gait.is_some());
     let steered = Steered::new(Pilot::new(false), route, args.steering.budget());
