@@ -22,7 +22,7 @@ mod words;
 mod world_log;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
-use rollwalk_terminal::{end, with_common_help};
+use rollwalk_terminal::{Exit, end, with_common_help};
 use std::process::ExitCode;
 
 /// Make robots with legs and wheels move.
@@ -40,7 +40,20 @@ struct Cli {
 
 /// The command line; the long help of every subcommand ends with the exit codes.
 pub fn command_line() -> clap::Command {
-    with_common_help(Cli::command())
+    with_common_help(Cli::command(), &exits)
+}
+
+/// Exit codes of a command beside 0, 1, 2 and 130.
+fn exits(path: &str) -> &'static [Exit] {
+    match path.strip_prefix("rollwalk ").unwrap_or_default() {
+        "demo" => &[Exit::DoesNotHold, Exit::OutOfBounds],
+        "plan" | "report" | "simulate" | "retarget" | "library build" => &[Exit::DoesNotHold],
+        "design edit" | "design keep" | "design optimise" => &[Exit::DoesNotHold],
+        "bench" => &[Exit::DoesNotHold, Exit::OutOfBounds],
+        "control" | "discover" | "flash" | "send" | "gains" | "doctor" | "console" | "drive"
+        | "estop" | "clear" | "disarm" | "pause" | "resume" | "return" => &[Exit::NotDone],
+        _ => &[],
+    }
 }
 
 /// Parses the command line and runs it.
@@ -58,6 +71,26 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         super::command_line().debug_assert();
+    }
+
+    /// The help text of a command has no code that it cannot end with.
+    #[test]
+    fn exit_codes_are_those_of_the_command() {
+        let command = super::command_line();
+        let codes = |path: &[&str]| {
+            let of = path.iter().fold(&command, |of, name| of.find_subcommand(name).unwrap());
+            let help = of.get_after_long_help().unwrap().to_string();
+            let lines = help.lines().skip_while(|line| *line != "Exit codes:").skip(1);
+            lines.map(|line| line.split_whitespace().next().unwrap().to_owned()).collect::<Vec<_>>()
+        };
+        assert_eq!(codes(&["robot", "check"]), ["0", "1", "2", "130"]);
+        assert_eq!(codes(&["keys", "new"]), ["0", "1", "2", "130"]);
+        assert_eq!(codes(&["estop"]), ["0", "1", "2", "5", "130"]);
+        assert_eq!(codes(&["plan"]), ["0", "1", "2", "3", "130"]);
+        assert_eq!(codes(&["demo"]), ["0", "1", "2", "3", "4", "130"]);
+        // A command above others has theirs.
+        assert_eq!(codes(&["library"]), ["0", "1", "2", "3", "130"]);
+        assert_eq!(codes(&[]), ["0", "1", "2", "3", "4", "5", "130"]);
     }
 
     #[test]

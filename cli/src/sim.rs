@@ -21,11 +21,12 @@ use rollwalk_bus::port::Port;
 use rollwalk_bus::priority;
 use rollwalk_bus::sim;
 use rollwalk_firmware::Settings;
-use rollwalk_host::describe::{fault_names, state_name};
+use rollwalk_host::actuators::Actuators;
+use rollwalk_host::describe::condition;
 use rollwalk_multibody::ground::Ground;
 use rollwalk_protocol::faults::FaultBits;
-use rollwalk_protocol::wire::State;
 use rollwalk_protocol::wire::authentication::LinkKey;
+use rollwalk_protocol::wire::{State, Status};
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::core::Local;
@@ -36,6 +37,7 @@ use rollwalk_sim_host::store::VerifyingKey;
 use rollwalk_terminal::files::{Lines, Output, RotationArgs};
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::cannot_open;
+use rollwalk_terminal::packed::actuators;
 use rollwalk_terminal::{Exit, end, interrupt, keys, output, with_common_help};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -172,7 +174,7 @@ enum Part {
 
 /// The command line; its long help ends with the exit codes.
 pub fn command_line() -> clap::Command {
-    with_common_help(Cli::command())
+    with_common_help(Cli::command(), &|_| &[])
 }
 
 /// Parses the command line and runs the robot.
@@ -342,7 +344,7 @@ fn run_whole(
     let world_log = world_log.map(|log| SharedLog::attach(log, &mut rig));
     let port = port(bus)?;
     ready(robot, bus);
-    let (mut printer, mut world) = (StatusPrinter::default(), ground::Printer::default());
+    let (mut printer, mut world) = (StatusPrinter::new(robot), ground::Printer::default());
     let mut lag = LagWatch::new(Instant::now(), rig.now().as_s());
     let mut failed = None;
     let outcome = whole::run(
@@ -399,7 +401,7 @@ fn run_controller(
     let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);
     ready(robot, bus);
-    let (mut printer, start) = (StatusPrinter::default(), Instant::now());
+    let (mut printer, start) = (StatusPrinter::new(robot), Instant::now());
     let mut lost = Lost { link: Some(bus), actuators, says: true };
     let mut failed = None;
     let outcome = controller::run(&mut core, period, port, &mut lost, ports, |core| {
@@ -571,19 +573,24 @@ fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {
 }
 
 /// Prints the controller's state and faults to stderr when they have changed.
-#[derive(Default)]
 struct StatusPrinter {
     last: Option<(State, FaultBits)>,
+    actuators: Actuators,
 }
 
 impl StatusPrinter {
+    fn new(robot: &Robot) -> Self {
+        Self { last: None, actuators: actuators(robot) }
+    }
+
     /// Of a robot on the ground by the clock of its world, which may lag behind.
     fn print(&mut self, at_s: f64, state: State, faults: FaultBits) {
         if self.last.replace((state, faults)) == Some((state, faults)) {
             return;
         }
-        let faults =
-            if faults.is_empty() { String::new() } else { format!(" ({})", fault_names(faults)) };
-        output::say(format_args!("{at_s:9.3} s  {}{faults}", state_name(state)));
+        let severity = state.severity(faults);
+        let status =
+            Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 };
+        output::say(format_args!("{at_s:9.3} s  {}", condition(&status, &self.actuators)));
     }
 }

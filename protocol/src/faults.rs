@@ -317,9 +317,9 @@ events! {
     /// SAFE was held long enough after returning.
     HoldElapsed = 24: None, None, "SAFE was held long enough";
     /// Damping has lasted long enough.
-    DampingElapsed = 25: None, None, "its joints were damped long enough";
+    DampingElapsed = 25: None, None, "the time of damping was over";
     /// Torque is off and no fault is latched.
-    FaultFree = 26: None, None, "torque was off without a fault";
+    FaultFree = 26: None, None, "no fault was latched";
     /// A message was refused because nothing proved that its sender has the link key. Changes no state; only the log has
     /// it, with the count of such messages as its value.
     Unauthenticated = 27: None, None, "messages were refused that were not authenticated";

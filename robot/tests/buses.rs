@@ -302,7 +302,7 @@ fn a_bus_that_cannot_be_is_refused() {
     let error = error.expect_err("it is wrong");
     let found: Vec<_> = error.faults().map(|fault| (&fault.message, &fault.help)).collect();
     assert_eq!(found.len(), 1, "{found:#?}");
-    assert!(found[0].0.contains("`wheel`: `bus` is 4"), "{found:#?}");
+    assert!(found[0].0.contains("`wheel`: `bus` must be"), "{found:#?}");
     let assumed = format!("{MIT}pose = \"assumed_safe\"\n");
     assert_fault(0, &assumed, "pose", "AK80-9 reports its position", "leave it out");
 }
@@ -360,6 +360,12 @@ fn what_an_actuator_cannot_be_told_is_found_at_the_motor() {
     for (from, to, lines, expected) in [
         ("speed_max_rad_s = 5.0", "speed_max_rad_s = 40.0", CYBERGEAR, "at most 30 rad/s"),
         ("torque_max_nm = 1.5", "torque_max_nm = 13.0", CYBERGEAR, "at most 12 N·m"),
+        (
+            "torque_max_nm = 1.5",
+            "torque_max_nm = 30.0",
+            DYNAMIXEL,
+            "at most 4.18 N·m; 30 kg·cm would be 2.94 N·m",
+        ),
         ("torque_max_nm = 1.5", "torque_max_nm = 4.5", DYNAMIXEL, "at most 4.18"),
         ("kd_nm_s_rad = 1.0", "kd_nm_s_rad = 5.5", MIT, "at most 5 N·m·s/rad"),
         // No frame limits its torque: it gives up to the end of its scale.

@@ -9,6 +9,7 @@ use rollwalk_host::doctor::{Finding, Findings, Gravity, Traffic};
 use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::{History, Session};
 use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::wire::State;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::NamesArgs;
@@ -195,8 +196,8 @@ fn report(
         history.entries.iter().rev().map(|(_, entry)| Entry {
             seconds_ago: f64::from(history.age_ms(entry)) * 1e-3,
             event: findings.entry_sentence(entry) + &findings.entry_detail(entry),
-            before: state_name(entry.before),
-            after: state_name(entry.after),
+            before: logged(entry.before),
+            after: logged(entry.after),
         })
     });
     let seconds = heard.span_us.max(1) as f64 * 1e-6;
@@ -213,6 +214,11 @@ fn report(
     let load_percent = heard.load_percent(bitrate);
     let findings = findings.diagnose().into_iter().chain(system::priority_note()).collect();
     Report { findings, log: log.collect(), load_percent, load }
+}
+
+/// Name of a state in the log, whose events say what caused it.
+fn logged(state: State) -> &'static str {
+    if state == State::EStopped { "stopped" } else { state_name(state) }
 }
 
 /// Findings, each with what to do below it.

@@ -3,16 +3,27 @@
 use rollwalk_planner::report::Judgement;
 use std::process::ExitCode;
 
-/// The exit codes, part of every help text.
-pub const HELP: &str = "\
-Exit codes:
-  0    done; a plan holds
-  1    bad input, or a file that cannot be read or written
-  2    wrong command line
-  3    a plan does not hold: the optimiser did not converge, or the motion fails as it is played
-  4    a measured error exceeds its stated bound; a rule of the fault campaign is broken
-  5    the robot refused a command, stopped, or does not answer
-  130  interrupted: Ctrl-C, SIGTERM, SIGHUP";
+/// Exit codes at the end of a help text: those of every command, and `exits` of this one.
+pub(crate) fn help(exits: &[Exit]) -> String {
+    let has = |exit| exits.contains(&exit);
+    let done = if has(Exit::DoesNotHold) { "done; a plan holds" } else { "done" };
+    let mut text = format!(
+        "Exit codes:\n  0    {done}\n  1    bad input, or a file that cannot be read or written\n  2    wrong command line"
+    );
+    for (exit, meaning) in [
+        (
+            Exit::DoesNotHold,
+            "a plan does not hold: the optimiser did not converge, or the motion fails as it is played",
+        ),
+        (Exit::OutOfBounds, "a measured error or count exceeds its stated bound"),
+        (Exit::NotDone, "the robot refused a command, stopped, or does not answer"),
+    ] {
+        if has(exit) {
+            text += &format!("\n  {}    {meaning}", exit.code());
+        }
+    }
+    text + "\n  130  interrupted: Ctrl-C, SIGTERM, SIGHUP"
+}
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +34,7 @@ pub enum Exit {
     BadInput,
     /// A plan does not hold: the optimiser did not converge, or a residual between the samples exceeds its tolerance.
     DoesNotHold,
-    /// A measured error exceeds its stated bound; a rule of the fault campaign is broken.
+    /// A measured error or count exceeds its stated bound, such as a rule of the fault campaign.
     OutOfBounds,
     /// The robot refused, stopped, or does not answer.
     NotDone,

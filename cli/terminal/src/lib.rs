@@ -48,15 +48,35 @@ pub fn end(outcome: miette::Result<Exit>) -> ExitCode {
     }
 }
 
-/// Command line with exit codes at the end of every long help, and negative numbers allowed as values.
+/// Command line with exit codes at the end of every long help, and negative numbers allowed as values. `exits` returns the codes that a
+/// command can have beside 0, 1, 2 and 130, by its name with those of the commands above it; a command with subcommands has theirs.
 ///
 /// A negative number outside a range is then refused with the range, not as an unknown option.
-pub fn with_common_help(command: clap::Command) -> clap::Command {
+pub fn with_common_help(
+    command: clap::Command,
+    exits: &dyn Fn(&str) -> &'static [Exit],
+) -> clap::Command {
+    let name = command.get_name().to_owned();
+    common_help(command, &name, exits).0
+}
+
+fn common_help(
+    command: clap::Command,
+    path: &str,
+    exits: &dyn Fn(&str) -> &'static [Exit],
+) -> (clap::Command, Vec<Exit>) {
+    let mut all = exits(path).to_vec();
+    let command = command.mut_subcommands(|below| {
+        let path = format!("{path} {}", below.get_name());
+        let (below, exits) = common_help(below, &path, exits);
+        all.extend(exits);
+        below
+    });
     let examples = command.get_after_long_help().map(|text| format!("{text}\n\n"));
-    let help = examples.unwrap_or_default() + exit::HELP;
+    let help = examples.unwrap_or_default() + &exit::help(&all);
     let command = command.after_long_help(help).mut_args(|arg| {
         let takes_values = arg.get_action().takes_values();
         arg.allow_negative_numbers(takes_values)
     });
-    command.mut_subcommands(with_common_help)
+    (command, all)
 }

@@ -35,7 +35,7 @@ impl Packed {
             let robot = Source::Disk.robot(robot)?;
             return match check(&file, &robot)? {
                 Ok(index) => Self { robot, file, index }.named(path),
-                Err(reject) => Err(miette!("{}: {reject}", path.display())),
+                Err(reject) => Err(rejected(path, &reject)),
             };
         }
         // One robot after the other while the library only says that it is for another one.
@@ -44,7 +44,7 @@ impl Packed {
             match check(&file, &robot)? {
                 Err(Reject { why: Why::WrongRobot { .. }, .. }) => {}
                 Ok(index) => return Self { robot, file, index }.named(path),
-                Err(reject) => return Err(miette!("{}: {reject}", path.display())),
+                Err(reject) => return Err(rejected(path, &reject)),
             }
         }
         Err(miette!(
@@ -104,6 +104,23 @@ pub fn actuators(robot: &Robot) -> Actuators {
     )
 }
 
+/// Report of a file that no controller would take, with what to do about it.
+fn rejected(path: &Path, reject: &Reject) -> miette::Report {
+    let help = match reject.why {
+        Why::NotALibrary => {
+            "give a file of `rollwalk library build`; their names end in .rwl".to_owned()
+        }
+        Why::WrongRobot { .. } => {
+            "give the robot file that the library was built for: --robot ROBOT.toml".to_owned()
+        }
+        _ => format!(
+            "the file is damaged or incomplete: copy it again, or build it again: rollwalk library build LIBRARY.toml -o {}",
+            path.display()
+        ),
+    };
+    miette!(help = help, "{}: {reject}", path.display())
+}
+
 /// A file's library without the signature.
 fn unsigned(file: &[u8]) -> &[u8] {
     SignedFile::split(file).map_or(file, |signed| signed.library)
@@ -122,4 +139,20 @@ pub fn robot_of(config_hash: u32) -> Option<Robot> {
 pub fn file_of(config_hash: u32) -> Option<&'static Path> {
     let fits = |robot: Robot| robot.controller_config().is_ok_and(|c| c.hash() == config_hash);
     shipped::robots().find(|file| Source::Shipped.robot(file).is_ok_and(fits))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::library::Section;
+
+    #[test]
+    fn a_damaged_library_is_refused_with_what_to_do() {
+        let why = Why::Corrupted { stored: 1, computed: 2 };
+        let reject = Reject { section: Section::Footer, offset: 18_361, why };
+        let report = rejected(Path::new("walk.rwl"), &reject);
+        assert!(report.to_string().starts_with("walk.rwl: footer at byte 18361"), "{report}");
+        let help = report.help().unwrap().to_string();
+        assert!(help.contains("copy it again") && help.ends_with("-o walk.rwl"), "{help}");
+    }
 }

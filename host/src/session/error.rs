@@ -1,7 +1,8 @@
 //! Errors of a session, in sentences for the operator.
 
+use crate::actuators::Actuators;
 use crate::authentication::NoSession;
-use crate::describe::{fault_names, state_name};
+use crate::describe::condition;
 use crate::refusal::{command_refusal_in, parameter_refusal, session_refusal, transfer_refusal};
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::wire::transport::Reply;
@@ -118,7 +119,7 @@ pub enum SessionError {
         found: Option<u32>,
     },
     /// The robot entered a state from which it does not reach the expected one.
-    #[error("waited for {waited_for}, but the robot is {}", condition(status))]
+    #[error("waited for {waited_for}, but the robot is {}", condition(status, &Actuators::default()))]
     WentElsewhere {
         /// The expected state, in words.
         waited_for: String,
@@ -126,7 +127,7 @@ pub enum SessionError {
         status: Status,
     },
     /// The robot did not reach the expected state in time.
-    #[error("waited {waited_s} s for {waited_for}, but the robot is still {}", condition(status))]
+    #[error("waited {waited_s} s for {waited_for}, but the robot is still {}", condition(status, &Actuators::default()))]
     TookTooLong {
         /// The expected state, in words.
         waited_for: String,
@@ -135,13 +136,4 @@ pub enum SessionError {
         /// Last status.
         status: Status,
     },
-}
-
-/// State of a robot, with its faults if it has any; to follow "the robot is".
-fn condition(status: &Status) -> String {
-    let state = state_name(status.state);
-    match status.faults.first() {
-        Some(_) => format!("{state}: {}", fault_names(status.faults)),
-        None => state.to_owned(),
-    }
 }

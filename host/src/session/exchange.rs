@@ -1,12 +1,14 @@
 //! Requests and answers over a bus: sends and receives frames until the answer arrives, and repeats lost requests.
 
+use super::CONNECT_TIMEOUT_US;
 use super::error::SessionError;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, Incoming, Outgoing, SEQUENCE_TRIES};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::transport::{Request, Response};
 use rollwalk_protocol::wire::{
-    Action, CommandAck, CommandResult, Node, ParameterAck, ParameterAction, ParameterResult, Status,
+    Action, CommandAck, CommandResult, FromController, Node, ParameterAck, ParameterAction,
+    ParameterResult, Status,
 };
 
 /// Largest number of transmissions of a command. The command expires before its last answer times
@@ -39,11 +41,13 @@ pub(super) struct Exchange<B> {
     unsent: Option<Frame>,
     /// The latest wake-up of late, if it shows a busy computer: when it came and by how much it was late, µs.
     late: Option<(u64, u64)>,
+    /// Another controller that was heard.
+    other: Option<u8>,
 }
 
 impl<B: LinkBus> Exchange<B> {
     pub fn new(bus: B, node: Node, client: Client) -> Self {
-        Self { bus, client, node, unsent: None, late: None }
+        Self { bus, client, node, unsent: None, late: None, other: None }
     }
 
     /// The controller's address.
@@ -61,6 +65,12 @@ impl<B: LinkBus> Exchange<B> {
     pub fn estop(&mut self) {
         self.unsent = None;
         self.client.estop(self.bus.now_us());
+    }
+
+    /// Waits until the controller answers a heartbeat: one of this host, or of the host beside it.
+    pub fn is_alive(&mut self) -> Result<bool, SessionError> {
+        let alive = |incoming| (incoming == Incoming::Alive).then_some(());
+        Ok(self.pump(CONNECT_TIMEOUT_US, alive)?.is_some())
     }
 
     /// Waits for the authenticated session of a client that has a key, while it has none.
@@ -209,8 +219,16 @@ impl<B: LinkBus> Exchange<B> {
 
     /// The error of a controller that does not answer.
     pub fn silent(&self, what: &'static str) -> SessionError {
-        let why = self.bus.complaint();
-        let mut why = why.unwrap_or_else(|| "is it powered, and on this bus?".into());
+        let mut why = match (self.bus.complaint(), self.status(), self.other) {
+            (Some(why), ..) => why,
+            (None, Some(_), _) => {
+                "its status is heard, so what this computer sends is lost: look at the cable and the adapter".into()
+            }
+            (None, None, Some(other)) => {
+                format!("controller {other} is on this bus; name it with --node {other}")
+            }
+            (None, None, None) => "is it powered, and on this bus?".into(),
+        };
         if let Some(late_us) = self.lately() {
             let late_ms = late_us / 1000;
             why += &format!(
@@ -259,6 +277,11 @@ impl<B: LinkBus> Exchange<B> {
             }
             match frame {
                 Some(frame) => {
+                    if let Ok((from, FromController::Status(_))) = FromController::decode(&frame)
+                        && from != self.node
+                    {
+                        self.other = Some(from.number());
+                    }
                     if let Some(incoming) = self.client.on_frame(woken_us, &frame)
                         && let Some(found) = wanted(incoming)
                     {

@@ -72,12 +72,24 @@ impl<B: LinkBus> Session<B> {
     pub fn join(mut bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
         let peer = peer.into();
         let node = peer.node;
-        let listener = listener::find_host(&mut bus, node)?;
-        if !listener.has_host() {
-            return Self::connect(bus, peer);
+        let mut is_first = true;
+        loop {
+            let listener = listener::find_host(&mut bus, node)?;
+            if !listener.has_host() {
+                return Self::connect(bus, peer);
+            }
+            wait_for_pause(&mut bus, node, listener)?;
+            let mut exchange = Exchange::new(bus, node, Client::visitor(peer.clone()));
+            exchange.begin_session()?;
+            if exchange.is_alive()? {
+                return Self::introduced(exchange, node);
+            }
+            // The host has ended since: nobody sends heartbeats that the controller could answer.
+            if exchange.status().is_none() || !std::mem::take(&mut is_first) {
+                return Err(exchange.silent("heartbeat"));
+            }
+            bus = exchange.bus;
         }
-        wait_for_pause(&mut bus, node, listener)?;
-        Self::alive(Exchange::new(bus, node, Client::visitor(peer)), node)
     }
 
     /// Reads the identity of controller `node` without becoming its host. Parameters can be read and set, the robot can
@@ -98,9 +110,9 @@ impl<B: LinkBus> Session<B> {
 
     fn alive(mut exchange: Exchange<B>, node: Node) -> Result<Self, SessionError> {
         exchange.begin_session()?;
-        exchange
-            .pump(CONNECT_TIMEOUT_US, |incoming| (incoming == Incoming::Alive).then_some(()))?
-            .ok_or_else(|| exchange.silent("heartbeat"))?;
+        if !exchange.is_alive()? {
+            return Err(exchange.silent("heartbeat"));
+        }
         Self::introduced(exchange, node)
     }
 

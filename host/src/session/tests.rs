@@ -148,6 +148,41 @@ fn without_another_host_the_one_who_joins_is_it() {
     assert!(!wire.sent.is_empty() && wire.sent.iter().all(is_heartbeat), "{:?}", wire.sent);
 }
 
+/// A console that ends at this moment leaves a controller that sends its status, and no heartbeats that it could answer.
+#[test]
+fn a_host_that_ends_while_another_joins_is_replaced() {
+    let mut wire = Wire::answering(|message| match message {
+        ToController::Heartbeat(heartbeat) => {
+            Some(HeartbeatReply { seq: heartbeat.seq, controller_ms: 0 }.encode(node()))
+        }
+        _ => None,
+    });
+    for seq in 0..2 {
+        wire.says(50_000 * u64::from(seq), Heartbeat { seq, host_ms: 0 }.encode(node()));
+    }
+    for n in 2..60 {
+        wire.says(50_000 * n, Wire::status(State::Returning));
+    }
+    let error = Session::join(&mut wire, node()).err().expect("HELLO is not answered here");
+    let text = error.to_string();
+    assert!(!text.contains("heartbeat"), "{text}");
+    assert!(wire.sent.iter().any(is_heartbeat), "{:?}", wire.sent);
+    assert!(text.contains("its status is heard"), "{text}");
+}
+
+#[test]
+fn another_controller_on_the_bus_is_named() {
+    let mut wire = Wire::silent();
+    for n in 0..60 {
+        wire.says(50_000 * n, Wire::status(State::Disarmed));
+    }
+    let error = Session::connect(&mut wire, Node::new(3).unwrap()).err().unwrap();
+    assert_eq!(
+        error.to_string(),
+        "controller 3 does not answer (heartbeat): controller 1 is on this bus; name it with --node 1"
+    );
+}
+
 #[test]
 fn an_emergency_stop_goes_on_until_it_is_acknowledged() {
     let mut stops = 0;

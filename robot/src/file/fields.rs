@@ -8,6 +8,8 @@ use crate::model::SoftMaterial;
 use crate::rules::ITEMS_MAX;
 use crate::solid::Solid;
 use nalgebra::{Matrix3, Vector3};
+use rollwalk_protocol::actuator::MAX_ID;
+use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use std::f64::consts::TAU;
 
 const INERTIA: &str = "inertia_in_link_kg_m2";
@@ -29,8 +31,18 @@ pub(super) fn vector(table: &Table<'_>, key: &'static str) -> Vector3<f64> {
     table.numbers::<3>(key).unwrap_or_default().into()
 }
 
-pub(super) fn byte(table: &Table<'_>, key: &'static str) -> u8 {
-    let byte = table.integer(key, 0..=255).map(u8::try_from);
+/// Address of a motor, or of the first one of a limb.
+pub(super) fn address(table: &Table<'_>, key: &'static str) -> u8 {
+    byte(table, key, MAX_ID)
+}
+
+/// Number of an actuator bus.
+pub(super) fn bus(table: &Table<'_>) -> u8 {
+    byte(table, "bus", MAX_BUSES as u8 - 1)
+}
+
+fn byte(table: &Table<'_>, key: &'static str, most: u8) -> u8 {
+    let byte = table.integer(key, 0..=most.into()).map(u8::try_from);
     byte.and_then(Result::ok).unwrap_or_default()
 }
 

@@ -4,7 +4,7 @@
 //! and frames are reflected, and axes turn into −M·axis (M = diag(1, −1, 1)), so that equal joint
 //! angles give mirrored poses and limits stay as they are. A lateral wheel axis stays +y.
 
-use super::fields::{byte, named, vector};
+use super::fields::{address, bus, named, vector};
 use crate::document::Table;
 use crate::rules;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -33,8 +33,8 @@ impl<'d> Limb<'d> {
             parent: table.string("parent").unwrap_or_default(),
             origin_m: vector(&table, ORIGIN),
             mirrored: table.choice("side", &["left", "right"]) == Some(1),
-            bus: byte(&table, "bus"),
-            first_id: byte(&table, "first_id"),
+            bus: bus(&table),
+            first_id: address(&table, "first_id"),
             table,
         };
         if !rules::is_a_length(&limb.origin_m) {

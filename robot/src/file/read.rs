@@ -5,7 +5,7 @@
 
 use super::buses;
 use super::fields::{
-    axis, byte, data_sheet, drag, mass, named, number, rpy, soft_material, vector,
+    address, axis, bus, data_sheet, drag, mass, named, number, rpy, soft_material, vector,
 };
 use super::group::{Group, Limb, ORIGIN};
 use super::parts::{self, MassProperties};
@@ -308,7 +308,7 @@ impl<'r, 'd> Reader<'r, 'd> {
             // Past the last address it stays out of the allowed range.
             (group.limb.map_or(0, |limb| limb.bus), ids.next().unwrap_or(u8::MAX))
         } else {
-            (byte(table, "bus"), byte(table, "id"))
+            (bus(table), address(table, "id"))
         };
         let Some((sheet, sheet_table)) = self.sheets.get(name.as_str()) else {
             self.unknown("actuator", table, "actuator", &name, self.sheets.keys().copied());

@@ -3,11 +3,15 @@
 
 use super::{Check, Place};
 use crate::channel::Channel;
+use rollwalk_protocol::actuator::MAX_ID;
 use rollwalk_protocol::actuators::Refusal;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::settings::Report;
 use rollwalk_protocol::text::Limit;
 use std::fmt::Arguments;
+
+/// Torque of 1 kg·cm, N·m.
+const NM_PER_KG_CM: f64 = 0.098_066_5;
 
 /// Bit rates of CAN that adapters and drives have.
 const CAN_BIT_RATES: [u32; 5] = [125_000, 250_000, 500_000, 800_000, 1_000_000];
@@ -96,7 +100,12 @@ impl Check<'_> {
             }
         };
         let problem = format!("is {value}{unit}, beyond the range of {drive}");
-        self.violated(field, problem, range_of(&bus.protocol, refusal));
+        let mut help = range_of(&bus.protocol, refusal);
+        if field == "torque_max_nm" {
+            // Makers of servos give torques in kg·cm.
+            help += &format!("; {value} kg·cm would be {:.2} N·m", value * NM_PER_KG_CM);
+        }
+        self.violated(field, problem, help);
     }
 }
 
@@ -110,7 +119,7 @@ impl Report for Check<'_> {
 fn range_of(protocol: &Protocol, refused: Refusal) -> String {
     let can = protocol.capabilities();
     let Refusal::OutOfRange(quantity) = refused else {
-        return format!("addresses are 0 to {}", can.max_id);
+        return format!("addresses are 0 to {}", can.max_id.min(MAX_ID));
     };
     let mut range = match quantity {
         "kp" => format!("at most {} N·m/rad", Limit::AtMost(can.max_gains.kp_nm_rad)),

@@ -133,8 +133,8 @@ fn wrong_types() {
         "id = 1\n",
         "id = 1.5\n",
         "id",
-        "`id` must be a whole number from 0 to 255",
-        "0 to 255",
+        "`id` must be a whole number from 0 to 127",
+        "0 to 127",
     );
     assert_fault(
         "contact = \"actuated_wheel\"",

@@ -389,8 +389,8 @@ fn motors_and_wheels_out_of_range() {
         "is 0",
         "above 0 to 2",
     );
-    assert_fault("bus = 0\nid = 2", "bus = 4\nid = 2", "bus = 4", "`bus` is 4", "buses 0 to 3");
-    assert_fault("bus = 0\nid = 2", "bus = 0\nid = 200", "id = 200", "`id` is 200", "0 to 127");
+    assert_fault("bus = 0\nid = 2", "bus = 4\nid = 2", "bus = 4", "`bus` must be", "from 0 to 3");
+    assert_fault("bus = 0\nid = 2", "bus = 0\nid = 200", "id = 200", "`id` must be", "0 to 127");
 }
 
 proptest! {

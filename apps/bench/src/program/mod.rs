@@ -54,7 +54,8 @@ struct Explore {
 
 /// Command lines of the program: that of benchmarks and that of sweeps.
 pub fn command_lines() -> [clap::Command; 2] {
-    [Bench::command(), Explore::command()].map(with_common_help)
+    let bench = with_common_help(Bench::command(), &|_| &[Exit::DoesNotHold, Exit::OutOfBounds]);
+    [bench, with_common_help(Explore::command(), &|_| &[])]
 }
 
 /// Parses the command line and runs it.

@@ -184,7 +184,7 @@ impl<'a> View<'a> {
             return Ok(());
         }
         self.shown_us = at_us;
-        let mut table = output::Table::new(["", "rad", "rad/s", "N·m", ""]);
+        let mut table = output::Table::new(["", "rad", "rad/s", "N·m", "condition"]);
         for (&channel, joint) in &self.measured {
             table.row([
                 self.channel_name(channel),

@@ -158,7 +158,10 @@ fn see_down(session: &mut LiveSession) {
 /// Back to SAFE, and torque off. DISARM does both, from every state: RETURN is refused while the robot aligns.
 fn go_home(session: &mut LiveSession) -> Result<(), SessionError> {
     if let Some(status) = session.status() {
-        output::say(format_args!("the robot is {}: returning to SAFE", state_name(status.state)));
+        output::say(format_args!(
+            "the robot was {}, and is returning to SAFE",
+            state_name(status.state)
+        ));
     }
     let mut home = session.disarm();
     // Leaving a robot that is still on its way would latch a lost host.

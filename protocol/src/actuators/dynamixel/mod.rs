@@ -151,6 +151,11 @@ pub fn position_gains(p: u16, i: u16, d: u16) -> Option<[u8; 6]> {
     fits.then_some([d0, d1, i0, i1, p0, p1])
 }
 
+/// Largest multiple of 0.01 up to a positive value, for people.
+fn hundredths_below(value: f32) -> f32 {
+    (value * 100.0) as u32 as f32 / 100.0
+}
+
 /// PWM, as a share of the supply voltage from −1 to 1, for [`table::GOAL_PWM`].
 pub fn goal_pwm(share: f32) -> Option<[u8; 2]> {
     nearest(share / table::PWM_STEP, -table::MAX_PWM, table::MAX_PWM)
@@ -432,10 +437,11 @@ impl Codec for Dynamixel {
         match quantity {
             "speed" => {
                 let most = self.model.max_velocity as f32 * VELOCITY_STEP_RAD_S;
-                report(format_args!("at most {most} rad/s"));
+                report(format_args!("at most {} rad/s", hundredths_below(most)));
             }
             "torque" if self.model.has_current() => {
-                report(format_args!("at most {} N·m", self.goal_current_max_nm()));
+                let most = hundredths_below(self.goal_current_max_nm());
+                report(format_args!("at most {most} N·m"));
             }
             _ => {}
         }
