@@ -170,6 +170,10 @@ pub fn fault_words(fault: Fault, kind: Option<BusKind>) -> FaultWords {
             "a servo reports a fault, or its torque went off",
             "check the supply voltage under load, let it cool; switch servos off and on, clear, then arm",
         ),
+        (None, Fault::BusOff) => (
+            "an actuator bus is lost",
+            "motor power off, look at the bus and its adapter; clear, then arm",
+        ),
         _ => (of_any.name, of_any.advice),
     };
     FaultWords { name, advice }
@@ -283,6 +287,14 @@ mod tests {
         assert!(gone.advice.starts_with("plug the adapter in again"), "{}", gone.advice);
         let off = fault_words(Fault::BusOff, Some(BusKind::Can));
         assert!(off.name.contains("CAN bus") && off.advice.contains("CAN_H"), "{off:?}");
+    }
+
+    /// A host that does not know the robot blames neither kind of bus.
+    #[test]
+    fn a_lost_bus_of_an_unknown_robot_is_named_neutrally() {
+        let FaultWords { name, advice } = fault_words(Fault::BusOff, None);
+        assert_eq!(name, "an actuator bus is lost");
+        assert!(advice.contains("adapter") && !advice.contains("CAN"), "{advice}");
     }
 
     #[test]

@@ -85,13 +85,12 @@ pub fn entry_sentence(entry: &LogEntry, actuators: &Actuators) -> String {
 
 /// Faults by name, separated by commas; `no fault` for an empty set.
 pub fn fault_names(faults: FaultBits) -> String {
-    let names: Vec<_> = faults.iter().map(|fault| fault.description().name).collect();
-    if names.is_empty() { "no fault".to_owned() } else { names.join(", ") }
+    fault_names_on(faults, &Actuators::default())
 }
 
 /// Description of a fault, with channel and value of its report if it has them.
 pub fn fault_report(fault: Fault, channel: Option<String>, value: Option<f32>) -> String {
-    fault.description().name.to_owned() + &report_details(fault, channel, value)
+    fault_words(fault, None).name.to_owned() + &report_details(fault, channel, value)
 }
 
 /// As [`fault_report`], in the words for the bus that it is about.
@@ -214,6 +213,6 @@ mod tests {
         ] {
             assert_eq!(report_details(fault, channel, Some(value)), expected);
         }
-        assert_eq!(fault_report(Fault::BusOff, None, None), "a bus is off");
+        assert_eq!(fault_report(Fault::BusOff, None, None), "an actuator bus is lost");
     }
 }

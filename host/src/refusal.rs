@@ -1,5 +1,6 @@
 //! Sentences for the codes with which a controller refuses requests.
 
+use crate::actuators::fault_words;
 use crate::authentication::NoSession;
 use crate::describe::{fault_report, state_name};
 use rollwalk_protocol::wire::transport::{Reply, TransferResult, UNSIGNED};
@@ -79,7 +80,7 @@ pub fn command_refusal_in(
             let FaultReport { fault, channel, value, .. } = report;
             let channel = channel.map(|channel| format!("channel {channel}"));
             let found = fault_report(fault, channel, Some(value));
-            format!("{found}; {}", fault.description().advice)
+            format!("{found}; {}", fault_words(fault, None).advice)
         }
         _ => command_refusal(result).to_owned(),
     }

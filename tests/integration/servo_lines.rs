@@ -58,6 +58,21 @@ fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
     let refused = on(&desk, &bus, &["send", "--arm", "stand"]);
     assert_ne!(refused.code, 0, "{}", refused.stdout);
     assert!(desk.path("servos").symlink_metadata().is_err(), "the line is gone");
+
+    // It is named as what it is: no button was pressed, and there is no CAN.
+    let doctor = on(&desk, &bus, &["doctor"]);
+    assert_eq!(doctor.code, 5, "{}", doctor.stderr);
+    let said = doctor.stdout;
+    for words in [
+        "✗ the robot is stopped: the serial adapter of the servos is gone",
+        "plug the adapter in again",
+        "the serial adapter of the servos was lost (bus 0)",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    for word in ["emergency", "CAN_H", "terminat", "candump", "a bus is off"] {
+        assert!(!said.contains(word), "{word}: {said}");
+    }
 }
 
 #[test]

@@ -132,7 +132,7 @@ fn a_bus_that_goes_stops_the_robot_and_one_that_comes_back_serves_again() {
     run("ip", &["link", "set", "vcan2", "down"]);
     let outcome = send.outcome();
     run("ip", &["link", "set", "vcan2", "up"]);
-    outcome.fails(5, &["a bus is off"]);
+    outcome.fails(5, &["an actuator bus is lost"]);
     // Whoever looks at it clears, and it serves again: controller and motors.
     on_link(&["clear"]).succeeds();
     on_link(&["send", "--arm", "stand"]).succeeds();

@@ -246,7 +246,13 @@ mod tests {
                 "returning to SAFE: the body is tilted",
             ),
             (State::EStopped, none, Severity::EStop, Level::Error, "stopped by an emergency stop"),
-            (State::EStopped, off, Severity::EStop, Level::Error, "stopped: a bus is off"),
+            (
+                State::EStopped,
+                off,
+                Severity::EStop,
+                Level::Error,
+                "stopped: an actuator bus is lost",
+            ),
         ] {
             let status = of(&view(state, faults, severity));
             assert_eq!(status[0].level, level, "{:?}", status[0]);

@@ -101,7 +101,7 @@ impl LinkStatus {
         }
         if !gone.is_empty() {
             let names = fault_names_on(gone, &self.actuators);
-            log.say(now_us, Weight::Note, format!("cleared: {names}"));
+            log.say(now_us, Weight::Note, format!("fault cleared: {names}"));
             self.reports.retain(|&code, _| gone.iter().all(|fault| fault.code() != code));
         }
     }

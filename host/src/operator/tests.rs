@@ -452,7 +452,7 @@ fn without_contact_and_without_the_deadman_it_is_silent_but_for_asking() {
     assert!(matches!(desk.poll()[..], [ToController::Heartbeat(_), ..]), "{:?}", desk.sent);
 }
 
-/// Whoever reads the message has the key, the deadman or the Ctrl-C that it names.
+/// The operator who reads the message has the key, the deadman or the Ctrl-C that it names.
 #[test]
 fn a_loss_of_contact_names_the_control_that_this_program_has() {
     let told = |state, prepare: fn(&mut Desk)| {
@@ -498,7 +498,9 @@ fn faults_of_a_serial_line_are_told_in_its_words() {
     desk.hear(status(State::Disarmed, 3).encode(node()));
     let messages = desk.operator.log.messages();
     assert!(
-        messages.iter().any(|of| of.text == "cleared: the serial adapter of the servos is gone")
+        messages
+            .iter()
+            .any(|of| of.text == "fault cleared: the serial adapter of the servos is gone")
     );
 }
 

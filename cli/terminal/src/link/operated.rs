@@ -147,6 +147,11 @@ pub fn farewell(view: &View) -> Exit {
             output::say(format_args!("left; the robot is {state}"));
             Exit::Ok
         }
+        // Without a fault it becomes disarmed by itself.
+        State::TorqueOff if status.faults.is_empty() => {
+            output::say("left; the robot is stopped, torque off");
+            Exit::Ok
+        }
         State::TorqueOff | State::EStopped => {
             output::say(format_args!("left; the robot is {state}: clear it before it is armed"));
             Exit::Ok
