@@ -257,6 +257,16 @@ pub fn conditions(status: ActuatorStatus, limits: Option<ServoLimits>) -> Vec<St
     words.into_iter().filter(|(bit, _)| status.0 & bit != 0).map(|(_, words)| words).collect()
 }
 
+/// Faults of an actuator that its status before did not have, in words.
+pub fn new_faults(
+    before: Option<ActuatorStatus>,
+    now: ActuatorStatus,
+    limits: Option<ServoLimits>,
+) -> Vec<String> {
+    let known = before.map_or(0, |before| before.0);
+    conditions(ActuatorStatus(now.0 & ActuatorStatus::FAULTS & !known), limits)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -333,5 +343,14 @@ mod tests {
             ["too hot, torque is off", "supply voltage out of range, torque is off"]
         );
         assert!(conditions(ActuatorStatus(ActuatorStatus::ENABLED), None).is_empty());
+    }
+
+    /// A monitor warns once, and not of a servo that is at its torque limit as it may be.
+    #[test]
+    fn a_fault_is_new_once() {
+        let hot = ActuatorStatus(ActuatorStatus::OVERHEATED | ActuatorStatus::TORQUE_LIMITED);
+        assert_eq!(new_faults(None, hot, None), ["too hot, torque is off"]);
+        assert!(new_faults(Some(hot), hot, None).is_empty());
+        assert_eq!(new_faults(Some(ActuatorStatus(1)), hot, None).len(), 1);
     }
 }

@@ -3,7 +3,7 @@
 
 use rollwalk_multibody::{Standing, Tree, doubts};
 use rollwalk_robot::Robot;
-use rollwalk_terminal::output::{Table, unsigned_zero};
+use rollwalk_terminal::output::{Table, fixed};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -173,9 +173,9 @@ impl StandingReport {
             }
         }
         if !balanced {
-            let [x, y, _] = self.com_m;
+            let [x, y, _] = self.com_m.map(fixed::<3>);
             warnings.push(format!(
-                "the robot tips: its centre of mass, {x:.3} m forward and {y:.3} m left of the body's origin, is beyond the contacts that stand"
+                "the robot tips: its centre of mass, {x} m forward and {y} m left of the body's origin, is beyond the contacts that stand"
             ));
         }
         for joint in self.joints.iter().filter(|joint| joint.share > SHARE_MAX) {
@@ -267,9 +267,4 @@ impl StandingReport {
 fn apart(distance_m: f64) -> String {
     let mm = 1e3 * distance_m;
     if mm < 0.0 { format!("overlap by {:.1} mm", -mm) } else { format!("are {mm:.1} mm apart") }
-}
-
-/// A number with so many decimals, and no minus in front of zeros.
-fn fixed<const DECIMALS: usize>(value: f64) -> String {
-    unsigned_zero(format!("{value:.DECIMALS$}"))
 }

@@ -3,7 +3,7 @@
 use rollwalk_protocol::library::NodeId;
 use rollwalk_sim_host::ground::{Grounded, Travel};
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_terminal::output;
+use rollwalk_terminal::output::{self, fixed};
 
 /// Shortest motion of which something is said, s.
 const SHORTEST_S: f64 = 0.2;
@@ -60,16 +60,16 @@ impl Printer {
 fn say(name: &str, travel: &Travel) {
     let (way, totals) = (travel.way(), travel.totals());
     output::say(format_args!(
-        "{:9.3} s  {name}: {:.3} m ahead, {:.3} m to the left, turned by {:.1}° in {:.2} s; tilt to {:.1}°, slid {:.3} m, \
-         at most {:.1} N on a foot or wheel, {:.2} J of work by the motors",
+        "{:9.3} s  {name}: {} m ahead, {} m to the left, turned by {}° in {:.2} s; tilt to {:.1}°, slid {:.3} m, \
+         at most {:.1} N on a foot or wheel, {} J of work by the motors",
         travel.to.as_s(),
-        way.forward_m,
-        way.left_m,
-        way.turn_rad.to_degrees(),
+        fixed::<3>(way.forward_m),
+        fixed::<3>(way.left_m),
+        fixed::<1>(way.turn_rad.to_degrees()),
         travel.duration_s(),
         totals.tilt_max_rad.to_degrees(),
         totals.slid_m,
         totals.force_max_n,
-        totals.work_j
+        fixed::<2>(totals.work_j)
     ));
 }

@@ -182,6 +182,11 @@ pub fn unsigned_zero(number: String) -> String {
     }
 }
 
+/// A number with so many decimals, and no minus in front of zeros.
+pub fn fixed<const DECIMALS: usize>(value: f64) -> String {
+    unsigned_zero(format!("{value:.DECIMALS$}"))
+}
+
 /// A table with aligned columns: the first column to the left, numbers to the right.
 pub struct Table {
     rows: Vec<Vec<String>>,
@@ -266,6 +271,7 @@ mod tests {
         assert_eq!(last, "hip    0.000  -0.100");
         assert_eq!(unsigned_zero("-".into()), "-");
         assert_eq!(unsigned_zero("-0".into()), "0");
+        assert_eq!((fixed::<2>(-0.001), fixed::<2>(-1.5)), ("0.00".into(), "-1.50".into()));
     }
 
     #[test]

@@ -1,10 +1,9 @@
 //! The text output of a monitor: changes, and the joints.
 
-use rollwalk_host::actuators::{Actuators, conditions, fault_names_on};
+use rollwalk_host::actuators::{Actuators, conditions, fault_names_on, new_faults};
 use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::describe::{condition, fault_report_on, state_name};
 use rollwalk_host::refusal::command_refusal;
-use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::{Fault, FaultBits};
 use rollwalk_protocol::wire::{
@@ -135,10 +134,8 @@ impl<'a> View<'a> {
 
     /// Warns of an actuator that has become too hot, whose supply is wrong, or that failed otherwise.
     fn conditions(&self, at_us: u64, joint: JointTelemetry) -> miette::Result<()> {
-        let of = |status: ActuatorStatus| ActuatorStatus(status.0 & ActuatorStatus::FAULTS);
-        let before = self.measured.get(&joint.channel).map_or(0, |before| of(before.status).0);
-        let new = ActuatorStatus(of(joint.status).0 & !before);
-        let words = conditions(new, self.actuators.limits(joint.channel));
+        let before = self.measured.get(&joint.channel).map(|before| before.status);
+        let words = new_faults(before, joint.status, self.actuators.limits(joint.channel));
         if words.is_empty() {
             return Ok(());
         }

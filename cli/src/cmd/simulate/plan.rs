@@ -9,7 +9,8 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::sensors::Noise;
 use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, Outcome, log, play};
 use rollwalk_terminal::files::Rotation;
-use rollwalk_terminal::{Exit, inputs, interrupt, output};
+use rollwalk_terminal::output::{self, fixed};
+use rollwalk_terminal::{Exit, inputs, interrupt};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -105,11 +106,8 @@ fn describe(plan: &Plan, outcome: &Outcome) -> String {
     const NAMES: [(&str, &str); 3] = [("forward", "m"), ("left", "m"), ("turn", "rad")];
     let mut text = format!("{} of {}\n", plan.motion.name, plan.robot.name);
     let row = |text: &mut String, name: &str, values: [f64; 3]| {
-        let _ = writeln!(
-            text,
-            "{name:<10} {:>10.4} {:>10.4} {:>10.4}",
-            values[0], values[1], values[2]
-        );
+        let values = values.map(fixed::<4>);
+        let _ = writeln!(text, "{name:<10} {:>10} {:>10} {:>10}", values[0], values[1], values[2]);
     };
     let heads = NAMES.map(|(name, unit)| format!("{name} {unit}"));
     let _ = writeln!(text, "{:<10} {:>10} {:>10} {:>10}", "", heads[0], heads[1], heads[2]);
@@ -126,7 +124,8 @@ fn describe(plan: &Plan, outcome: &Outcome) -> String {
     let Totals { slid_m, force_max_n, work_j, .. } = totals;
     let _ = writeln!(
         text,
-        "slid {slid_m:.3} m in {time_s:.2} s, at most {force_max_n:.1} N on a foot or wheel, {work_j:.2} J of work"
+        "slid {slid_m:.3} m in {time_s:.2} s, at most {force_max_n:.1} N on a foot or wheel, {} J of work",
+        fixed::<2>(work_j)
     );
     let _ = writeln!(
         text,
