@@ -124,7 +124,7 @@ pub struct RobotView {
     /// Status messages lost, of all.
     pub lost: [u64; 2],
     /// State in words, to follow "the robot is"; none before the first status.
-    pub state: Option<&'static str>,
+    pub state: Option<String>,
     /// Whether the motors have torque, or may get it without another order.
     pub torque: bool,
     /// Whether it takes an order to arm in this state.

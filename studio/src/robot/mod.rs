@@ -21,6 +21,7 @@ use crate::messages::Answer;
 use crate::messages::robot::{Key, Place, RobotView, Seen, Wanted, Wish};
 use gamepad::Gamepad;
 use line::{Coding, Line};
+use rollwalk_host::actuators::Actuators;
 use rollwalk_host::authentication::{Credentials, Peer};
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::key_file;
@@ -132,6 +133,7 @@ pub struct Connection {
     operator: Operator,
     way: Way,
     robot: Robot,
+    actuators: Actuators,
     /// Names of the library that the page has, or that the robot has.
     catalog: Option<Catalog>,
     names: Names,
@@ -167,15 +169,21 @@ impl Connection {
             message: format!("`{}` cannot be played by a controller: {why}", robot.name),
             help: "`rollwalk robot check` has the details".to_owned(),
         };
-        let hash = robot.controller_config().map_err(invalid)?.hash();
+        let config = robot.controller_config().map_err(invalid)?;
+        let models: Vec<_> =
+            robot.channels().map(|channel| channel.actuator().model.clone()).collect();
+        let models = models.iter().map(String::as_str);
+        let actuators = Actuators::new(&config, &robot.controller_buses(), models);
         let way = match place {
             Place::Simulated => Way::Simulated(Box::new(Simulated::new(&robot).map_err(invalid)?)),
             Place::Serial => Way::Line(Box::new(Line::new(Coding::Gateway))),
             Place::Relay => Way::Line(Box::new(Line::new(Coding::Frames))),
             Place::Slcan => Way::Line(Box::new(Line::new(Coding::Slcan))),
         };
-        let operator = Operator::new(Peer { node, credentials }, Some(hash));
-        Ok(Self { operator, way, robot, catalog: None, names, looked_up: None, gamepad: None })
+        let mut operator = Operator::new(Peer { node, credentials }, Some(config.hash()));
+        operator.set_actuators(actuators.clone());
+        let (catalog, looked_up, gamepad) = (None, None, None);
+        Ok(Self { operator, way, robot, actuators, catalog, names, looked_up, gamepad })
     }
 
     /// Gives motions the names that they have in a library.
@@ -192,7 +200,8 @@ impl Connection {
         let opened = Library::open(library, &index);
         let opened = opened.ok_or_else(|| refused("it changed while it was read".to_owned()))?;
         let channels = self.robot.channels().map(|channel| channel.name().to_owned()).collect();
-        self.catalog = Catalog::of(&opened, &self.robot.name, channels);
+        let catalog = Catalog::of(&opened, &self.robot.name, channels);
+        self.catalog = catalog.map(|catalog| catalog.with_actuators(self.actuators.clone()));
         self.looked_up = None;
         if let Some(catalog) = &self.catalog {
             (self.names.keep)(catalog);
@@ -254,7 +263,8 @@ impl Connection {
             Way::Simulated(robot) => Some(robot.as_ref()),
             Way::Line(_) => None,
         };
-        let mut shown = view::robot_view(&view, &self.robot, self.catalog.as_ref(), simulated);
+        let mut shown =
+            view::robot_view(&view, &self.robot, &self.actuators, self.catalog.as_ref(), simulated);
         shown.gamepad = self.gamepad.as_ref().map(Gamepad::words);
         shown
     }
