@@ -173,10 +173,10 @@ fn only_what_the_page_edits_is_opened() {
     for (file, what, help) in [
         ("README.md", "README.md is something else", "without a file"),
         ("servos.toml", "servos.toml is something else", "without a file"),
-        ("plan.json", "plan.json is a plan", "`rollwalk report`"),
     ] {
         run(file).fails(1, &["robot, motion, library and design files (TOML)", what, help]);
     }
+    run("plan.json").fails(1, &["plan.json is damaged", "rollwalk plan MOTION.toml"]);
 }
 
 #[test]

@@ -138,7 +138,7 @@ mod tests {
     fn the_tutorial_of_readme_is_found() {
         let readme = super::super::read(&shell::workspace_root().join("README.md")).unwrap();
         let tutorial = Tutorial::read(&readme).unwrap();
-        assert!(tutorial.files.iter().any(|(name, _)| name == "pup.toml"));
+        assert!(tutorial.files.iter().any(|(name, _)| name == "scout.toml"));
         assert!(tutorial.commands.iter().any(|line| line.starts_with("rollwalk library build")));
     }
 }

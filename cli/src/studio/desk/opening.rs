@@ -207,6 +207,14 @@ fn shipped_motion(plan: &Sheet) -> miette::Result<&'static str> {
     let value: Value = serde_json::from_str(&plan.text).unwrap_or_default();
     let [motion, robot] =
         ["motion", "robot"].map(|of| value[of]["name"].as_str().unwrap_or_default());
+    if motion.is_empty() || robot.is_empty() {
+        let help = "make it again: rollwalk plan MOTION.toml -o PLAN.json";
+        return Err(miette!(
+            help = help,
+            "{} is damaged: a plan has a motion and a robot",
+            plan.name
+        ));
+    }
     let is_it = |(path, text): &&(&str, &str)| {
         let document = Document::parse(*text).ok();
         let string = |key| document.as_ref()?.get(key)?.as_str();
