@@ -200,6 +200,9 @@ pub fn event_words(event: Event, kind: Option<BusKind>) -> Option<&'static str> 
         (BusKind::ServoLine, Event::NotAcknowledged | Event::BusPassive) => {
             "the serial line of the servos was disturbed"
         }
+        (BusKind::PulseBoard, Event::NotAcknowledged | Event::BusPassive) => {
+            "the serial line to the servo board was disturbed"
+        }
         _ => return None,
     })
 }

@@ -27,6 +27,14 @@ pub fn state_name(state: State) -> &'static str {
     }
 }
 
+/// Description of a state without its faults; of a robot that a bus has stopped also which bus.
+pub fn state_words(status: &Status, actuators: &Actuators) -> String {
+    match status.state {
+        State::EStopped if !status.faults.contains(Fault::EStop) => condition(status, actuators),
+        state => state_name(state).to_owned(),
+    }
+}
+
 /// Description of a state with its faults, to follow "the robot is". A bus that fails stops the robot as an emergency stop does, and is
 /// named as the cause.
 pub fn condition(status: &Status, actuators: &Actuators) -> String {
@@ -83,17 +91,12 @@ pub fn entry_sentence(entry: &LogEntry, actuators: &Actuators) -> String {
     words.map_or_else(|| event_sentence(entry.event), str::to_owned)
 }
 
-/// Faults by name, separated by commas; `no fault` for an empty set.
-pub fn fault_names(faults: FaultBits) -> String {
-    fault_names_on(faults, &Actuators::default())
-}
-
 /// Description of a fault, with channel and value of its report if it has them.
 pub fn fault_report(fault: Fault, channel: Option<String>, value: Option<f32>) -> String {
     fault_words(fault, None).name.to_owned() + &report_details(fault, channel, value)
 }
 
-/// As [`fault_report`], in the words for the bus that it is about.
+/// Description of a fault as [`fault_report`] gives it, in the words for the bus that it is about.
 pub fn fault_report_on(
     fault: Fault,
     channel: Option<u8>,
@@ -133,8 +136,9 @@ mod tests {
     #[test]
     fn faults_are_named() {
         let faults = FaultBits::default().with(Fault::HostLost).with(Fault::EStop);
-        assert_eq!(fault_names(faults), "heartbeat lost, emergency stop");
-        assert_eq!(fault_names(FaultBits::default()), "no fault");
+        let names = |faults| fault_names_on(faults, &Actuators::default());
+        assert_eq!(names(faults), "heartbeat lost, emergency stop");
+        assert_eq!(names(FaultBits::default()), "no fault");
     }
 
     #[test]
@@ -174,6 +178,9 @@ mod tests {
         let lost = FaultBits::default().with(Fault::BusOff);
         let words = condition(&status(State::EStopped, lost), &of_pup);
         assert_eq!(words, "stopped: the serial adapter of the servos is gone");
+        assert_eq!(state_words(&status(State::EStopped, lost), &of_pup), words);
+        let both = status(State::EStopped, lost.with(Fault::EStop));
+        assert_eq!(state_words(&both, &of_pup), "stopped by an emergency stop");
         let pressed = status(State::EStopped, FaultBits::default().with(Fault::EStop));
         assert_eq!(condition(&pressed, &of_pup), "stopped by an emergency stop");
         let entry = LogEntry {

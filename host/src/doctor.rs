@@ -4,7 +4,7 @@
 
 use crate::actuators::{Actuators, BusKind, conditions, fault_words};
 use crate::catalog::{Catalog, channel_name};
-use crate::describe::{condition, entry_sentence, fault_report_on, report_details, state_name};
+use crate::describe::{entry_sentence, fault_report_on, report_details, state_name, state_words};
 use crate::session::History;
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
@@ -167,12 +167,12 @@ impl Findings<'_> {
         let bus = self.bus;
         if !self.heard.others.is_empty() {
             let others: Vec<_> = self.heard.others.iter().map(u8::to_string).collect();
-            let are = if others.len() == 1 { "controller" } else { "controllers" };
+            let [controllers, are] =
+                if others.len() == 1 { ["controller", "is"] } else { ["controllers", "are"] };
             let what = format!(
-                "the controller does not answer; {are} {} is on the bus",
+                "the controller does not answer; {controllers} {} {are} on the bus",
                 others.join(", ")
             );
-            let what = if others.len() == 1 { what } else { what.replace(" is on", " are on") };
             let help = format!("name it: rollwalk doctor --node {} --bus {bus}", others[0]);
             return finding(Gravity::Wrong, what, help);
         }
@@ -207,12 +207,7 @@ impl Findings<'_> {
         let clip = status.clip.map(|clip| self.clip(clip)).unwrap_or_default();
         let clip = if clip.is_empty() { clip } else { format!(" ({clip})") };
         // Faults have findings of their own, unless one is what stopped the robot.
-        let words = match status.state {
-            State::EStopped if !status.faults.contains(Fault::EStop) => {
-                condition(status, self.actuators())
-            }
-            state => state_name(state).to_owned(),
-        };
+        let words = state_words(status, self.actuators());
         let what = format!("the robot is {words}{clip}");
         let faulty = !status.faults.is_empty();
         let (gravity, help) = match status.state {
@@ -363,8 +358,10 @@ impl Findings<'_> {
                 "measure the supply at the servo under load: battery, thin or long wires"
             } else if has(ActuatorStatus::OVERHEATED) {
                 "let it cool; a joint that carries the robot in a bent pose heats most"
+            } else if has(ActuatorStatus::TIMED_OUT) {
+                "it heard no setpoint in time: see to the load of its bus, and to plugs and cable"
             } else {
-                ""
+                "switch it off and on; if it fails again, read its error with the maker's tool"
             };
             finding(
                 Gravity::Wrong,

@@ -52,15 +52,18 @@ pub fn import(urdf: &File, side: Option<&File>) -> Result<Done, Answer> {
     Ok(Done::Imported { files: vec![motion_file, robot_file, side], motion, warnings: remarks })
 }
 
-/// First motion of a robot file, as a document beside it.
+/// First motion of a robot file, as a document beside it: of a robot with faults, which `open` names, one that stands.
 ///
 /// # Errors
-/// Faults of the robot file, or that it is not open.
+/// The robot file is not open.
 pub fn begun(documents: &Documents<'_>, path: &str) -> Result<Done, Answer> {
     let found = documents.find(path).ok_or_else(|| missing("robot file", path, ""))?;
-    let robot = documents.robot(found)?;
     let (folder, name) = found.path.rsplit_once('/').unwrap_or(("", found.path));
-    let mut file = first_motion(&robot, name.trim_end_matches(".toml"), name);
+    let stem = name.trim_end_matches(".toml");
+    let mut file = match documents.robot(found) {
+        Ok(robot) => first_motion(&robot, stem, name),
+        Err(_) => stand(stem, name),
+    };
     if !folder.is_empty() {
         file.path = format!("{folder}/{}", file.path);
     }
@@ -82,13 +85,8 @@ fn first_motion(robot: &Robot, stem: &str, robot_path: &str) -> File {
     });
     // Whole frames of a library, and no more digits than a person would type.
     let seconds = |units: f64| (60.0 * units * (height_m / GRAVITY_M_S2).sqrt()).round() / 60.0;
-    let file = |name: &str, ends: &str, duration_s: f64, rest: String| File {
-        path: format!("{stem}_{name}.toml"),
-        text: format!(
-            "# A first motion for this robot, by its size.\n# Format: docs/motion-files.md.\n\n\
-             name = \"{stem}_{name}\"\nrobot = \"{robot_path}\"\nends = \"{ends}\"\n\
-             duration_s = {duration_s:.6}\n{rest}"
-        ),
+    let file = |name: &str, ends: &str, duration_s: f64, rest: String| {
+        motion_file(stem, robot_path, [name, ends], duration_s, &rest)
     };
     let goal = |forward_m: f64| {
         format!("\n[goal]\nforward_m = {forward_m:.3}\nleft_m = 0.0\nturn_rad = 0.0\n")
@@ -107,12 +105,32 @@ fn first_motion(robot: &Robot, stem: &str, robot_path: &str) -> File {
         );
         file("walk", "periodic", seconds(period), rest)
     };
-    let stand = || {
-        let rest = "\n[footfalls]\nall = \"stance\"\n".to_owned();
-        file("stand", "at_rest", 1.0, rest)
-    };
     let drives = driven.then(drive).filter(|file| can(robot, file));
-    drives.or_else(|| Some(walk()).filter(|file| can(robot, file))).unwrap_or_else(stand)
+    drives
+        .or_else(|| Some(walk()).filter(|file| can(robot, file)))
+        .unwrap_or_else(|| stand(stem, robot_path))
+}
+
+/// A motion that any robot has.
+fn stand(stem: &str, robot_path: &str) -> File {
+    motion_file(stem, robot_path, ["stand", "at_rest"], 1.0, "\n[footfalls]\nall = \"stance\"\n")
+}
+
+fn motion_file(
+    stem: &str,
+    robot_path: &str,
+    [name, ends]: [&str; 2],
+    duration_s: f64,
+    rest: &str,
+) -> File {
+    File {
+        path: format!("{stem}_{name}.toml"),
+        text: format!(
+            "# A first motion for this robot, by its size.\n# Format: docs/motion-files.md.\n\n\
+             name = \"{stem}_{name}\"\nrobot = \"{robot_path}\"\nends = \"{ends}\"\n\
+             duration_s = {duration_s:.6}\n{rest}"
+        ),
+    }
 }
 
 /// Whether the planner finds a motion in [`TRIED`] iterations: a user should see the robot move first, and no failed plan.

@@ -8,6 +8,7 @@ use rollwalk_planner::library_file::{LibraryFile, MotionSource};
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{Options, Progress, TransitionError, optimise, optimise_transition};
+use rollwalk_protocol::crc::file_digest;
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
 use std::ops::ControlFlow;
@@ -60,6 +61,7 @@ pub fn build(
         nodes: file.motions.iter().enumerate().map(node).collect(),
         edges: joined.iter().enumerate().map(edge).collect(),
         safe: file.safe,
+        identity: built.as_ref().map(|built| format!("{:08x}", file_digest(&built.bytes))),
         failures: failed
             .iter()
             .map(|plan| format!("{} {}", plan.motion.name, plan.solve.status))

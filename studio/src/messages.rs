@@ -285,6 +285,8 @@ pub enum Done {
         edges: Vec<Edge>,
         /// Index of the motion that is SAFE.
         safe: usize,
+        /// Identity of the library, as robots name the one that they have; none without a library.
+        identity: Option<String>,
         /// Plans that do not hold, because of which there is no library.
         failures: Vec<String>,
     },

@@ -1,6 +1,7 @@
 //! Short orders to a controller: `estop`, `clear`, `disarm`, `pause`, `resume`, `return`.
 
-use rollwalk_host::describe::{fault_names, state_name};
+use rollwalk_host::actuators::Actuators;
+use rollwalk_host::describe::condition;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{CommandResult, State};
 use rollwalk_terminal::link::{LinkArgs, LiveSession, ended};
@@ -53,8 +54,7 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     // The last status may be older than the order; it is printed even without a newer one.
     let _ = session.wait_until("its status", STATUS_US, |_| Some(true));
     if let Some(status) = session.status() {
-        let (state, faults) = (state_name(status.state), fault_names(status.faults));
-        output::print(&format!("the robot is {state} ({faults})"))?;
+        output::print(&format!("the robot is {}", condition(&status, &Actuators::default())))?;
     }
     Ok(Exit::Ok)
 }

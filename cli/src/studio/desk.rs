@@ -9,6 +9,7 @@ mod opening;
 use edits::Edits;
 pub use edits::folder;
 use opening::{Desired, Sheet};
+use rollwalk_protocol::crc::file_digest_append;
 use rollwalk_terminal::files;
 use rollwalk_terminal::kind::Kind;
 use serde_json::{Value, json};
@@ -43,14 +44,16 @@ impl Desk {
                 let file = |sheet: &Sheet| json!({ "path": sheet.name, "text": sheet.text });
                 let sheets = self.sheets();
                 let files: Vec<_> = sheets.iter().map(file).collect();
-                let edits = self.edits.as_ref().and_then(Edits::kept);
+                let edits = self.edits.as_ref().and_then(|edits| edits.kept(digest(&sheets)));
                 Some(json!({
                     "seq": seq, "binary": false, "kind": "done", "files": files, "desired": self.desired, "edits": edits,
                 }))
             }
             "keep" => {
                 let text = request["text"].as_str().unwrap_or_default();
-                let kept = self.edits.as_ref().map_or(Err(no_folder()), |edits| edits.keep(text));
+                let digest = digest(&self.sheets());
+                let edits = self.edits.as_ref();
+                let kept = edits.map_or(Err(no_folder()), |edits| edits.keep(text, digest));
                 Some(match kept {
                     Ok(()) => json!({ "seq": seq, "binary": false, "kind": "done" }),
                     Err(message) => json!({
@@ -110,6 +113,14 @@ impl Desk {
     fn sheets(&self) -> MutexGuard<'_, Vec<Sheet>> {
         self.sheets.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Digest of the files as they were read or written last.
+fn digest(sheets: &[Sheet]) -> u32 {
+    sheets.iter().fold(0, |before, sheet| {
+        let named = file_digest_append(before, sheet.name.as_bytes());
+        file_digest_append(named, sheet.text.as_bytes())
+    })
 }
 
 fn no_folder() -> String {

@@ -339,7 +339,7 @@ fn edits_are_kept_for_the_files_that_they_are_of() {
     };
     let kept = |desk: &Desk| {
         let given = desk.answer(r#"{"seq": 1, "kind": "given"}"#).unwrap();
-        given["edits"].as_str().map(str::to_owned)
+        given["edits"]["page"].as_str().map(str::to_owned)
     };
     let keep = |desk: &Desk, text: &str| {
         let request = json!({ "seq": 2, "kind": "keep", "text": text });
@@ -349,6 +349,12 @@ fn edits_are_kept_for_the_files_that_they_are_of() {
     assert_eq!(keep(&desk("a.toml"), "mine"), "done");
     assert_eq!(kept(&desk("a.toml")).as_deref(), Some("mine"));
     assert_eq!(kept(&desk("b.toml")), None);
+    let is_current = |desk: Desk| {
+        desk.answer(r#"{"seq": 1, "kind": "given"}"#).unwrap()["edits"]["is_current"].clone()
+    };
+    assert_eq!(is_current(desk("a.toml")), true);
+    fs::write(at("a.toml"), "footfalls.all = \"stance\"\n# by an editor\n").unwrap();
+    assert_eq!(is_current(Desk::open(&[at("a.toml")], Some(at("state"))).unwrap()), false);
     assert_eq!(keep(&desk("a.toml"), &"x".repeat(17 << 20)), "error");
     assert_eq!(kept(&desk("a.toml")).as_deref(), Some("mine"), "what was kept stays");
     for damaged in [b"{".as_slice(), b"[]", &[0xff]] {

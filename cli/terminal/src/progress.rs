@@ -94,7 +94,7 @@ impl Watch {
         let name = self.bar.prefix();
         self.bar.suspend(|| {
             output::say(format_args!(
-                "{name}: the first start finds no plan{worst}. Other starts and nearer numbers are tried; Ctrl-C ends that"
+                "{name}: the first start finds no plan{worst}. Numbers that work, and other starts, are tried; Ctrl-C ends that"
             ));
         });
     }

@@ -4,7 +4,7 @@ use super::log::{Log, Weight};
 use super::view::{FaultView, JointView, LinkView};
 use crate::actuators::{Actuators, BusKind, fault_names_on, fault_words};
 use crate::client::Client;
-use crate::describe::{LEFT_ALONE, condition, state_name};
+use crate::describe::{LEFT_ALONE, condition, state_words};
 use rollwalk_protocol::faults::{Fault, FaultBits};
 use rollwalk_protocol::wire::{FaultReport, JointTelemetry, State, Status, Torque};
 use std::collections::BTreeMap;
@@ -83,12 +83,7 @@ impl LinkStatus {
                 _ => Weight::Note,
             };
             // The fault that caused it follows as a message of its own.
-            let words = match status.state {
-                State::EStopped if !status.faults.contains(Fault::EStop) => {
-                    condition(&status, &self.actuators)
-                }
-                state => state_name(state).to_owned(),
-            };
+            let words = state_words(&status, &self.actuators);
             log.say(now_us, weight, format!("the robot is {words}"));
         }
         self.contact = Some(true);

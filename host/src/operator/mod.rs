@@ -203,9 +203,8 @@ impl Operator {
 
     /// Sets the catalog of the controller's library: names for messages, and which motions loop.
     pub fn set_catalog(&mut self, catalog: Option<Catalog>) {
-        if let Some(catalog) = &catalog {
-            self.link.set_actuators(catalog.actuators.clone());
-        }
+        let actuators = catalog.as_ref().map(|catalog| catalog.actuators.clone());
+        self.link.set_actuators(actuators.unwrap_or_default());
         self.catalog = catalog;
     }
 

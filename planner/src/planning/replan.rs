@@ -88,7 +88,7 @@ impl Solution {
         Ok(refine::motion(solution, robot, options, effort))
     }
 
-    /// [`replan`](Self::replan) from this solution alone: nothing else is tried where it does not lead to a plan.
+    /// Plans as [`replan`](Self::replan) does, from this solution alone: nothing else is tried where it does not lead to a plan.
     ///
     /// # Errors
     /// As [`replan`](Self::replan).

@@ -134,13 +134,19 @@ pub struct Connection {
     way: Way,
     robot: Robot,
     actuators: Actuators,
-    /// Names of the library that the page has, or that the robot has.
-    catalog: Option<Catalog>,
+    /// Names of libraries: of those that the page has sent, and of that which the robot had.
+    catalogs: Vec<Catalog>,
     names: Names,
     /// The library whose names were looked for.
     looked_up: Option<u32>,
     /// The gamepad that the operator uses.
     gamepad: Option<Gamepad>,
+}
+
+/// Names of the library that the controller has in use.
+fn catalog_in_use(operator: &Operator, catalogs: &[Catalog]) -> Option<Catalog> {
+    let in_use = operator.hello()?.library?;
+    catalogs.iter().rev().find(|catalog| catalog.library == in_use).cloned()
 }
 
 impl std::fmt::Debug for Connection {
@@ -182,8 +188,8 @@ impl Connection {
         };
         let mut operator = Operator::new(Peer { node, credentials }, Some(config.hash()));
         operator.set_actuators(actuators.clone());
-        let (catalog, looked_up, gamepad) = (None, None, None);
-        Ok(Self { operator, way, robot, actuators, catalog, names, looked_up, gamepad })
+        let (catalogs, looked_up, gamepad) = (Vec::new(), None, None);
+        Ok(Self { operator, way, robot, actuators, catalogs, names, looked_up, gamepad })
     }
 
     /// Gives motions the names that they have in a library.
@@ -201,10 +207,11 @@ impl Connection {
         let opened = opened.ok_or_else(|| refused("it changed while it was read".to_owned()))?;
         let channels = self.robot.channels().map(|channel| channel.name().to_owned()).collect();
         let catalog = Catalog::of(&opened, &self.robot.name, channels);
-        self.catalog = catalog.map(|catalog| catalog.with_actuators(self.actuators.clone()));
-        self.looked_up = None;
-        if let Some(catalog) = &self.catalog {
-            (self.names.keep)(catalog);
+        if let Some(catalog) = catalog {
+            let catalog = catalog.with_actuators(self.actuators.clone());
+            (self.names.keep)(&catalog);
+            self.catalogs.retain(|known| known.library != catalog.library);
+            self.catalogs.push(catalog);
         }
         Ok(())
     }
@@ -232,7 +239,8 @@ impl Connection {
         self.operator.set_attended(now_us, attended);
         let Some(pad) = &mut self.gamepad else { return };
         for wish in pad.wishes(page_us, gamepad) {
-            wish.give(now_us, &mut self.operator, self.catalog.as_ref());
+            let catalog = catalog_in_use(&self.operator, &self.catalogs);
+            wish.give(now_us, &mut self.operator, catalog.as_ref());
         }
     }
 
@@ -241,12 +249,14 @@ impl Connection {
         let in_use = self.operator.hello().and_then(|hello| hello.library);
         if in_use.is_some() && in_use != self.looked_up {
             self.looked_up = in_use;
-            let is_known = self.catalog.as_ref().map(|catalog| catalog.library) == in_use;
-            let found = in_use.filter(|_| !is_known).and_then(self.names.find);
-            self.catalog = found.or(self.catalog.take());
+            let found = in_use.and_then(self.names.find);
+            // What the page has sent comes first.
+            let found = found.map(|found| found.with_actuators(self.actuators.clone()));
+            self.catalogs.splice(0..0, found);
         }
-        let (operator, catalog) = (&mut self.operator, &self.catalog);
-        operator.set_catalog(catalog.clone().filter(|catalog| Some(catalog.library) == in_use));
+        let operator = &mut self.operator;
+        operator.set_catalog(catalog_in_use(operator, &self.catalogs));
+        operator.set_actuators(self.actuators.clone());
         match &mut self.way {
             Way::Simulated(robot) => {
                 robot.run(now_us, operator);
@@ -263,8 +273,9 @@ impl Connection {
             Way::Simulated(robot) => Some(robot.as_ref()),
             Way::Line(_) => None,
         };
+        let catalog = catalog_in_use(&self.operator, &self.catalogs);
         let mut shown =
-            view::robot_view(&view, &self.robot, &self.actuators, self.catalog.as_ref(), simulated);
+            view::robot_view(&view, &self.robot, &self.actuators, catalog.as_ref(), simulated);
         shown.gamepad = self.gamepad.as_ref().map(Gamepad::words);
         shown
     }

@@ -9,9 +9,8 @@ use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe;
 use rollwalk_host::operator::{FaultView, Leaving, View, Weight};
 use rollwalk_multibody::{Configuration, Frames, Standing, Tree};
-use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::RATE_HZ;
-use rollwalk_protocol::wire::{State, Status, Torque};
+use rollwalk_protocol::wire::{State, Torque};
 use rollwalk_robot::Robot;
 use std::collections::BTreeMap;
 
@@ -29,7 +28,6 @@ pub fn robot_view(
     simulated: Option<&Simulated>,
 ) -> RobotView {
     let library = view.hello.and_then(|hello| hello.library);
-    let catalog = catalog.filter(|catalog| Some(catalog.library) == library);
     let names: Vec<String> = robot.channels().map(|channel| channel.name().to_owned()).collect();
     let name = |channel: u8| names.get(usize::from(channel)).cloned();
     let fault = |fault: &FaultView| {
@@ -72,7 +70,7 @@ pub fn robot_view(
         contact: view.link.contact,
         round_trip_ms: view.link.round_trip_us.map(|us| us as f64 * 1e-3),
         lost: [view.link.lost, view.link.lost + view.link.received],
-        state: view.status.map(|status| state_words(&status, actuators)),
+        state: view.status.map(|status| describe::state_words(&status, actuators)),
         torque: state.is_none_or(|state| state.torque() != Torque::Off),
         can_arm: state == Some(State::Disarmed),
         can_play: matches!(state, Some(State::Ready | State::Playing | State::Paused)),
@@ -100,16 +98,6 @@ pub fn robot_view(
             .and_then(Simulated::grounded)
             .map(|grounded| Simulation { fallen: grounded.has_fallen(), held: grounded.is_held() }),
         messages: view.messages.iter().map(message).collect(),
-    }
-}
-
-/// The state; of a robot that a bus has stopped also which bus: nobody has pressed anything.
-fn state_words(status: &Status, actuators: &Actuators) -> String {
-    match status.state {
-        State::EStopped if !status.faults.contains(Fault::EStop) => {
-            describe::condition(status, actuators)
-        }
-        state => describe::state_name(state).to_owned(),
     }
 }
 
@@ -168,31 +156,5 @@ fn place(
         turning_wheels(robot).filter(|&j| robot.end_effectors[j].contact.actuator().is_some());
     for (channel, j) in (joints..).zip(driven) {
         wheel_rad[j] = angle_rad(channel).unwrap_or(0.0);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rollwalk_protocol::faults::FaultBits;
-
-    #[test]
-    fn a_bus_that_stops_a_robot_is_named_and_a_person_is_not() {
-        let text = rollwalk_shipped::text("robots/pup.toml").unwrap();
-        let pup = Robot::from_toml("pup.toml", text).unwrap();
-        let config = pup.controller_config().unwrap();
-        let actuators = Actuators::new(&config, &pup.controller_buses(), ["XL330-M288-T"; 12]);
-        let words = |faults: FaultBits| {
-            let state = State::EStopped;
-            let severity = state.severity(faults);
-            let status =
-                Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 };
-            state_words(&status, &actuators)
-        };
-        let [lost, pressed] =
-            [Fault::BusOff, Fault::EStop].map(|fault| FaultBits::default().with(fault));
-        assert_eq!(words(lost), "stopped: the serial adapter of the servos is gone");
-        assert_eq!(words(pressed), "stopped by an emergency stop");
-        assert_eq!(words(pressed.with(Fault::BusOff)), "stopped by an emergency stop");
     }
 }

@@ -5,7 +5,7 @@ export type Vec3 = [number, number, number];
 export type File = { path: string; text: string };
 
 /** Names of the files of a command line that the page shows first. */
-export type Desired = Record<"motion" | "library" | "robot" | "plan" | "urdf" | "side", string | null>;
+export type Desired = Record<"motion" | "library" | "robot" | "robot_in_motion" | "plan" | "urdf" | "side", string | null>;
 
 /** Where a solve starts; a plan file comes with the request, as bytes. */
 export type Start = "scratch" | "good" | "plan";

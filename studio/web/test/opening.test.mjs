@@ -66,6 +66,37 @@ for (const name of browsers) describe(`what rollwalk studio opens, in ${name}`, 
       assert.equal(await studio.converged(), true);
       assert.match(await studio.page.$eval(".remarks", (element) => element.textContent), /of the import of rover.urdf/);
     });
+    // Nothing was edited: what the file says now counts.
+    const urdf = await readFile(join(folder, "rover.urdf"), "utf8");
+    await writeFile(join(folder, "rover.urdf"), urdf.replace(/<robot name="[^"]*"/, '<robot name="rover_2"'));
+    await opened(["rover.urdf"], async (studio) => {
+      assert.equal(await studio.state("state.scene.name"), "rover_2");
+      assert.doesNotMatch(await studio.words(), /Restored|your edits/);
+    });
+  });
+
+  test("a robot file with faults is open to be mended", async () => {
+    const pup = await readFile(join(folder, "robots/pup.toml"), "utf8");
+    await writeFile(join(folder, "robots/faulty.toml"), pup.replace("friction_coefficient = 0.8", "friction_coefficient = 80"));
+    await opened(["robots/faulty.toml"], async (studio) => {
+      assert.match(await studio.words(), /friction_coefficient/);
+      await studio.page.evaluate((pup) => globalThis.studio.state.write("robots/faulty.toml", pup, null), pup);
+      await studio.settled();
+      assert.equal(await studio.converged(), true);
+    });
+  });
+
+  test("a library with a plan in it can be built", async () => {
+    const library = (await readFile(join(folder, "motions/test_leg_library.toml"), "utf8")).replace(/file = "test_leg_roll.toml"/, 'plan = "roll.json"');
+    const plan = new Program(program, ["plan", "motions/test_leg_roll.toml", "--no-simulation", "-o", "motions/roll.json"], folder);
+    await plan.ended();
+    await writeFile(join(folder, "motions/planned_library.toml"), library);
+    assert.match(library, /roll.json/);
+    await opened(["motions/planned_library.toml"], async (studio) => {
+      await studio.click("#tab-library");
+      await studio.button("Build library");
+      await studio.until(() => Number(document.querySelector("[data-built]")?.dataset.built) > 100);
+    });
   });
 
   test("a plan of a shipped motion is shown with that motion", async () => {

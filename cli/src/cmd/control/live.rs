@@ -13,7 +13,7 @@ use std::time::Instant;
 /// Time without contact after which the program ends, µs.
 const SILENT_US: u64 = 5_000_000;
 
-/// Part of the samples that may go without an answer in time before the link counts as too slow.
+/// Part of the samples that may be lost before the link is said to lose samples.
 const MISSED: f64 = 0.01;
 
 /// Plays the sequence of a conductor on a bus, and prints how it went.
@@ -74,7 +74,7 @@ pub fn run(
     }
 }
 
-/// How samples were answered: output of `--json`.
+/// Counts and delays of answers to samples: output of `--json`.
 #[derive(Serialize)]
 struct Report {
     complete: bool,
@@ -132,7 +132,8 @@ impl Report {
         let late_ms = 1e3 * late as f64 / f64::from(self.rate_hz.max(1));
         let total = self.answered + self.lost;
         let missed = self.lost as f64 / total.max(1) as f64;
-        let is_slow = late_ms >= 1e3 * LATENCY_MAX_S;
+        // The last count is of that many samples or more.
+        let is_slow = late_ms >= 1e3 * LATENCY_MAX_S || late + 1 >= self.late_by_samples.len();
         let cause = match (missed > MISSED, is_slow) {
             (true, _) => "the link loses samples: look at its load and its cable",
             (false, true) => {
@@ -166,12 +167,14 @@ mod tests {
             late_by_samples: late_by_samples.to_vec(),
         };
         assert_eq!(
-            report(&[0, 14, 967, 102], 5).verdict(),
+            report(&[0, 14, 967, 102, 0], 5).verdict(),
             "all was played; the link was fast enough (1083 of 1088 samples answered, 99 % within 25 ms)"
         );
         let slow = report(&[0, 14, 0, 0, 0, 0, 0, 100], 0).verdict();
         assert!(slow.contains("too slow"), "{slow}");
-        let lossy = report(&[0, 900], 100).verdict();
+        let fast = Report { rate_hz: 960, ..report(&[0, 14, 100], 0) }.verdict();
+        assert!(fast.contains("too slow"), "the last count has no end: {fast}");
+        let lossy = report(&[0, 900, 0], 100).verdict();
         assert!(lossy.contains("loses samples"), "{lossy}");
         assert!(report(&[0, 0], 0).verdict().contains("no sample"));
     }

@@ -2,10 +2,10 @@
 
 use rollwalk_host::actuators::{Actuators, conditions, fault_names_on, new_faults};
 use rollwalk_host::catalog::{Catalog, channel_name};
-use rollwalk_host::describe::{condition, fault_report_on, state_name};
+use rollwalk_host::describe::{fault_report_on, state_words};
 use rollwalk_host::refusal::command_refusal;
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::faults::{Fault, FaultBits};
+use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::{
     Action, CommandResult, FaultReport, FromController, JointTelemetry, Node, State, Status,
     ToController,
@@ -108,12 +108,7 @@ impl<'a> View<'a> {
         if is_new || is_other && clip.is_some() {
             let clip = clip.map_or_else(String::new, |clip| format!(": {}", self.clip_name(clip)));
             // Other faults have a line of their own.
-            let state = match status.state {
-                State::EStopped if !status.faults.contains(Fault::EStop) => {
-                    condition(status, &self.actuators)
-                }
-                state => state_name(state).to_owned(),
-            };
+            let state = state_words(status, &self.actuators);
             self.say(at_us, &format!("{state}{clip}"))?;
         }
         if std::mem::replace(&mut self.faults, status.faults) != status.faults {

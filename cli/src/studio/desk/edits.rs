@@ -10,7 +10,7 @@ use std::{env, fs};
 /// Most bytes of what is kept: documents with their history.
 const BYTES_MAX: u64 = 16 << 20;
 
-/// Where edits of some files are kept.
+/// Edits of some files, and the file of the user's state that keeps them.
 pub struct Edits {
     place: PathBuf,
     files: Vec<PathBuf>,
@@ -21,8 +21,19 @@ pub struct Edits {
 struct Kept {
     /// Absolute paths of the files that were opened.
     files: Vec<PathBuf>,
-    /// What the page wants to have back.
+    /// Digest of the files as they were then.
+    digest: u32,
+    /// Documents and history of the page, in its own form.
     page: String,
+}
+
+/// Edits that were kept.
+#[derive(Debug, Serialize)]
+pub struct Found {
+    /// Documents and history of the page.
+    page: String,
+    /// Whether the files are as they were.
+    is_current: bool,
 }
 
 /// The folder of the user's state; `None` where the user has none.
@@ -41,22 +52,23 @@ impl Edits {
         Self { place: folder.join(format!("{name:08x}.json")), files }
     }
 
-    /// What the page kept last.
-    pub fn kept(&self) -> Option<String> {
+    /// The edits that the page kept last; `digest` is that of the files as they are.
+    pub fn kept(&self, digest: u32) -> Option<Found> {
         let is_short = fs::metadata(&self.place).is_ok_and(|found| found.len() <= BYTES_MAX);
         let text = is_short.then(|| fs::read_to_string(&self.place).ok()).flatten()?;
-        let Kept { files, page } = serde_json::from_str(&text).ok()?;
-        (files == self.files).then_some(page)
+        let kept: Kept = serde_json::from_str(&text).ok()?;
+        let is_current = kept.digest == digest;
+        (kept.files == self.files).then_some(Found { page: kept.page, is_current })
     }
 
-    /// Keeps what the page wants to have back.
+    /// Keeps the page's documents and history; `digest` is that of the files as they are.
     ///
     /// # Errors
     /// It is too long, or the operating system refuses.
-    pub fn keep(&self, page: &str) -> Result<(), String> {
+    pub fn keep(&self, page: &str, digest: u32) -> Result<(), String> {
         let failed =
             |why: String| format!("edits cannot be kept in {}: {why}", self.place.display());
-        let kept = Kept { files: self.files.clone(), page: page.to_owned() };
+        let kept = Kept { files: self.files.clone(), digest, page: page.to_owned() };
         let text = serde_json::to_string(&kept).map_err(|why| failed(why.to_string()))?;
         if text.len() as u64 > BYTES_MAX {
             return Err(failed(format!("{} bytes are more than {BYTES_MAX}", text.len())));

@@ -6,21 +6,23 @@ use rollwalk_terminal::inputs::beside;
 use rollwalk_terminal::kind::Kind;
 use serde::Serialize;
 use serde_json::Value;
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
 use toml_edit::{Document, Item, TableLike};
 
 /// Most files, those that others name included.
 const FILES_MAX: usize = 200;
+/// Most files that are looked at: a stranger's library may name any count of them.
+const SEEN_MAX: usize = 2 * FILES_MAX;
 /// Most files of a folder that an error lists.
 const LISTED: usize = 4;
-/// How a library for a controller begins.
+/// Beginning of a library for a controller.
 const PACKED: &[u8] = b"ROLLWALK";
 
 /// A file as it was read or written last.
 pub struct Sheet {
-    /// How the page knows it.
+    /// Name in pages: the path, with `/` between folders.
     pub name: String,
     pub path: PathBuf,
     pub text: String,
@@ -28,13 +30,15 @@ pub struct Sheet {
     pub is_users: bool,
 }
 
-/// What the page is to show first: names of files, as far as the user named such.
+/// Files that the page is to show first, by name.
 #[derive(Debug, Default, Serialize)]
 pub struct Desired {
     pub motion: Option<String>,
     pub library: Option<String>,
     /// The robot that moves, whichever robot the motion file names.
     pub robot: Option<String>,
+    /// Path of that robot for the motion file, which names another one.
+    pub robot_in_motion: Option<String>,
     /// The plan that the motion is planned from.
     pub plan: Option<String>,
     /// The URDF that a robot is made of.
@@ -79,37 +83,67 @@ pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, Desired)> {
         named.extend(mentions.all().map(|file| beside(path, file)));
         sheets.push(Sheet { name, path: path.clone(), text, is_users: true });
     }
+    let mut seen: HashSet<String> = sheets.iter().map(|sheet| sheet.name.clone()).collect();
+    let mut follow = |named: &mut VecDeque<PathBuf>, sheets: &mut Vec<Sheet>| {
+        while let Some(path) = named.pop_front()
+            && sheets.len() < FILES_MAX
+            && seen.len() < SEEN_MAX
+        {
+            if let Some(sheet) = seen.insert(name_of(&path)).then(|| mentioned(&path, &folders)) {
+                let Some(sheet) = sheet else { continue };
+                let mentions = Mentions::of(&sheet.text);
+                named.extend(mentions.all().map(|file| beside(&path, file)));
+                sheets.push(sheet);
+            }
+        }
+    };
+    follow(&mut named, &mut sheets);
     let is_plan = |sheet: &&Sheet| desired.plan.as_ref() == Some(&sheet.name);
     if desired.motion.is_none()
         && let Some(plan) = sheets.iter().find(is_plan)
     {
-        let motion = shipped_motion(plan)?;
-        desired.motion = Some(motion.to_owned());
+        let motion = motion_of(plan, &sheets)?;
+        desired.motion = Some(motion.clone());
         named.push_back(motion.into());
+        follow(&mut named, &mut sheets);
     }
-    while let Some(path) = named.pop_front()
-        && sheets.len() < FILES_MAX
-    {
-        let name = name_of(&path);
-        let is_there = sheets.iter().any(|sheet| sheet.name == name);
-        // The engine says what is missing, and who names it.
-        let text = files::read_by(&path, Named::InFile, kind_by_beginning);
-        let text = text.ok().filter(|_| !is_there).and_then(|read| files::text(read, &path).ok());
-        let Some(text) = text else { continue };
-        // Plans of libraries are no documents; whatever else a file names is none of the studio's business.
-        if Kind::expect_document(&path, &text).is_err() && Kind::of(&text) != Some(Kind::Plan) {
-            continue;
-        }
-        named.extend(Mentions::of(&text).all().map(|file| beside(&path, file)));
-        let folder = folder_of(&path);
-        let is_users =
-            folder.is_some_and(|of_file| folders.iter().any(|folder| of_file.starts_with(folder)));
-        sheets.push(Sheet { name, path, text, is_users });
-    }
+    let is_motion = |sheet: &&Sheet| Mentions::of(&sheet.text).is_motion;
+    let first = || sheets.iter().find(is_motion).map(|sheet| sheet.name.clone());
+    desired.motion = desired.motion.or_else(first);
     if let [robot] = &robots[..] {
+        desired.robot_in_motion = desired.motion.as_ref().and_then(|motion| {
+            let motion = sheets.iter().find(|sheet| sheet.name == *motion)?;
+            named_otherwise(motion, Path::new(robot))
+        });
         desired.robot = Some(robot.clone());
     }
     Ok((sheets, desired))
+}
+
+/// A file that another one names, if it is a document or a plan.
+fn mentioned(path: &Path, folders: &[PathBuf]) -> Option<Sheet> {
+    // The engine says what is missing, and who names it.
+    let read = files::read_by(path, Named::InFile, kind_by_beginning).ok()?;
+    let text = files::text(read, path).ok()?;
+    // Plans of libraries are no documents; whatever else a file names is none of the studio's business.
+    let is_ours = Kind::expect_document(path, &text).is_ok() || Kind::of(&text) == Some(Kind::Plan);
+    let folder = folder_of(path);
+    let is_users =
+        folder.is_some_and(|of_file| folders.iter().any(|folder| of_file.starts_with(folder)));
+    is_ours.then(|| Sheet { name: name_of(path), path: path.to_owned(), text, is_users })
+}
+
+/// Path of a robot as a motion file would name it; `None` if it names this one already.
+fn named_otherwise(motion: &Sheet, robot: &Path) -> Option<String> {
+    let whole = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path)).ok();
+    let named = Mentions::of(&motion.text).robot?;
+    let (named, robot) = (whole(&beside(&motion.path, &named))?, whole(robot)?);
+    let folder = whole(&motion.path)?.parent()?.to_owned();
+    let shared = folder.components().zip(robot.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().skip(shared).map(|_| "..".to_owned());
+    let down = robot.components().skip(shared);
+    let down = down.map(|part| part.as_os_str().to_string_lossy().into_owned());
+    (named != robot).then(|| up.chain(down).collect::<Vec<_>>().join("/"))
 }
 
 /// The text of a file that the user named.
@@ -161,7 +195,7 @@ fn is_folder(path: &Path) -> Report {
     miette!(help = help, "{} is a folder, and the studio opens files", path.display())
 }
 
-/// What a file that the user named is for.
+/// Role of a file that the user named.
 #[derive(Clone, Copy)]
 enum Role {
     Robot,
@@ -199,11 +233,11 @@ fn role(path: &Path, text: &str, mentions: &Mentions, paths: &[PathBuf]) -> miet
     })
 }
 
-/// Path of the shipped motion file that a plan is of.
+/// Name of the motion file that a plan is of: among the files that are open, else one that ships.
 ///
 /// # Errors
-/// It is of none, and has no motion file in it.
-fn shipped_motion(plan: &Sheet) -> miette::Result<&'static str> {
+/// It is of none of them, and has no motion file in it.
+fn motion_of(plan: &Sheet, sheets: &[Sheet]) -> miette::Result<String> {
     let value: Value = serde_json::from_str(&plan.text).unwrap_or_default();
     let [motion, robot] =
         ["motion", "robot"].map(|of| value[of]["name"].as_str().unwrap_or_default());
@@ -215,15 +249,17 @@ fn shipped_motion(plan: &Sheet) -> miette::Result<&'static str> {
             plan.name
         ));
     }
-    let is_it = |(path, text): &&(&str, &str)| {
-        let document = Document::parse(*text).ok();
+    let is_it = |text: &str| {
+        let document = Document::parse(text).ok();
         let string = |key| document.as_ref()?.get(key)?.as_str();
         let names_robot = || Some(Path::new(string("robot")?).file_stem()? == robot);
-        path.starts_with("motions/")
-            && string("name") == Some(motion)
-            && names_robot() == Some(true)
+        string("name") == Some(motion) && names_robot() == Some(true)
     };
-    rollwalk_shipped::FILES.iter().find(is_it).map(|(path, _)| *path).ok_or_else(|| {
+    let open = sheets.iter().map(|sheet| (&*sheet.name, &*sheet.text));
+    let shipped = rollwalk_shipped::FILES.iter().copied();
+    let shipped = shipped.filter(|(path, _)| path.starts_with("motions/"));
+    let found = open.chain(shipped).find(|(_, text)| is_it(text));
+    found.map(|(path, _)| path.to_owned()).ok_or_else(|| {
         let path = &plan.name;
         miette!(
             help = format!("name that file, too: rollwalk studio MOTION.toml {path}"),
@@ -237,12 +273,12 @@ fn folder_of(path: &Path) -> Option<PathBuf> {
     Some(fs::canonicalize(path).ok()?.parent()?.to_owned())
 }
 
-/// A path as pages know it, with `/` between folders.
+/// Name of a path in pages, with `/` between folders.
 fn name_of(path: &Path) -> String {
     path.to_string_lossy().replace('\\', "/")
 }
 
-/// What a text is by its keys, and which files it names.
+/// Kind of a text by its keys, and the files that it names.
 #[derive(Default)]
 struct Mentions {
     is_document: bool,

@@ -24,7 +24,9 @@ export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, 
   let [drawn, drawnHead] = ["", ""];
 
   const update = () => {
-    const state = robotOf(link) ?? stateOf(studio);
+    const plan = stateOf(studio);
+    // What is wrong with the documents, and what is under way, stays in sight.
+    const state = plan.kind === "good" ? (robotOf(link) ?? plan) : plan;
     if (state.kind === "planning" || state.kind === "refused") {
       since ||= performance.now();
       const wait = QUIET_MS - (performance.now() - since);

@@ -5,7 +5,7 @@ import type { File } from "../contract.ts";
 import type { History, Snapshot } from "./documents.ts";
 import type { Studio } from "./studio.ts";
 
-const KEY = "rollwalk-studio-project";
+const KEY = "rollwalk-studio-project-2";
 const DRAG_MS = 250;
 /** Steps of undo and characters that are kept at most: a browser's storage has 5 MB. */
 const MOST_STEPS = 50;
@@ -46,7 +46,7 @@ export function keepSaved(studio: Studio) {
     else void write();
   });
   addEventListener("beforeunload", (event) => studio.documents.anyChanged && event.preventDefault());
-  addEventListener("pagehide", () => timer && void write());
+  addEventListener("pagehide", () => (timer || due) && void store(studio, packed(studio.documents.history)).catch(() => {}));
 }
 
 async function store(studio: Studio, text: string) {

@@ -1,6 +1,6 @@
 // What the page opens first: what its link holds, the files of the command line, what was open before, or an example.
 
-import type { Desired, File } from "../contract.ts";
+import type { Desired, Edit, File } from "../contract.ts";
 import { keptHere, unpacked } from "./autosave.ts";
 import { baseName, type History, kindOf } from "./documents.ts";
 import { example, FIRST } from "./examples.ts";
@@ -8,13 +8,14 @@ import { given, importRobot } from "./files.ts";
 import { fromLink } from "./share.ts";
 import type { Studio } from "./studio.ts";
 
-type Given = { files: File[]; desired: Desired; edits: string | null };
+/** `edits`: what was kept, and whether the files are as they were then. */
+type Given = { files: File[]; desired: Desired; edits: { page: string; is_current: boolean } | null };
 
 export async function openFirst(studio: Studio) {
   if (await openLink(studio)) return;
   try {
     const asked = await givenTo(studio);
-    const before = asked ? unpacked(asked.edits) : keptHere();
+    const before = asked ? unpacked(asked.edits?.page ?? null) : keptHere();
     if (asked && asked.files.length > 0) await openGiven(studio, asked, before);
     else if (before) await restore(studio, before);
     else await studio.openProject(await example(studio, FIRST));
@@ -41,59 +42,44 @@ async function givenTo(studio: Studio): Promise<Given | null> {
   return studio.engine.hasFiles ? (await studio.engine.request("documents", { kind: "given" })).value : null;
 }
 
-async function openGiven(studio: Studio, { files, desired }: Given, before: History | null) {
+async function openGiven(studio: Studio, { files, desired, edits }: Given, before: History | null) {
   for (const file of files) given.add(file.path);
   const named = (path: string | null) => files.find((file) => file.path === path) ?? null;
-  const urdf = named(desired.urdf);
-  if (before && follows(before, files)) return await restore(studio, before);
-  // What was edited before is one step of undo away.
-  if (before) studio.documents.restore({ ...before, saved: [] });
-  if (urdf) await importRobot(studio, urdf, named(desired.side));
-  else await openProject(studio, files, desired);
-  const plan = named(desired.plan);
+  const [urdf, plan] = [named(desired.urdf), named(desired.plan)];
+  const hasEdits = before !== null && before.saved.length > 0;
+  if (hasEdits && edits!.is_current) await restore(studio, before);
+  else {
+    // What was edited before is one step of undo away.
+    if (hasEdits) studio.documents.restore({ ...before, saved: [] });
+    if (urdf) await importRobot(studio, urdf, named(desired.side));
+    else await openProject(studio, files.filter((file) => file !== plan), desired);
+  }
   if (plan) studio.planFrom(plan.text);
-  if (before) studio.say("Files have changed since your last edits here, which were not saved. Undo (Ctrl+Z) brings your edits back.");
+  if (hasEdits && !edits!.is_current) studio.say("Files have changed since your last edits here, which were not saved. Undo (Ctrl+Z) brings your edits back.");
 }
 
-async function openProject(studio: Studio, files: File[], { motion, robot }: Desired) {
-  const documents = files.filter((file) => kindOf(file) !== "plan");
-  const path = motion ?? files.find((file) => kindOf(file) === "motion")?.path;
-  if (path) {
-    await studio.openProject({ files: documents, motion: path });
-    await followRobot(studio, path, robot);
+async function openProject(studio: Studio, files: File[], { motion, robot, robot_in_motion }: Desired) {
+  const body = robot ?? files.find((file) => kindOf(file) === "robot")?.path;
+  if (!motion && body) {
+    const { value } = await studio.engine.request("documents", { kind: "begin", files, robot: body });
+    await studio.openProject({ files: [...files, value.file], motion: value.file.path });
+    studio.say(`No motion was named: ${baseName(value.file.path)} is a first one for the robot, and not saved.`);
     return;
   }
-  const { value } = await studio.engine.request("documents", { kind: "begin", files: documents, robot: robot ?? documents[0]?.path ?? "" });
-  await studio.openProject({ files: [...documents, value.file], motion: value.file.path });
-  studio.say(`No motion was named: ${baseName(value.file.path)} is a first one for the robot, and not saved.`);
+  // A file with faults is opened to be mended.
+  const path = motion ?? files[0].path;
+  const text = robot_in_motion === null ? null : await named(studio, files, path, robot_in_motion);
+  await studio.openProject({ files, motion: path });
+  if (text === null) return;
+  await studio.rewrite(path, text);
+  studio.say(`${baseName(path)} names another robot; here it is planned for ${baseName(robot!)}, as was asked for. Save it to keep that.`);
 }
 
-/** The robot that was named moves, whichever robot the motion file names. */
-async function followRobot(studio: Studio, motion: string, robot: string | null) {
-  const { readRobot } = studio.documents;
-  if (!robot || !readRobot || readRobot === robot) return;
-  studio.edit({ edit: "text", table: [], key: "robot", value: relative(motion, robot) });
-  studio.say(`${baseName(motion)} names ${baseName(readRobot)}; here it is planned for ${baseName(robot)}, as was asked for. Save it to keep that.`);
-}
-
-/** A path as a file beside another names it. */
-export function relative(from: string, to: string): string {
-  if (to.startsWith("/")) return to;
-  const folders = from.split("/").slice(0, -1);
-  const parts = to.split("/");
-  while (folders.length > 0 && folders[0] === parts[0]) {
-    folders.shift();
-    parts.shift();
-  }
-  return [...folders.map(() => ".."), ...parts].join("/");
-}
-
-/** Whether what was open before are these files with changes that were not saved. */
-function follows(before: History, files: File[]): boolean {
-  const saved = new Map(before.saved);
-  const original = (path: string) => saved.get(path) ?? before.now.files.find((file) => file.path === path)?.text;
-  const documents = files.filter((file) => !["plan", "urdf", "other"].includes(kindOf(file)));
-  return documents.every((file) => original(file.path) === file.text);
+/** The text of a motion file that names the robot that was asked for. */
+async function named(studio: Studio, files: File[], motion: string, robot: string): Promise<string> {
+  const edit: Edit = { edit: "text", table: [], key: "robot", value: robot };
+  const { value } = await studio.engine.request("documents", { kind: "amend", files, motion, path: motion, edit });
+  return value.text;
 }
 
 async function restore(studio: Studio, before: History) {

@@ -6,7 +6,7 @@ import type { Edge, Node } from "../panel/graph.ts";
 import { baseName } from "./documents.ts";
 import type { Studio } from "./studio.ts";
 
-export type Built = { name: string; nodes: Node[]; edges: Edge[]; failures: string[]; bytes: Uint8Array | null };
+export type Built = { name: string; /** As robots name the library that they have. */ identity: string | null; nodes: Node[]; edges: Edge[]; failures: string[]; bytes: Uint8Array | null };
 
 export class LibraryBuild {
   built: Built | null = null;
@@ -43,7 +43,7 @@ export class LibraryBuild {
     };
     try {
       const { value, binary } = await studio.engine.request("library", { kind: "library", files: studio.documents.files(), library }, { progress });
-      this.built = { name: baseName(library).replace(/\.toml$/, ".rwl"), nodes: value.nodes, edges: value.edges, failures: value.failures, bytes: binary };
+      this.built = { name: baseName(library).replace(/\.toml$/, ".rwl"), identity: value.identity, nodes: value.nodes, edges: value.edges, failures: value.failures, bytes: binary };
     } catch (error) {
       if (!(error instanceof Cancelled)) studio.complain(error);
     }

@@ -123,6 +123,12 @@ export class Studio {
     void this.#documentsChanged("good");
   }
 
+  /** A new text of a document; done once the engine has read it. */
+  async rewrite(path: string, text: string) {
+    this.documents.write(path, text, null);
+    await this.#documentsChanged("scratch");
+  }
+
   /** More documents, which are not saved yet. */
   add(files: readonly File[]) {
     this.documents.add(files);

@@ -41,7 +41,8 @@ export class Beside {
 
   #look() {
     const shown = this.#shown();
-    const { library, view } = this.link;
+    const { view } = this.link;
+    const library = this.link.library?.identity === view?.library ? this.link.library?.bytes : null;
     if (!shown || !library || !view || view.motions.length === 0) {
       [this.#of, this.compared, this.apart] = [null, null, null];
       return;

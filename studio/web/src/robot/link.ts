@@ -14,6 +14,7 @@ import type { Port } from "./port.ts";
 import { choosePort, openSerial, type SerialPort } from "./serial.ts";
 
 export type Wanted = { place: Place; baud: number; node: number; gamepad: boolean; /** The text of a key file. */ key: string | null };
+export type Library = { bytes: Uint8Array; /** As robots name the library that they have. */ identity: string };
 /** What the browser keeps as long as the tab is open. */
 const PLACE = "rollwalk-robot-place";
 const CONNECTED = "rollwalk-robot-connected";
@@ -26,8 +27,8 @@ export class RobotLink {
   connecting = false;
   /** Where the robot is, or was last; after a reload too. */
   place = kept(PLACE) as Place | null;
-  /** The library that the page has sent, whose names and motions views are about. */
-  library: Uint8Array | null = null;
+  /** The library that the page has sent last. */
+  library: Library | null = null;
   #worker: Worker | null = null;
   #source = URL.createObjectURL(new Blob([workerSource], { type: "text/javascript" }));
   /** The serial port that was chosen. */
@@ -103,15 +104,15 @@ export class RobotLink {
   }
 
   /** Motions of the robot have the names that they have in a library, if it is the one in use. */
-  name(library: Uint8Array) {
+  name(library: Library) {
     this.library = library;
     // One that does not fit names nothing; the panel says so.
-    this.ask({ robot: "name" }, library).catch(() => {});
+    this.ask({ robot: "name" }, library.bytes).catch(() => {});
   }
 
-  flash(library: Uint8Array) {
+  flash(library: Library) {
     this.library = library;
-    this.wish({ robot: "flash" }, library);
+    this.wish({ robot: "flash" }, library.bytes);
   }
 
   async #way(place: Place, baud: number): Promise<Way> {

@@ -21,8 +21,8 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
   const leave = button("Disconnect", () => link.wish({ robot: "wish", intent: "quit" }));
   const trouble = h("p", { class: "note", role: "alert" });
   const flash = button("", () => {
-    const bytes = library.built?.bytes;
-    if (bytes) link.flash(bytes);
+    const { bytes, identity } = library.built ?? {};
+    if (bytes) link.flash({ bytes, identity: identity! });
     else void library.build();
   });
   flash.classList.add("flash");
@@ -74,7 +74,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
       : library.building
         ? `Planning ${library.building.progress?.what ?? "…"}`
         : studio.documents.libraryPath
-          ? libraryOf(view, !!ready)
+          ? libraryOf(view, library.built?.identity ?? null)
           : "This project has no library file: open one, such as agilebot under Examples.";
     arm.disabled = !contact || !view.can_arm || !view.library;
     disarm.disabled = !contact || !view.torque;
@@ -131,9 +131,9 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
   };
   /** The library that was built here names the motions of a robot that has it already. */
   const name = () => {
-    const bytes = library.built?.bytes;
-    const unnamed = !!link.view?.library && link.view.motions.length === 0;
-    if (link.connected && bytes && unnamed && link.library !== bytes && !link.view?.transfer) link.name(bytes);
+    const { bytes, identity } = library.built ?? {};
+    const { view } = link;
+    if (link.connected && bytes && view?.library === identity && link.library?.bytes !== bytes && !view?.transfer) link.name({ bytes, identity: identity! });
   };
   link.onChange(() => (name(), draw()));
   library.onChange(() => (name(), draw()));
@@ -143,10 +143,10 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
 }
 
 /** Which library the robot has, and what is to be done about it. */
-function libraryOf(view: RobotView | null, built: boolean): string {
+function libraryOf(view: RobotView | null, built: string | null): string {
   if (!view?.contact) return built ? "Built. Connect to flash it." : "";
   const has = view.library ? `The robot has library ${view.library} in use.` : "The robot has no library.";
-  if (view.motions.length > 0) return has;
+  if (built === view.library || (!built && view.motions.length > 0)) return has;
   if (!built) return view.library ? `${has} Its names are not known here: motions are played by number, until the library is built here.` : has;
   return view.library ? `${has} The one that was built here is another: flash it.` : `${has} One is built: flash it.`;
 }
