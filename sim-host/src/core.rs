@@ -134,7 +134,7 @@ impl Local {
         Self::booting(config, buses, settings, (store::with(library), store::blank_parameters()))
     }
 
-    /// From here on each library that becomes active is kept before the controller answers its host.
+    /// Keeps each library that becomes active from here on, before the controller answers its host.
     pub fn keep_libraries(&mut self, keep: Keep) {
         self.keeper = Some(Keeper { keep, kept: self.mark(), has_failed: false });
     }

@@ -153,7 +153,7 @@ pub enum TableForm {
 pub enum From {
     /// From the starts that the planner knows.
     Scratch,
-    /// As the documents say; the last good plan is tried where nothing else leads to one.
+    /// The starts that the planner knows; where none leads to a plan, the last good one.
     Good,
     /// From the plan file whose bytes come with the request.
     Plan,
@@ -188,7 +188,7 @@ pub enum Answer {
         worst_constraint: &'static str,
         /// What is being planned.
         what: String,
-        /// What the first start has come to, once that has found the request infeasible.
+        /// Outcome of the first start, once that has found the request infeasible.
         #[serde(skip_serializing_if = "Option::is_none")]
         refused: Option<Box<Solve>>,
     },

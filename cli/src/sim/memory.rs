@@ -20,7 +20,7 @@ pub struct Memory {
     /// The file is as it was found: its user may have no other copy of it.
     found: bool,
     compared: Instant,
-    /// Why the last library could not be kept.
+    /// Reason for which the last library could not be kept.
     failed: Option<Report>,
 }
 
@@ -60,8 +60,8 @@ impl Memory {
         self.library.as_deref()
     }
 
-    /// Keeps a library that has become active, before its host has an answer; whether it is on the disk. [`watch`](Self::watch)
-    /// says why it is not.
+    /// Keeps a library that has become active, before its host has an answer; returns whether it is on the disk. [`watch`](Self::watch)
+    /// returns the reason if it is not.
     pub fn keep_first(&mut self, library: &[u8]) -> bool {
         self.failed = self.keep(Some(library)).err();
         self.failed.is_none()

@@ -68,7 +68,7 @@ pub struct Log<I = String> {
 /// Reads the data frames of a log, as [`read`] does.
 ///
 /// # Errors
-/// Those of [`read`].
+/// Errors of [`read`].
 pub fn parse<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Vec<LogEntry<I>>, ParseError> {
     read(text).map(|log| log.entries)
 }

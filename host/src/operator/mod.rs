@@ -163,7 +163,7 @@ impl Operator {
         self
     }
 
-    /// What a person who watches the robot does when contact is lost; `None` without one.
+    /// Action of a person who watches the robot, for when contact is lost; `None` without one.
     fn way_out(&self) -> Option<&'static str> {
         match self.deadman {
             _ if self.unwatched => None,

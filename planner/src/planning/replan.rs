@@ -91,7 +91,7 @@ impl Solution {
     /// Plans as [`replan`](Self::replan) does, from this solution alone: nothing else is tried where it does not lead to a plan.
     ///
     /// # Errors
-    /// As [`replan`](Self::replan).
+    /// Errors of [`replan`](Self::replan).
     pub fn replan_near(
         &self,
         robot: &Robot,

@@ -64,7 +64,7 @@ impl Edits {
     /// Keeps the page's documents and history; `digest` is that of the files as they are.
     ///
     /// # Errors
-    /// It is too long, or the operating system refuses.
+    /// Text that is too long, or a refusal of the operating system.
     pub fn keep(&self, page: &str, digest: u32) -> Result<(), String> {
         let failed =
             |why: String| format!("edits cannot be kept in {}: {why}", self.place.display());

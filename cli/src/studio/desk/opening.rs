@@ -236,7 +236,7 @@ fn role(path: &Path, text: &str, mentions: &Mentions, paths: &[PathBuf]) -> miet
 /// Name of the motion file that a plan is of: among the files that are open, else one that ships.
 ///
 /// # Errors
-/// It is of none of them, and has no motion file in it.
+/// A plan of none of them: it has no motion file in it.
 fn motion_of(plan: &Sheet, sheets: &[Sheet]) -> miette::Result<String> {
     let value: Value = serde_json::from_str(&plan.text).unwrap_or_default();
     let [motion, robot] =

@@ -255,7 +255,7 @@ pub fn write_secret(path: &Path, content: &str) -> miette::Result<()> {
 /// none.
 ///
 /// # Errors
-/// Those of [`write_secret`].
+/// Errors of [`write_secret`].
 pub fn write_pair(secret: (&Path, &str), public: (&Path, &str)) -> miette::Result<()> {
     let ((path, content), (public, public_content)) = (secret, public);
     refuse_existing(public)?;
