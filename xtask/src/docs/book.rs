@@ -1,7 +1,8 @@
-//! The book that `docs/SUMMARY.md` orders: its chapters are documents of the checkout, where they are, or sections of them.
+//! Books of the site, each ordered by a summary: their chapters are documents of the checkout, where they are, or sections of
+//! them.
 //!
-//! A document is written once and for a git host, too: its links lead to files of the checkout. The book moves chapters next to
-//! each other, so that links are rewritten. A section that the summary lists has a page of its own in the book; its document keeps
+//! A document is written once and for a git host, too: its links lead to files of the checkout. A book moves its chapters next to
+//! each other, so that links are rewritten. A section that a summary lists has a page of its own in the book; its document keeps
 //! the heading and a link.
 
 use crate::checkout::TextFile;
@@ -9,11 +10,14 @@ use crate::markdown::{Page, target};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-/// The table of contents.
-pub const SUMMARY: &str = "docs/SUMMARY.md";
+/// Folders of the books in the site and in `docs/`: the book for users, and that for implementers of formats.
+const FOLDERS: [&str; 2] = ["", "formats/"];
 
-/// The first page, which the book calls `index`.
-const LANDING: &str = "docs/README.md";
+/// Table of contents of a book.
+const SUMMARY: &str = "SUMMARY.md";
+
+/// First page of a book, which mdBook calls `index`.
+const LANDING: &str = "README.md";
 
 #[derive(Debug, PartialEq, Eq)]
 pub struct Chapter {
@@ -32,10 +36,36 @@ struct Document<'a> {
     page: Page,
 }
 
-/// The chapters and what they come from.
-pub struct Book<'a> {
-    /// Chapters, in the summary's order.
+/// A book: its chapters in the order of its summary.
+pub struct Book {
+    /// Folder in the site; "" or with a slash at its end.
+    pub folder: &'static str,
     pub chapters: Vec<Chapter>,
+}
+
+impl Book {
+    /// Path of the summary in the checkout.
+    fn summary(&self) -> String {
+        format!("docs/{}{SUMMARY}", self.folder)
+    }
+
+    /// True if a chapter has this file.
+    pub fn has(&self, file: &str) -> bool {
+        self.chapters.iter().any(|chapter| chapter.file == file)
+    }
+
+    /// True if the book has to list a document.
+    fn owns(&self, path: &str) -> bool {
+        let of =
+            |folder: &str| path.strip_prefix("docs/").is_some_and(|path| path.starts_with(folder));
+        let deeper = FOLDERS.iter().filter(|folder| folder.len() > self.folder.len());
+        of(self.folder) && !deeper.into_iter().any(|folder| of(folder)) && path != self.summary()
+    }
+}
+
+/// Set of all books, and the documents of their chapters.
+pub struct Books<'a> {
+    pub books: Vec<Book>,
     documents: BTreeMap<&'a str, Document<'a>>,
 }
 
@@ -47,11 +77,11 @@ pub struct Written {
     pub files: BTreeSet<String>,
 }
 
-impl<'a> Book<'a> {
-    /// Reads the summary and its documents.
+impl<'a> Books<'a> {
+    /// Reads the summaries and their documents.
     ///
     /// # Errors
-    /// All faults of the summary: entries that lead nowhere, chapters of the same name, pages of `docs/` that it leaves out.
+    /// All faults of the summaries: entries that lead nowhere, chapters of the same name, pages of `docs/` that they leave out.
     pub fn read(files: &'a [TextFile]) -> Result<Self, String> {
         let documents = files.iter().filter(|file| file.path.ends_with(".md"));
         let documents: BTreeMap<&str, Document> = documents
@@ -60,53 +90,31 @@ impl<'a> Book<'a> {
                 (file.path.as_str(), document)
             })
             .collect();
-        let summary = documents.get(SUMMARY).ok_or_else(|| format!("{SUMMARY} is missing"))?;
-        let (mut chapters, mut faults) = (Vec::<Chapter>::new(), Vec::new());
-        for link in &summary.page.links {
-            let place = format!("{SUMMARY}:{}: `{}`", link.line, link.to);
-            let Some((path, section)) = target(SUMMARY, &link.to) else {
-                faults.push(format!("{place} is outside of the checkout"));
-                continue;
-            };
-            let is_there = documents.get(&*path).is_some_and(|document| {
-                section.is_empty() || document.page.section(&section, document.text).is_some()
-            });
-            let file = file_of(&path, &section);
-            if !is_there {
-                faults.push(format!("{place} is no document, or no section of one"));
-            } else if let Some(other) = chapters.iter().find(|other| other.file == file) {
-                faults.push(format!(
-                    "{place} and `{}` would both be `{file}` in the book; rename one",
-                    other.path
-                ));
-            } else {
-                chapters.push(Chapter { path, section, file, title: link.text.clone() });
-            }
+        let mut faults = Vec::new();
+        let books = FOLDERS.map(|folder| book(folder, &documents, &mut faults));
+        if faults.is_empty() {
+            Ok(Self { books: Vec::from(books), documents })
+        } else {
+            Err(faults.join("\n"))
         }
-        for path in documents.keys().filter(|path| path.starts_with("docs/") && **path != SUMMARY) {
-            if !chapters.iter().any(|chapter| chapter.path == *path) {
-                faults.push(format!("{SUMMARY} leaves out `{path}`"));
-            }
-        }
-        if faults.is_empty() { Ok(Self { chapters, documents }) } else { Err(faults.join("\n")) }
     }
 
-    /// The summary, with the chapters' files in the book.
-    pub fn summary(&self) -> String {
-        let summary = &self.documents[SUMMARY];
+    /// A book's summary, with the chapters' files in the book.
+    pub fn summary(&self, book: &Book) -> String {
+        let summary = &self.documents[&*book.summary()];
         let places = summary.page.links.iter().filter_map(|link| link.place.clone());
-        let files = self.chapters.iter().map(|chapter| chapter.file.clone());
+        let files = book.chapters.iter().map(|chapter| chapter.file.clone());
         edited(summary.text, 0..summary.text.len(), places.zip(files).collect())
     }
 
-    /// A chapter as the book has it.
+    /// A chapter as its book has it.
     ///
     /// # Errors
-    /// A link to a document that is not in the book.
-    pub fn written(&self, chapter: &Chapter) -> Result<Written, String> {
+    /// A link to a document that is in no book.
+    pub fn written(&self, book: &Book, chapter: &Chapter) -> Result<Written, String> {
         let Document { text, page } = &self.documents[&*chapter.path];
         let part = self.part(chapter);
-        let apart = self.chapters.iter().filter(|one| {
+        let apart = book.chapters.iter().filter(|one| {
             let inside = self.part(one);
             one.path == chapter.path && inside != part && part.contains(&inside.start)
         });
@@ -137,12 +145,14 @@ impl<'a> Book<'a> {
                 continue;
             };
             let Some((to, anchor)) = target(&chapter.path, &link.to) else { continue };
-            let file = match self.located(&to, &anchor) {
+            let file = match self.located(book, &to, &anchor) {
                 Some(file) => file,
                 None if to.ends_with(".md") => {
                     return Err(format!(
-                        "{}:{}: {SUMMARY} leaves out `{to}`, to which this links",
-                        chapter.path, link.line
+                        "{}:{}: {} leaves out `{to}`, to which this links",
+                        chapter.path,
+                        link.line,
+                        book.summary()
                     ));
                 }
                 None => {
@@ -161,32 +171,77 @@ impl<'a> Book<'a> {
         page.section(&chapter.section, text).map_or(0..text.len(), |(_, section)| section)
     }
 
-    /// Where the book has an anchor of a document.
-    fn located(&self, path: &str, anchor: &str) -> Option<String> {
+    /// File and anchor for an anchor of a document, as a chapter of `from` links to it.
+    fn located(&self, from: &Book, path: &str, anchor: &str) -> Option<String> {
         let Document { text, page } = self.documents.get(path)?;
         let place = page.section(anchor, text).map(|(heading, _)| heading.place.start);
         let is_of = |section: &str, at| {
             page.section(section, text).is_some_and(|(_, place)| place.contains(&at))
         };
-        let own = self.chapters.iter().find(|chapter| {
-            chapter.path == path && place.is_some_and(|at| is_of(&chapter.section, at))
-        });
-        let whole = || self.chapters.iter().find(|one| one.path == path && one.section.is_empty());
-        let chapter = own.or_else(whole)?;
+        let of =
+            || self.books.iter().flat_map(|book| book.chapters.iter().map(move |one| (book, one)));
+        let of = || of().filter(|(_, chapter)| chapter.path == path);
+        let own = of().find(|(_, chapter)| place.is_some_and(|at| is_of(&chapter.section, at)));
+        let (book, chapter) = own.or_else(|| of().find(|(_, one)| one.section.is_empty()))?;
         let is_title = anchor.is_empty() || anchor == chapter.section;
-        Some(if is_title { chapter.file.clone() } else { format!("{}#{anchor}", chapter.file) })
+        let anchor = if is_title { String::new() } else { format!("#{anchor}") };
+        let file = format!("{}{anchor}", chapter.file);
+        let up = "../".repeat(from.folder.matches('/').count());
+        Some(if from.folder == book.folder { file } else { format!("{up}{}{file}", book.folder) })
     }
 }
 
+/// Reads a book; adds faults of its summary to `faults`.
+fn book(
+    folder: &'static str,
+    documents: &BTreeMap<&str, Document>,
+    faults: &mut Vec<String>,
+) -> Book {
+    let mut book = Book { folder, chapters: Vec::new() };
+    let summary = book.summary();
+    let Some(contents) = documents.get(&*summary) else {
+        faults.push(format!("{summary} is missing"));
+        return book;
+    };
+    for link in &contents.page.links {
+        let place = format!("{summary}:{}: `{}`", link.line, link.to);
+        let Some((path, section)) = target(&summary, &link.to) else {
+            faults.push(format!("{place} is outside of the checkout"));
+            continue;
+        };
+        let is_there = documents.get(&*path).is_some_and(|document| {
+            section.is_empty() || document.page.section(&section, document.text).is_some()
+        });
+        let file = file_of(folder, &path, &section);
+        if !is_there {
+            faults.push(format!("{place} is no document, or no section of one"));
+        } else if let Some(other) = book.chapters.iter().find(|other| other.file == file) {
+            faults.push(format!(
+                "{place} and `{}` would both be `{file}` in the book; rename one",
+                other.path
+            ));
+        } else {
+            book.chapters.push(Chapter { path, section, file, title: link.text.clone() });
+        }
+    }
+    for path in documents.keys().filter(|path| book.owns(path)) {
+        if !book.chapters.iter().any(|chapter| chapter.path == *path) {
+            faults.push(format!("{summary} leaves out `{path}`"));
+        }
+    }
+    book
+}
+
 /// File of a chapter in the book, where all lie beside each other.
-fn file_of(path: &str, section: &str) -> String {
+fn file_of(folder: &str, path: &str, section: &str) -> String {
     if !section.is_empty() {
         return format!("{section}.md");
     }
-    if path == LANDING {
+    let name = path.strip_prefix("docs/").unwrap_or(path);
+    let name = name.strip_prefix(folder).unwrap_or(name);
+    if name == LANDING && path != LANDING {
         return "index.md".into();
     }
-    let name = path.strip_prefix("docs/").unwrap_or(path);
     // A folder's README is about the folder, and the first one about the whole.
     match name.strip_suffix("README.md") {
         Some("") => "rollwalk.md".into(),
@@ -195,7 +250,7 @@ fn file_of(path: &str, section: &str) -> String {
     }
 }
 
-/// Where the book has the copy of a file of the checkout.
+/// Path in the book of the copy of a file of the checkout.
 pub fn copied(path: &str) -> String {
     format!("files/{path}")
 }
@@ -221,11 +276,14 @@ mod tests {
 
     const README: &str = "# Pup\n\n[a](docs/a.md#deep)\n\n## Begin\n\n[f](pup.toml)\n\n### Sub\n\nx\n\n## End\n\n[s](#sub)\n";
 
-    fn files(summary: &str) -> [TextFile; 4] {
+    fn files(summary: &str) -> [TextFile; 7] {
         [
-            file(SUMMARY, summary),
-            file(LANDING, "# Landing\n[r](../README.md#begin) [s](../README.md#sub)\n"),
-            file("docs/a.md", "# A\n## Deep\n```sh not-run: why\nls\n```\n"),
+            file("docs/SUMMARY.md", summary),
+            file("docs/README.md", "# Landing\n[r](../README.md#begin) [s](../README.md#sub)\n"),
+            file("docs/formats/SUMMARY.md", "[F](README.md)\n[W](wire.md)\n"),
+            file("docs/formats/README.md", "# Formats\n[deep](../a.md#deep)\n"),
+            file("docs/formats/wire.md", "# Wire\n[F](README.md)\n"),
+            file("docs/a.md", "# A\n[w](formats/wire.md)\n## Deep\n```sh not-run: why\nls\n```\n"),
             file("README.md", README),
         ]
     }
@@ -235,12 +293,16 @@ mod tests {
         let files = files(
             "# Summary\n[L](README.md)\n- [Go](../README.md#begin)\n- [R](../README.md)\n- [A](a.md)\n",
         );
-        let book = Book::read(&files).unwrap();
+        let books = Books::read(&files).unwrap();
+        let users = &books.books[0];
         assert_eq!(
-            book.summary(),
+            books.summary(users),
             "# Summary\n[L](index.md)\n- [Go](begin.md)\n- [R](rollwalk.md)\n- [A](a.md)\n"
         );
-        let written: Vec<_> = book.chapters.iter().map(|one| book.written(one).unwrap()).collect();
+        let of = |book: &Book| -> Vec<Written> {
+            book.chapters.iter().map(|one| books.written(book, one).unwrap()).collect()
+        };
+        let written = of(users);
         assert_eq!(written[0].text, "# Landing\n[r](begin.md) [s](begin.md#sub)\n");
         assert_eq!(written[1].text, "# Begin\n\n[f](files/pup.toml)\n\n## Sub\n\nx\n\n");
         assert_eq!(written[1].files, BTreeSet::from(["pup.toml".to_owned()]));
@@ -250,13 +312,17 @@ mod tests {
              ## End\n\n[s](begin.md#sub)\n"
         );
         assert!(written[2].files.is_empty());
-        assert_eq!(written[3].text, "# A\n## Deep\n```sh\nls\n```\n");
+        assert_eq!(written[3].text, "# A\n[w](formats/wire.md)\n## Deep\n```sh\nls\n```\n");
+        let written = of(&books.books[1]);
+        assert_eq!(books.summary(&books.books[1]), "[F](index.md)\n[W](wire.md)\n");
+        assert_eq!(written[0].text, "# Formats\n[deep](../a.md#deep)\n");
+        assert_eq!(written[1].text, "# Wire\n[F](index.md)\n");
     }
 
     #[test]
     fn what_the_summary_lacks_or_has_twice_is_named() {
         let files = files("[L](README.md)\n[L](README.md)\n[g](gone.md)\n[g](../README.md#gone)\n");
-        let faults = Book::read(&files).err().unwrap();
+        let faults = Books::read(&files).err().unwrap();
         let faults: Vec<_> = faults.lines().collect();
         assert_eq!(faults.len(), 4, "{faults:#?}");
         assert!(faults[0].contains("SUMMARY.md:2") && faults[0].contains("both be `index.md`"));
@@ -267,8 +333,9 @@ mod tests {
     #[test]
     fn a_link_to_a_document_outside_of_the_book_is_named() {
         let files = files("[L](README.md)\n[A](a.md)\n");
-        let book = Book::read(&files).unwrap();
-        let fault = book.written(&book.chapters[0]).err().unwrap();
+        let books = Books::read(&files).unwrap();
+        let users = &books.books[0];
+        let fault = books.written(users, &users.chapters[0]).err().unwrap();
         assert!(fault.starts_with("docs/README.md:2") && fault.contains("`README.md`"), "{fault}");
     }
 }

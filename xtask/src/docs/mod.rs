@@ -1,14 +1,15 @@
-//! `cargo xtask docs`: the documents of the checkout as a site with search, made by mdBook in the order of `docs/SUMMARY.md`.
+//! `cargo xtask docs`: the documents of the checkout as a site with search, made by mdBook: the book
+//! for users, and in `formats/` that for implementers of formats.
 //!
 //! [`book`] moves documents and their sections into chapters, [`mod@reference`] adds what comes from the code, [`site`] follows
 //! every link of the pages that were built.
 
 pub mod book;
-mod reference;
+pub mod reference;
 mod site;
 
 use crate::{checkout, shell, toolchain};
-use book::Book;
+use book::{Book, Books};
 use std::fs;
 use std::path::Path;
 
@@ -17,7 +18,7 @@ const MDBOOK: (&str, &str) = ("mdbook", "0.5.4");
 /// Options of the command.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Add what comes from the code: help texts of all commands, and rustdoc, with links to it. Builds the workspace.
+    /// Add pages generated from the code: help texts of all commands, and rustdoc, with links to it. Builds the workspace.
     #[arg(long)]
     pub reference: bool,
 }
@@ -25,11 +26,11 @@ pub struct Options {
 /// Builds the site into `docs-site` of the target folder and follows its links.
 ///
 /// # Errors
-/// Faults of the summary; links that lead nowhere; or the command that installs mdBook.
+/// Faults of the summaries; links that lead nowhere; or the command that installs mdBook.
 pub fn build(options: &Options) -> Result<(), String> {
     let root = shell::workspace_root();
     let files = checkout::text_files(&root)?;
-    let book = Book::read(&files)?;
+    let books = Books::read(&files)?;
     let mdbook = toolchain::program(
         MDBOOK,
         &["--version"],
@@ -37,29 +38,33 @@ pub fn build(options: &Options) -> Result<(), String> {
     )?;
     let (source, site) =
         (shell::target_folder().join("docs-book"), shell::target_folder().join("docs-site"));
-    write(&book, &root, &source)?;
     let generated = if options.reference { reference::chapters()? } else { Vec::new() };
-    for (file, text) in &generated {
-        let path = source.join("src").join(file);
-        let written = fs::read_to_string(&path).and_then(|intro| fs::write(&path, intro + text));
-        written.map_err(|error| format!("{}: {error}", path.display()))?;
+    for book in &books.books {
+        write(&books, book, &root, &source)?;
+        for (file, text) in generated.iter().filter(|(file, _)| book.has(file)) {
+            let path = source.join("src").join(file);
+            let written =
+                fs::read_to_string(&path).and_then(|intro| fs::write(&path, intro + text));
+            written.map_err(|error| format!("{}: {error}", path.display()))?;
+        }
+        let mut build = shell::command(&mdbook, &["build"]);
+        shell::run(build.arg(&source).arg("--dest-dir").arg(site.join(book.folder)))?;
     }
-    let mut build = shell::command(&mdbook, &["build"]);
-    shell::run(build.arg(&source).arg("--dest-dir").arg(&site))?;
     if options.reference {
         reference::rustdoc(&site)?;
     }
-    let links = site::check(&site)?;
+    let folders: Vec<_> = books.books.iter().map(|book| book.folder).collect();
+    let links = site::check(&site, &folders)?;
+    let chapters: usize = books.books.iter().map(|book| book.chapters.len()).sum();
     eprintln!(
-        "{}: {} chapters, {links} links lead somewhere",
-        site.join("index.html").display(),
-        book.chapters.len()
+        "{}: {chapters} chapters, {links} links lead somewhere",
+        site.join("index.html").display()
     );
     Ok(())
 }
 
 /// Writes what mdBook reads into a folder.
-fn write(book: &Book, root: &Path, folder: &Path) -> Result<(), String> {
+fn write(books: &Books, book: &Book, root: &Path, folder: &Path) -> Result<(), String> {
     let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
     let copy = |from: &Path, to: &Path| {
         let parent = to.parent().expect("it lies in the folder");
@@ -77,9 +82,9 @@ fn write(book: &Book, root: &Path, folder: &Path) -> Result<(), String> {
             .and_then(|()| fs::write(&path, text))
             .map_err(|error| failed(&path, error))
     };
-    put("SUMMARY.md", &book.summary())?;
+    put("SUMMARY.md", &books.summary(book))?;
     for chapter in &book.chapters {
-        let written = book.written(chapter)?;
+        let written = books.written(book, chapter)?;
         put(&chapter.file, &written.text)?;
         for file in &written.files {
             copy(&root.join(file), &source.join(book::copied(file)))?;

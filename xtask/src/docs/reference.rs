@@ -12,7 +12,7 @@ const PROGRAMS: [&str; 2] = ["rollwalk", "rollwalk-sim"];
 /// Characters that a line of a chapter has room for.
 const WIDTH: &str = "84";
 
-/// What is added to chapters of the book, by their files.
+/// Generates text to append to chapters of the book: file of the chapter, and text.
 ///
 /// # Errors
 /// The programs cannot be built.
@@ -34,19 +34,35 @@ fn commands(program: &str, words: &mut Vec<String>, into: &mut String) -> Result
     let help = shell::output(ask.arg("--help").env("COLUMNS", WIDTH).env("NO_COLOR", "1"))?;
     let _ = write!(into, "\n## {}\n\n```text\n{}\n```\n", words.join(" "), help.trim_end());
     for below in subcommands(&help) {
-        words.push(below.to_owned());
+        words.push(below);
         commands(program, words, into)?;
         words.pop();
     }
     Ok(())
 }
 
-/// The subcommands that clap lists in a help text.
-fn subcommands(help: &str) -> Vec<&str> {
+/// The subcommands that clap lists in a help text, without `help`.
+fn subcommands(help: &str) -> Vec<String> {
+    abouts(help).into_iter().map(|(name, _)| name).collect()
+}
+
+/// The subcommands that clap lists in a help text, without `help`, each with its description.
+pub fn abouts(help: &str) -> Vec<(String, String)> {
+    let mut found: Vec<(String, String)> = Vec::new();
     let lines = help.lines().skip_while(|line| *line != "Commands:").skip(1);
-    let lines = lines.take_while(|line| !line.is_empty());
-    let names = lines.filter_map(|line| line.strip_prefix("  ")?.split(' ').next());
-    names.filter(|name| !name.is_empty() && *name != "help").collect()
+    for line in lines.take_while(|line| !line.is_empty()) {
+        let name = line.strip_prefix("  ").and_then(|line| line.split(' ').next());
+        match (name, found.last_mut()) {
+            (Some(name), _) if !name.is_empty() => {
+                found.push((name.to_owned(), line[2 + name.len()..].trim().to_owned()));
+            }
+            // A description that is longer than a line.
+            (_, Some((_, about))) => *about = format!("{about} {}", line.trim()),
+            (_, None) => {}
+        }
+    }
+    found.retain(|(name, _)| name != "help");
+    found
 }
 
 /// The library crates of the workspace, with what each is and a link to its page.

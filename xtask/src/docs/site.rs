@@ -1,4 +1,4 @@
-//! Every link of the built site leads to a file of it and, behind `#`, to an element with that id.
+//! Check of the links of the built site: each leads to a file of the site and, behind `#`, to an element with that id.
 
 use crate::markdown::target;
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,22 +8,27 @@ use std::path::Path;
 /// Folder of the site with rustdoc's pages, which rustdoc checks.
 pub const RUSTDOC: &str = "rustdoc";
 
-/// mdBook's page for addresses that are none: its links are those of a site at the root of a server.
+/// mdBook's page for unknown addresses; its links are relative to the root of a server.
 const NOT_FOUND: &str = "404.html";
 
-/// Follows all links of the pages; how many there are.
+/// Follows all links of the pages in some folders of the site; returns their number.
 ///
 /// # Errors
 /// Links that lead nowhere, and their pages.
-pub fn check(site: &Path) -> Result<usize, String> {
+pub fn check(site: &Path, folders: &[&str]) -> Result<usize, String> {
     let mut pages = BTreeMap::new();
-    let entries = fs::read_dir(site).map_err(|error| format!("{}: {error}", site.display()))?;
-    for entry in entries {
-        let path = entry.map_err(|error| error.to_string())?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if name.ends_with(".html") && name != NOT_FOUND {
-            let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-            pages.insert(name, text);
+    for folder in folders {
+        let path = site.join(folder);
+        let entries =
+            fs::read_dir(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        for entry in entries {
+            let path = entry.map_err(|error| error.to_string())?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if name.ends_with(".html") && name != NOT_FOUND {
+                let text =
+                    fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+                pages.insert(format!("{folder}{name}"), text);
+            }
         }
     }
     let (faults, checked) = faults(&pages, |path| site.join(path).exists());
