@@ -61,7 +61,7 @@ def main(arguments):
 
 
 def _watched(results, count):
-    """All results; a line on stderr for each run, because many of them take minutes."""
+    """Collects all results. Prints a line to stderr for each run, because many runs take minutes."""
     found = []
     for result in results:
         found.append(result)

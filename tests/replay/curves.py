@@ -1,4 +1,4 @@
-"""Cubic splines with two continuous derivatives, as docs/plan-format.md, "Between the samples", defines them.
+"""Cubic splines with two continuous derivatives, as docs/formats/plan-format.md, "Between the samples", defines them.
 
 Values are complex, so that the two horizontal coordinates are one curve which a multiplication turns about the
 vertical. A column of real numbers uses the real part.
@@ -15,7 +15,7 @@ class Spline:
 
     @staticmethod
     def periodic(spacing, values, turn, shift):
-        """One period of values; then v(t + H) = turn * v(t) + shift, and both derivatives turn likewise."""
+        """Spline through one period of values: v(t + H) = turn * v(t) + shift, and both derivatives turn likewise."""
         values = np.asarray(values, dtype=complex)
         count = len(values)
         knots = np.vstack([values, turn * values[0] + shift])
@@ -32,7 +32,7 @@ class Spline:
 
     @staticmethod
     def clamped(spacing, values, first_slope, last_slope):
-        """With given slopes at both ends."""
+        """Spline with given slopes at both ends."""
         values = np.asarray(values, dtype=complex)
         count = len(values)
         matrix, rhs = np.eye(count, dtype=complex), np.empty_like(values)

@@ -1,4 +1,4 @@
-"""What acts on joints and wheels besides the control law: limits of motors, and rolling resistance."""
+"""Effects on joints and wheels besides the control law: limits of motors, and rolling resistance."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What is wrong with an input: file and field in one line."""
+"""Errors of inputs: file and field in one line."""
 
 
 class Unusable(Exception):
@@ -6,7 +6,7 @@ class Unusable(Exception):
 
 
 def field_error(error):
-    """What a failed look-up says, in words: KeyError alone prints nothing but the key."""
+    """Message of a failed look-up; KeyError alone prints only the key."""
     if isinstance(error, KeyError):
         return f"field {error.args[0]} is missing"
     if isinstance(error, ValueError):

@@ -11,7 +11,7 @@ import numpy as np
 
 
 class InverseDynamics:
-    """Of one model, without contacts."""
+    """Inverse dynamics of a model, without contacts."""
 
     def __init__(self, model):
         self.model = model
@@ -38,7 +38,7 @@ class InverseDynamics:
         return motion.forces(time_s)
 
     def contact_jacobian(self, j):
-        """Of the material point of an end effector at its lowest point."""
+        """Jacobian of an end effector's material point at its lowest point."""
         m, d = self.model.m, self.d
         foot = self.model.robot["end_effectors"][j]
         carrier = self.model.carriers[j]

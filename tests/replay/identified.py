@@ -87,7 +87,7 @@ def run(options, *arguments):
 
 
 def log(options, motion):
-    """What the drives are commanded in a motion."""
+    """Simulates a motion and logs the commands to the drives."""
     plan, path = options.output / f"{motion}.json", options.output / f"{motion}.csv"
     run(options, "plan", ROOT / f"shipped/motions/{motion}.toml", "-o", plan)
     run(options, "simulate", plan, "--cycles", 3, "--rate", 120, "--no-feed-forward", "--world-log", path)
@@ -95,7 +95,7 @@ def log(options, motion):
 
 
 def identify(options, hidden, logs, seed):
-    """What is found with noise of a seed, and how other motions are predicted."""
+    """Identifies the robot from recordings with the noise of a seed, and predicts other motions."""
     runs = {}
     for motion, path in logs.items():
         runs[motion] = options.output / f"{motion}-{seed}.csv"

@@ -1,4 +1,4 @@
-"""One run from its inputs to its results: what a process of its own does."""
+"""Run of a plan from inputs to results, in a process of its own."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ import world
 
 @dataclass(frozen=True)
 class Inputs:
-    """Where a plan's robot and frames come from, and how long it is played."""
+    """Sources of a plan's robot and frames, and number of cycles."""
 
     robot: str | None
     robots: Path

@@ -3,7 +3,7 @@
 
     python3 tests/replay/logged.py ROBOT.toml RUN.csv [PLAN.json ...] [--json FILE]
 
-RUN.csv is that of `rollwalk simulate LIB.rwl --world-log RUN.csv` (docs/world-log.md), on level ground and without pushes, which the log
+RUN.csv is that of `rollwalk simulate LIB.rwl --world-log RUN.csv` (docs/formats/world-log.md), on level ground and without pushes, which the log
 does not tell: setpoints, gains and limits as decoded from the frames on the buses, behind firmware and bus. MuJoCo begins with
 the pose that the robot has when the hoist lets go of it, and ends where the hoist picks it up again.
 
@@ -78,7 +78,7 @@ class Log:
 
     @property
     def control(self):
-        """What a drive adds to its springs and dampers about 0."""
+        """Torque that a drive adds to its springs and dampers about 0, N·m."""
         return self.kp * self.target + self.kd * self.speed + self.torque
 
     def yaw_rad(self):

@@ -68,7 +68,7 @@ def _ways(track):
 
 
 def _path(motion, track):
-    """How far the base is from its planned path within a period, and how wide it swings, against the plan."""
+    """Distance of the base from its planned path within a period, and width of its lateral motion relative to the plan."""
     periods = list(zip(track.marks, track.marks[1:]))
     periods = periods[FIRST - 1 : LAST] if motion.periodic else periods
     heading = yaw_matrix(motion.base(0.0)[1][0])[:2, :2]
@@ -125,7 +125,7 @@ def _servos(track):
 
 
 def _holds(motion, result, late):
-    """Whether the robot stays on its feet and comes where it should."""
+    """True if the robot does not fall and reaches its goals within tolerance."""
     if result["fell_at_s"] is not None or result["ratio"] is None:
         return False
     if not result["ratio"]:
@@ -135,7 +135,7 @@ def _holds(motion, result, late):
 
 
 def deciding(results):
-    """Of each plan the run with the feed-forward that the robot's drives take; all of them if there is none."""
+    """Runs with the feed-forward that the robot's drives support, for each plan; all of its runs if none has that feed-forward."""
     of_plans = {}
     for result in results:
         of_plans.setdefault(result["plan"], []).append(result)

@@ -19,7 +19,7 @@ WHEEL_WIDTH = 0.02
 
 @dataclass(frozen=True)
 class Ground:
-    """What MuJoCo has to be told about contact and time."""
+    """Parameters of MuJoCo for contact and time."""
 
     step_s: float = 0.001
     # Friction constraints that are stiffer than the normal ones creep less. Cones are elliptic: a pyramid has more
@@ -222,7 +222,7 @@ def _links_above_ground(robot):
 
 
 def _is_tyre(robot, link, shape):
-    """Whether a shape is a wheel, which touches the ground as an end effector and not as a shape."""
+    """True if a shape is a wheel, which touches the ground as an end effector and not as a shape."""
     feet = [f for f in robot["end_effectors"] if f["link"] == link and "axis_in_link" in f["contact"]]
     return shape["kind"] == "cylinder" and any(
         np.allclose(shape["at_m"], f["center_in_link_m"], atol=0.1 * f["radius_m"]) for f in feet
@@ -230,7 +230,7 @@ def _is_tyre(robot, link, shape):
 
 
 def _reach(shape, direction):
-    """How far a shape extends from its centre in a direction of its link."""
+    """Extent of a shape from its centre in a direction of its link, m."""
     if shape["kind"] == "box":
         return float(np.abs(direction) @ shape["size_m"]) / 2
     along = abs(direction[shape["axis"]])

@@ -1,6 +1,6 @@
 """A plan as a function of time, and the 60 Hz frames that a controller would get.
 
-The curves are those of docs/plan-format.md, "Between the samples"; quantisation is that of docs/motion-library.md.
+The curves are those of docs/formats/plan-format.md, "Between the samples"; quantisation is that of docs/formats/motion-library.md.
 """
 
 import json
@@ -97,7 +97,7 @@ class Motion:
         return value.real[4:], slope.real[4:]
 
     def setpoints_rad(self, time_s):
-        """What the drives of the joints are told."""
+        """Set-points of the joints' drives, rad."""
         return self.joints(time_s)[0] + self._correction.at(self._within(time_s)[0])[0].real
 
     def motors(self, time_s):
@@ -112,7 +112,7 @@ class Motion:
         return (1 - u) * self._forces[i] + u * self._forces[i + 1]
 
     def stance(self, time_s):
-        """Which end effectors stand: where both neighbouring samples do."""
+        """Flags of the stance feet: those that are in stance at both neighbouring samples."""
         i, u = self._interval(time_s)
         if u < 1e-9:
             return self._stance[i]

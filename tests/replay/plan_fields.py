@@ -1,4 +1,4 @@
-"""The fields of a plan that replay reads (docs/plan-format.md): present, finite, and as many as the robot has."""
+"""The fields of a plan that replay reads (docs/formats/plan-format.md): present, finite, and as many as the robot has."""
 
 import math
 

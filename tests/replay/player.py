@@ -1,4 +1,4 @@
-"""What the controller sends: frames at 60 Hz, cubic Hermite between them, the limiter, at the control rate.
+"""Set-points of the controller: frames at 60 Hz, cubic Hermite between them, the limiter, at the control rate.
 
 After docs/playback-and-safety.md, "From a frame to a setpoint". Playback is open loop, so all setpoints of a run are
 known before it begins.
@@ -22,7 +22,7 @@ FULL_TORQUE_S = 0.025
 
 @dataclass
 class Setpoints:
-    """One row for each control tick, one column for each channel."""
+    """Set-points of a run: a row for each control tick, a column for each channel."""
 
     period_s: float
     position_rad: np.ndarray
@@ -31,7 +31,7 @@ class Setpoints:
 
 
 def setpoints(robot, frames, torques, motion, periods, feed_forward, control_hz=CONTROL_HZ):
-    """Of a motion that is played `periods` times, or once; its torques as torque, as offset of the target, or not.
+    """Set-points of a motion that is played `periods` times, or once. Its torques are sent as torque, as offset of the target, or not.
 
     A motion that ends holds its first frame for `hold_s` before and its last one after: see `world`.
     """
@@ -66,7 +66,7 @@ def setpoints(robot, frames, torques, motion, periods, feed_forward, control_hz=
 
 
 def _offset(channels, wheel, torque):
-    """What a drive without a torque field can be told: where its spring (of a wheel: its damper) gives the torque."""
+    """Offset of the target for drives without a torque field: the spring (of a wheel: the damper) then gives the torque."""
     gain = np.array([a["kd_nm_s_rad"] if w else a["kp_nm_rad"] for (_, a, _, _), w in zip(channels, wheel)])
     most = np.where(wheel, OFFSET_RAD_S, OFFSET_RAD)
     return np.clip(np.divide(torque, gain, out=np.zeros_like(torque), where=gain > 0), -most, most)

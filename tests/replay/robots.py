@@ -1,6 +1,6 @@
 """Robots, read from robot files (docs/robot-files.md) without any code of the project.
 
-A robot here is a dictionary of the form that plans have (docs/plan-format.md, Robot), so that one from a file and
+A robot here is a dictionary of the form that plans have (docs/formats/plan-format.md, Robot), so that one from a file and
 one from a plan can be compared number by number. A link has `shapes` as well, where the robot file gives `parts`.
 """
 
@@ -30,7 +30,7 @@ WITHOUT_TORQUE = {"dynamixel", "feetech", "maestro"}
 
 
 def feed_forward(path):
-    """What the controller sends torques as: "offset" if drives of the robot file have no field for one, else "torque"."""
+    """Form in which the controller sends torques: "offset" if drives of the robot file have no torque field, else "torque"."""
     with open(path, "rb") as file:
         buses = tomllib.load(file).get("bus", [])
     loops_in_drives = [bus for bus in buses if bus.get("control", "in_drive") == "in_drive"]
@@ -72,7 +72,7 @@ def _resolve(data):
 
 
 class _Place:
-    """Where the tables of a template go: a name for `*`, and the mirror image on the right."""
+    """Placement of a template's tables: a name for `*`, and the mirror image on the right."""
 
     def __init__(self, limb):
         self.limb = limb
@@ -243,10 +243,10 @@ def channels(robot):
 
 
 def spins(foot):
-    """Whether an end effector turns against its link: a driven or free wheel; a blade glides as a free wheel does."""
+    """True if an end effector turns against its link: a driven or free wheel, and a blade, which glides like a free wheel."""
     return foot["contact"]["kind"] in ("actuated_wheel", "passive_wheel", "skate")
 
 
 def is_wheel(foot):
-    """Whether an end effector is a wheel that spins: a blade is none, though MuJoCo has one in its place."""
+    """True if an end effector is a wheel that spins. A blade is none, although MuJoCo has one in its place."""
     return spins(foot) and foot["contact"]["kind"] != "skate"

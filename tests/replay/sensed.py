@@ -1,4 +1,4 @@
-"""What a controller is told of the robot in MuJoCo: its state, or an IMU, encoders and contact switches with noise.
+"""Measurements of the robot in MuJoCo for a controller: its state, or an IMU, encoders and contact switches with noise.
 
 The plane of the world is level and gravity is what leans, so that everything is turned to axes whose z is up.
 """
@@ -40,7 +40,7 @@ class Sensed:
         self.last = None
 
     def placement(self):
-        """Where the plan lies in axes whose z is up."""
+        """Pose of the plan in axes whose z is up."""
         return {"position_m": [0.0, 0.0, 0.0], "orientation_wxyz": self.turn.tolist()}
 
     def record(self, d, load, time_s, tick_s):

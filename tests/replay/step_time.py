@@ -17,7 +17,7 @@ BOXES = (10, 20, 40)
 
 
 def chain(count):
-    """As the example's: 0.1 kg each, edges of 0.1 m, a pitch of 0.12 m, friction 0.5."""
+    """Model of the example's chain: boxes of 0.1 kg with edges of 0.1 m, a pitch of 0.12 m, friction 0.5."""
     box = '<geom type="box" size="0.05 0.05 0.05" mass="0.1"/>'
     inner = ""
     for _ in range(count - 1):

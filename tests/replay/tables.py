@@ -22,7 +22,7 @@ HEAD = {
 
 
 def nominal(results):
-    """One row for each motion and kind of feed-forward."""
+    """Table with a row for each motion and kind of feed-forward."""
     rows = [list(HEAD.values())]
     for result in results:
         rows.append([
@@ -45,7 +45,7 @@ def nominal(results):
 
 
 def both(results):
-    """One row for each motion, with feed-forward and without."""
+    """Table with a row for each motion, with feed-forward and without."""
     rows = [[
         "motion of robot", "with feed-forward: cycles 2–5", "last cycle", "sideways mm", "yaw mrad", "slip mm/s",
         "without: cycles 2–5", "last cycle", "slip mm/s", "",
@@ -65,30 +65,39 @@ def both(results):
     return _markdown(rows)
 
 
-def in_words(results):
-    """What the README says of the shipped motions."""
-    pairs = _pairs(results)
-    fed = {name: fed for name, (fed, _) in pairs.items()}
-    bare = {name: bare for name, (_, bare) in pairs.items()}
+def _by_feedback(results):
+    """Shipped motions with feed-forward that hold, that need feedback, and that do neither."""
+    fed = {name: fed for name, (fed, _) in _pairs(results).items()}
     marked = [name for name, result in fed.items() if result["needs_feedback"]]
     failing = [name for name, result in fed.items() if not result["holds"] and name not in marked]
+    return [name for name, result in fed.items() if result["holds"]], marked, failing
+
+
+def verdict(results):
+    """Passed if every motion that does not need feedback holds."""
+    failing = _by_feedback(results)[2]
+    return f"failed: {', '.join(failing)}" if failing else "passed"
+
+
+def in_words(results):
+    """Summary of the shipped motions."""
+    held, marked, failing = _by_feedback(results)
+    bare = {name: bare for name, (_, bare) in _pairs(results).items()}
     sagging = [name for name, result in bare.items() if not result["holds"] and name not in marked]
     sagging.sort(key=lambda name: -abs(_worst(bare[name]) - 1))
-    held = sum(result["holds"] for result in fed.values())
     text = (
-        f"{held} of the {len(fed)} shipped motions come to 0.95 to 1.05 of their way and turn, over 20 cycles, and stay "
-        "on their feet. "
+        f"{len(held)} of {len(bare)} motions reach 0.95 to 1.05 of the planned distance and turn over 20 cycles and do not fall. "
     )
     if marked:
-        text += f"Not held, as the file and `rollwalk report` say: {', '.join(marked)}. "
+        text += f"Their files and `rollwalk report` mark these as motions that need feedback: {', '.join(marked)}. "
     if failing:
-        text += f"Not held, and not marked: {', '.join(failing)}. "
+        text += f"Neither hold nor are marked: {', '.join(failing)}. "
     worst = [
         f"{name} ({'falls' if bare[name]['fell_at_s'] is not None else f'{_worst(bare[name]):.2f}'})" for name in sagging[:4]
     ]
     if sagging:
-        text += f"Without feed-forward soft servos sag: {len(sagging)} more do not, worst {', '.join(worst)}."
-    return textwrap.fill(text.strip(), 116, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
+        text += f"Without feed-forward {len(sagging)} more do not hold, worst {', '.join(worst)}."
+    return textwrap.fill(text.strip(), 116, break_on_hyphens=False)
 
 
 # Achieved by planned in both worlds differ by no more where they agree.
@@ -96,7 +105,7 @@ AGREE = 0.03
 
 
 def compared(level, ground):
-    """One row for each motion: MuJoCo beside the project's own simulator at each of its rates."""
+    """Table with a row for each motion: MuJoCo beside the project's own simulator at each of its rates."""
     rates = _rates(ground)
     rows = [["motion of robot", "MuJoCo: cycles 2–5", *(f"ours, 1/{rate} s" for rate in rates), "difference", ""]]
     for name, fed, ours in _beside(level, ground):
@@ -113,7 +122,7 @@ def compared(level, ground):
 
 
 def compared_in_words(level, ground):
-    """How many motions agree in both worlds."""
+    """Sentences on the number of motions that agree in both worlds."""
     rate = _rates(ground)[-1]
     pairs = [(name, fed, ours[rate]) for name, fed, ours in _beside(level, ground)]
     stands = [(name, _difference(fed, ours)) for name, fed, ours in pairs if not _fates(fed, ours)]
@@ -129,7 +138,7 @@ def compared_in_words(level, ground):
 
 
 def behind_firmware(results):
-    """One row for each motion: achieved by planned behind firmware and bus, and in MuJoCo with the same commands."""
+    """Table with a row for each motion: achieved by planned behind firmware and bus, and in MuJoCo with the same commands."""
     rows = [["motion of robot", "firmware, bus, our world", "the same commands in MuJoCo", "difference", ""]]
     for result in results:
         if "refused" in result:
@@ -145,7 +154,7 @@ def behind_firmware(results):
 
 
 def behind_firmware_in_words(results):
-    """How many motions agree in both worlds, given the same commands."""
+    """Sentences on the number of motions that agree in both worlds, given the same commands."""
     ran = [result for result in results if "refused" not in result]
     stands = [result for result in ran if result["ours"] and not _where_it_fell(result)]
     going = [(result, _apart(result)) for result in stands if _apart(result) is not None]
@@ -162,7 +171,7 @@ def behind_firmware_in_words(results):
 
 
 def tracked(results):
-    """One row for each motion and controller, one column for each world; then drifts, and then pushes if there were some."""
+    """Tables with a row for each motion and controller and a column for each world; then drifts, then pushes if there were some."""
     pushes = [result for result in results if "push" in result]
     runs = [result for result in results if "push" not in result]
     cases = list(dict.fromkeys(result["case"] for result in runs))
@@ -188,7 +197,7 @@ def _by_control(results):
     return found
 
 
-# Worlds of which the drift is told.
+# Worlds whose drift the table lists.
 DRIFTS = ("as planned", "noise, estimator", "together")
 
 
@@ -205,7 +214,7 @@ def _drift(result):
 
 
 def retargeted(results):
-    """One row for each motion: achieved by planned before and after, behind firmware and bus, and in MuJoCo with the same commands."""
+    """Table with a row for each motion: achieved by planned before and after, behind firmware and bus, and in MuJoCo with the same commands."""
     rows = [["motion of robot", "stiffness", "before", "after", "MuJoCo before", "MuJoCo after", ""]]
     for result in results:
         share = "as it is" if result["stiffness"] == 1 else f"{result['stiffness']:g} of it"
@@ -220,7 +229,7 @@ def retargeted(results):
 
 
 def identified(results):
-    """One row for each number: the true one, that of the file, what each recording gave, and what `rollwalk identify` makes of all of one noise."""
+    """Table with a row for each parameter: true value, value of the file, result of each recording, and result of all recordings of one noise."""
     seeds = results["seeds"]
     motions = list(seeds[0]["alone"])
     rows = [["", "true", "file", *(f"{name} {seed['seed']}" for seed in seeds for name in (*(f"`{motion}`" for motion in motions), "together"))]]
@@ -244,7 +253,7 @@ def _found(parameter, true):
 
 
 def predicted(results):
-    """One row for each motion and signal: root mean squares with the numbers of the file and with others, of each recording."""
+    """Table with a row for each motion and signal: root mean squares of each recording, with the file's parameters and with others."""
     kinds = ["file", "fitted", "true", "true with contacts"]
     rows = [["motion", "", "file", "fitted", "true", "true, contacts and delay fitted"]]
     seeds = results["seeds"]
@@ -328,7 +337,7 @@ def _pairs(results):
 
 
 def _name(result):
-    """Some motions of Table 2.1 have the names of others."""
+    """Name of a motion and its robot. Names of motions of Table 2.1 are marked, because some are also names of others."""
     table = " (Table 2.1)" if result.get("plan", "").startswith("table_2_1-") else ""
     return f"`{result['motion']}` of {result['robot']}{table}"
 
@@ -342,7 +351,7 @@ def _worst(result):
 
 
 def robustness(results):
-    """One row for each motion, one column for each perturbation: ratio of cycles 2–5."""
+    """Table with a row for each motion and a column for each perturbation: ratio of cycles 2–5."""
     cases = list(dict.fromkeys(result["case"] for result in results))
     rows = [["motion of robot", "feed-forward"] + cases]
     by_motion = {}

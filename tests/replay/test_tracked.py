@@ -42,7 +42,7 @@ class Tracked(unittest.TestCase):
             np.testing.assert_allclose(ours["base"][key], value, atol=1e-5)
 
     def test_a_slope_is_level_to_no_one(self):
-        """On a slope a body at rest is told with its tilt, and its accelerometer shows gravity in its own axes."""
+        """Record of a body at rest on a slope: it has the tilt of the slope, and its accelerometer shows gravity in the body's axes."""
         simulation = world.Simulation(self.model, self.motion, world.Case(slope_rad=0.1))
         simulation.start(moving=False)
         sensed = Sensed(self.model, self.model.m.opt.gravity, Noise(0.0, (0.0, 0.0, 0.0), 0.0, 0.0))

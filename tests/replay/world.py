@@ -40,7 +40,7 @@ class Push:
 
 @dataclass(frozen=True)
 class Case:
-    """What is different from the robot file and the level floor."""
+    """Differences from the robot file and the level floor."""
 
     name: str = "nominal"
     friction: float | None = None
@@ -64,7 +64,7 @@ PERTURBATIONS = (
 
 @dataclass
 class Track:
-    """What one run did, a row for each step unless said otherwise."""
+    """Record of one run, with a row for each step unless stated otherwise."""
 
     step_s: float
     # Index of the step at which each period begins, and of the end.
@@ -271,5 +271,5 @@ class Simulation:
         return math.atan2(r[3], r[0])
 
     def measure_place(self):
-        """Where the robot is as a period begins: centre of mass and heading."""
+        """Records the robot's centre of mass and heading at the beginning of a period."""
         self.track.com_m.append((self.d.subtree_com[1].copy(), self._yaw()))

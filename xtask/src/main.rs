@@ -14,6 +14,7 @@
 //! | [`docs`] | builds the site of the documents |
 //! | [`exports`] | checks exports with the programs that read them |
 //! | [`mod@replay`] | replays plans in MuJoCo |
+//! | [`measured`] | writes the pages of measurements |
 //! | [`agreement`] | compares verdicts of random requests, and of imported robots, with MuJoCo |
 //! | [`vcan`] | runs a command on a machine with SocketCAN |
 
@@ -35,6 +36,7 @@ mod fuzz;
 mod fuzz_log;
 mod hostile;
 mod markdown;
+mod measured;
 mod miri;
 mod mujoco;
 mod package;
@@ -69,91 +71,90 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Check everything that a change must pass: formatting, house rules, lints, docs, the bare-metal
-    /// build and all tests. Goes on after a failure. Steps that run other programs are brief without a change in what they
-    /// check; the last table has the seconds of every step, failures, and what was left to `cargo xtask nightly`.
+    /// Check everything that a change must pass: formatting, house rules, lints, docs, the bare-metal build and all tests.
+    /// Continues after a failure. Steps that run other programs use their brief form unless the change touches what they check.
+    /// The last table lists the seconds of every step, the failures, and the checks left to `cargo xtask nightly`.
     Test {
-        /// Run one step only, with all that it checks.
+        /// Run one step only, with all of its checks.
         #[arg(long, value_name = "STEP")]
         only: Option<TestStep>,
-        /// Run the brief form of the step: for a step beside others.
+        /// Run the brief form of the step, for a step beside others.
         #[arg(long, hide = true, requires = "only")]
         brief: bool,
     },
-    /// Run the long forms of the tests: hours. Goes on after a failure; prints the seconds of every step.
+    /// Run the long forms of the tests, which take hours. Continues after a failure and prints the seconds of every step.
     Nightly {
         /// Run one step only.
         #[arg(long, value_name = "STEP")]
         only: Option<NightlyStep>,
     },
-    /// Check a change while working on it: formatting, house rules, lints of the workspace, and the tests of the changed crates.
-    /// Names the crates whose tests it leaves to `cargo xtask test`.
+    /// Check a change while working on it: formatting, house rules, lints of the workspace, and tests of the changed crates.
+    /// Prints the crates whose tests are left to `cargo xtask test`.
     Quick(quick::Options),
-    /// Build a board's image. mps2-an386 boots in QEMU, replays the demo from its memory and plays a short motion
-    /// over its UART, every frame compared with the host's simulation; mps2-an386-slcan is measured, for
+    /// Build a board's image. mps2-an386 boots in QEMU, replays the demo from its memory and plays a short motion over its UART;
+    /// every frame is compared with the host's simulation. mps2-an386-slcan is measured, for `cargo xtask vcan`. nucleo-g474re
+    /// and pico2 are measured, ready to be flashed.
     /// `cargo xtask vcan`; nucleo-g474re is measured, for probe-rs to flash.
     Board {
-        /// The board.
+        /// Board.
         board: board::Board,
-        /// Serial port of a nucleo-g474re with the image on it: print its report and transfer the demo library.
-        /// Torque stays off.
+        /// Serial port of a nucleo-g474re that runs the image: print its report and transfer the demo library. Torque stays off.
         #[arg(long, value_name = "DEVICE")]
         port: Option<std::path::PathBuf>,
-        /// Robot for which mps2-an386 plays a short motion from its memory and over its UART, in place of AgileBot.
+        /// Robot whose short motion mps2-an386 plays from its memory and over its UART, in place of AgileBot.
         #[arg(long, value_name = "ROBOT.toml", conflicts_with_all = ["port", "demo_over_uart"])]
         robot: Option<std::path::PathBuf>,
-        /// Play the whole demo over the UART of the emulated mps2-an386: minutes.
+        /// Play the whole demo over the UART of the emulated mps2-an386, which takes minutes.
         #[arg(long, conflicts_with = "port")]
         demo_over_uart: bool,
     },
-    /// Build the image of a board for your own robot, from its file alone. Prints how the robot's motors are connected to
-    /// the board, the image's sizes, and how the board gets it. A robot that the board has not the ports for is refused.
+    /// Build the image of a board for your own robot from its robot file. Prints the wiring of the robot's motors, the sizes of
+    /// the image, and how to flash it. A robot that needs ports which the board lacks is refused.
     Image(board::ImageOptions),
-    /// Print the sizes of the image of mps2-an386: flash, RAM, stack, instructions; and check that nothing in it can
-    /// panic.
+    /// Print flash, RAM, stack and instruction count of the mps2-an386 image, and check that no code in it can panic.
     Sizes {
         /// Print one JSON object: text_bytes, static_ram_bytes, stack_bytes, instructions_per_tick.
         #[arg(long)]
         json: bool,
     },
-    /// Build the site of the documents, with search, into `docs-site` of the target folder; check all of its links.
+    /// Build the documentation site, with search, into `docs-site` of the target folder; check all of its links.
     Docs(docs::Options),
-    /// Fuzz protocol and firmware: one target, or all of them, as many at a time as there are cores.
+    /// Fuzz protocol and firmware: one target, or all targets in parallel on all cores.
     Fuzz {
-        /// The target.
+        /// Target; all by default.
         target: Option<fuzz::Target>,
-        /// Seconds of each target.
+        /// Duration for each target, s.
         #[arg(long, default_value_t = fuzz::FULL_SECONDS)]
         seconds: u32,
         /// Run this input only.
         #[arg(long, value_name = "FILE")]
         input: Option<std::path::PathBuf>,
     },
-    /// Build what is installed into `package` of the target folder: an archive and a Debian package with static programs for
-    /// Linux on x86-64, manual pages, completions, udev rules and the files that ship; and the notes of the release.
+    /// Build the release into `package` of the target folder: an archive and a Debian package with static programs for Linux on
+    /// x86-64, manual pages, completions, udev rules and the shipped files; and the release notes.
     Package(package::Options),
-    /// Plan and replay every shipped motion in MuJoCo, and motions of robots from URDF files, and write the tables of
-    /// docs/replay.md and the numbers of README: about an hour.
-    Replay(replay::Options),
-    /// Write the bills of materials of what ships, the programs and the boards' images, as CycloneDX; every crate that is
-    /// compiled in must be in them.
+    /// Measure, and write the pages of docs/measured: tables and figures of the thesis, the fault campaign, shipped motions in
+    /// MuJoCo. All pages take hours; a named page takes minutes to an hour.
+    Measured(measured::Options),
+    /// Write the bills of materials of the shipped programs and board images, as CycloneDX. Fails if a compiled crate is missing
+    /// in them.
     Sbom {
-        /// Folder to write to; `sbom` of the target folder by default.
+        /// Folder to write to. The default is `sbom` of the target folder.
         #[arg(long, value_name = "FOLDER")]
         out: Option<std::path::PathBuf>,
     },
-    /// Compare the public items of the published crates with those of the last release: what breaks users needs a version that
-    /// says so.
+    /// Compare the public items of the published crates with those of the last release. Fails on a breaking change that the
+    /// version number does not announce.
     Semver {
-        /// Compare with this revision instead.
+        /// Compare with this revision instead of the last release.
         #[arg(long, value_name = "REVISION")]
         since: Option<String>,
     },
     /// Build the studio into `studio` of the target folder: `studio.wasm`, its engine; `site`, for any web server; and
     /// `studio.html`, one file that opens from disk.
     Studio,
-    /// Run the full tests on real CAN interfaces vcan0, vcan1 and vcan2: here if this kernel has them, otherwise in a
-    /// virtual machine with Debian's kernel. With a command, run that instead and exit with its status.
+    /// Run the full tests on real CAN interfaces vcan0, vcan1 and vcan2: on this machine if its kernel has them, otherwise in a
+    /// virtual machine with Debian's kernel. A command runs in place of the tests; its exit status is returned.
     Vcan(vcan::Options),
 }
 
@@ -171,7 +172,7 @@ fn main() -> ExitCode {
         Task::Fuzz { target, seconds, input } => fuzz::run(target, seconds, input.as_deref()),
         Task::Package(options) => package::write(&options),
         Task::Sbom { out } => sbom::write(out.as_deref()),
-        Task::Replay(options) => replay::document(&options),
+        Task::Measured(options) => measured::write(&options),
         Task::Semver { since } => crates::compare(since.as_deref()),
         Task::Studio => studio::build(),
         Task::Vcan(options) => return exit(vcan::run(&options)),

@@ -1,5 +1,5 @@
-//! The same commands in two worlds: each motion in a library of its own behind firmware and bus on our ground, and what its drives
-//! were commanded there in MuJoCo (`tests/replay/logged.py`).
+//! The same commands in two worlds: each motion in a library of its own behind firmware and bus on our ground, and what its
+//! drives were commanded there in MuJoCo (`tests/replay/logged.py`).
 
 use super::{CYCLES, Replay};
 use crate::{parallel, shell};
@@ -36,7 +36,7 @@ pub fn compare(replay: &Replay, plans: &[impl AsRef<Path> + Sync]) -> Result<(),
     write(&replay.out.join(RESULTS), &Value::from(results).to_string())
 }
 
-/// What became of a motion, or why no library takes it.
+/// Result of a motion, or the reason for which no library takes it.
 fn one(replay: &Replay, folder: &Path, path: &Path) -> Result<Value, String> {
     let text = fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
     let plan: Value =
@@ -180,11 +180,11 @@ fn motion_file(stem: &str) -> String {
     }
 }
 
-/// Why a library is not built: the error, or the transitions that were not found.
+/// Reason for which a library is not built: the error, or the transitions that were not found.
 pub fn reason(errors: &str) -> String {
     let line = |mark: char| errors.lines().filter_map(move |line| line.trim().strip_prefix(mark));
     if let Some(error) = line('×').next() {
-        // Without the place in a file that nobody has.
+        // The message without its place in a temporary file.
         let (_, what) = error.split_once(".toml:").unwrap_or(("", error));
         let what = what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ':');
         return what.trim().replace(STAND, "stand");

@@ -7,6 +7,7 @@ mod tracked;
 mod urdf;
 
 use crate::extent::Extent;
+use crate::measured::Measured;
 use crate::workspace;
 use crate::{mujoco, parallel, shell};
 use serde_json::{Map, Value, json};
@@ -29,25 +30,46 @@ const DISTURBED_CYCLES: &str = "6";
 /// Classes of tests of the harness that take seconds.
 const BRIEF: [&str; 5] = ["Physics", "Playing", "Files", "Libraries", "Words"];
 
-/// Options of `cargo xtask replay`.
-#[derive(clap::Args)]
-pub struct Options {
-    /// URDF files of legged robots: imported with what the import proposes, and replayed with motions made for their size, or with
-    /// --tracking their walk and trot tracked.
-    #[arg(value_name = "ROBOT.urdf")]
-    urdf: Vec<PathBuf>,
-    /// Only retargeted motions, before and after: the table of docs/retargeting.md.
-    #[arg(long, conflicts_with = "urdf")]
-    retargeted: bool,
-    /// Only a robot that is identified from a run in MuJoCo, and other runs that are predicted: the tables of docs/identification.md.
-    #[arg(long, conflicts_with_all = ["urdf", "retargeted"])]
-    identified: bool,
-    /// Only controllers in closed loop and open loop, in worlds other than planned and under pushes: the tables of docs/tracking.md.
-    #[arg(long, conflicts_with_all = ["retargeted", "identified"])]
-    tracking: bool,
+/// A table of measurements in MuJoCo.
+#[derive(Clone, Copy)]
+pub enum Table {
+    /// Shipped motions, without and with feed-forward, level and disturbed, in both simulators, and behind firmware and bus.
+    Shipped,
+    /// Controllers in closed loop and open loop, in worlds other than planned and under pushes.
+    Tracked,
+    /// Motions of robots with softer servos, as planned and retargeted.
+    Retargeted,
+    /// Robots that are identified from runs in MuJoCo, and other runs that are predicted.
+    Identified,
 }
 
-/// Tests the harness, and the controller in closed loop; in brief only parts of the harness. In full it plans and replays every shipped motion as well, and fails if one does not hold.
+impl Table {
+    /// List of all tables.
+    pub const ALL: [Self; 4] = [Self::Shipped, Self::Tracked, Self::Retargeted, Self::Identified];
+
+    /// Name of its page.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Shipped => "replay",
+            Self::Tracked => "tracked",
+            Self::Retargeted => "retargeted",
+            Self::Identified => "identified",
+        }
+    }
+
+    /// Title of its page.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Shipped => "Shipped motions in MuJoCo",
+            Self::Tracked => "Closed loop and open loop in MuJoCo",
+            Self::Retargeted => "Retargeted motions in two simulators",
+            Self::Identified => "Robots identified from recordings of MuJoCo",
+        }
+    }
+}
+
+/// Tests the harness, and the controller in closed loop; in brief only parts of the harness. In full it plans and replays every
+/// shipped motion as well, and fails if one does not hold.
 ///
 /// # Errors
 /// A failed test, a motion without plan, a motion that does not hold, or the command that installs what is missing.
@@ -64,41 +86,46 @@ pub fn check(extent: Extent) -> Result<(), String> {
     }
 }
 
-/// Plans and replays every shipped motion, without and with feed-forward, level and disturbed, and motions of the URDF
-/// files; writes the tables of `docs/replay.md` and the numbers of README.
+/// Measures a table; `urdfs` are robots that are imported and played besides the shipped ones, in the tables that have other
+/// robots.
 ///
 /// # Errors
-/// A motion without plan, or the command that installs what is missing.
-pub fn document(options: &Options) -> Result<(), String> {
-    let replay = Replay::new()?;
-    if options.retargeted {
-        retargeted::compare(&replay)?;
-        let results = replay.out.join(retargeted::RESULTS);
-        return shell::run(replay.python("document.py").arg("--retargeted").arg(results));
-    }
-    if options.identified {
-        let folder = replay.out.join("identified");
-        let results = folder.join("identified.json");
-        let mut identified = replay.python("identified.py");
-        identified.arg(&replay.rollwalk).arg("-o").arg(&folder).arg("--json").arg(&results);
-        shell::run(&mut identified)?;
-        return shell::run(replay.python("document.py").arg("--identified").arg(results));
-    }
-    if options.tracking {
-        return tracked::document(&replay.optimised()?, &options.urdf);
-    }
-    let plans = replay.shipped("both", false)?;
-    replay.grounded(&plans)?;
-    behind_firmware::compare(&replay, &plans)?;
-    let mut document = replay.python("document.py");
-    let results = ["level.json", "disturbed.json", "ground.json", behind_firmware::RESULTS];
-    for results in results {
-        document.arg(replay.out.join(results));
-    }
-    for urdf in &options.urdf {
-        document.arg(urdf::replayed(&replay, urdf)?);
-    }
-    shell::run(&mut document)
+/// A motion without plan, a program that fails, or the command that installs what is missing.
+pub fn measure(table: Table, urdfs: &[PathBuf]) -> Result<Measured, String> {
+    let mut replay = Replay::new()?;
+    let results = match table {
+        Table::Shipped => {
+            let plans = replay.shipped("both", false)?;
+            replay.grounded(&plans)?;
+            behind_firmware::compare(&replay, &plans)?;
+            let results = ["level.json", "disturbed.json", "ground.json", behind_firmware::RESULTS];
+            let mut results = results.map(|name| replay.out.join(name)).to_vec();
+            for urdf in urdfs {
+                results.push(urdf::replayed(&replay, urdf)?);
+            }
+            results
+        }
+        Table::Tracked => {
+            replay = replay.optimised()?;
+            vec![tracked::compare(&replay, urdfs)?]
+        }
+        Table::Retargeted => {
+            retargeted::compare(&replay)?;
+            vec![replay.out.join(retargeted::RESULTS)]
+        }
+        Table::Identified => {
+            let folder = replay.out.join("identified");
+            let results = folder.join("identified.json");
+            let mut identified = replay.python("identified.py");
+            identified.arg(&replay.rollwalk).arg("-o").arg(&folder).arg("--json").arg(&results);
+            shell::run(&mut identified)?;
+            vec![results]
+        }
+    };
+    let page = shell::output(replay.python("document.py").arg(table.name()).args(results))?;
+    let (verdict, text) = page.split_once('\n').unwrap_or((&page, ""));
+    let command = format!("cargo xtask measured {}", table.name());
+    Ok(Measured { text: text.into(), command, verdict: verdict.into() })
 }
 
 /// The programs and where their results go.
@@ -147,7 +174,7 @@ impl Replay {
         replay
     }
 
-    /// Every shipped motion; a motion that does not hold is an error if they must. Returns the plans.
+    /// Replays all shipped motions and returns their plans. With `must_hold`, a motion that does not hold is an error.
     fn shipped(&self, feed_forward: &str, must_hold: bool) -> Result<Vec<PathBuf>, String> {
         let failed = |error: std::io::Error| format!("motions: {error}");
         let plans: Vec<PathBuf> = motions()
@@ -217,7 +244,7 @@ impl Replay {
     }
 }
 
-/// Every shipped motion file but those of the test leg, which cannot stand by itself, and the library files.
+/// Shipped motion files. Excludes library files, and those of the test leg, which cannot stand by itself.
 fn motions() -> std::io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for folder in MOTIONS {

@@ -1,5 +1,5 @@
-//! Retargeted motions in two worlds: for each case a library of a stand and the motion, for a robot with softer servos and without the
-//! planned torques, with its plans as they are and retargeted (docs/retargeting.md).
+//! Retargeted motions in two worlds: for each case a library of a stand and the motion, for a robot with softer servos and
+//! without the planned torques, with its plans as they are and retargeted (docs/measured/retargeted.md).
 
 use super::Replay;
 use super::behind_firmware::{STAND, in_both_worlds, library_file, reason, stand, steps, write};
@@ -51,7 +51,7 @@ pub fn compare(replay: &Replay) -> Result<(), String> {
     failures.into_iter().next().map_or(Ok(()), Err)
 }
 
-/// What becomes of a motion before and after.
+/// Result of a motion before and after retargeting.
 fn one(replay: &Replay, folder: &Path, motion: &str, share: f64) -> Result<Value, String> {
     let _ = fs::remove_dir_all(folder);
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;

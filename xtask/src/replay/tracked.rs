@@ -1,4 +1,4 @@
-//! Controllers in MuJoCo, open loop and closed: the tables of `docs/tracking.md`.
+//! Controllers in MuJoCo, open loop and closed: the page `docs/measured/tracked.md`.
 
 use super::{Replay, urdf};
 use crate::shell;
@@ -21,7 +21,7 @@ const MOTIONS: [&str; 12] = [
     "shipped/motions/table_2_1/swizzlebot_forward.toml",
     "shipped/motions/table_2_1/creature3_walk.toml",
 ];
-/// These are pushed as well.
+/// Plans that are also played under pushes.
 const PUSHED: [&str; 5] = [
     "motions-anymal_turn.json",
     "motions-trot.json",
@@ -41,11 +41,11 @@ pub fn check(replay: &Replay) -> Result<(), String> {
     shell::run(replay.python("test_tracked.py").arg(&replay.rollwalk).arg(plan))
 }
 
-/// Plays all motions under all controllers, and those of robots from URDF files; writes the tables.
+/// Plays all motions under all controllers, and those of robots from URDF files; the file with the results.
 ///
 /// # Errors
 /// A program that fails.
-pub fn document(replay: &Replay, urdfs: &[PathBuf]) -> Result<(), String> {
+pub fn compare(replay: &Replay, urdfs: &[PathBuf]) -> Result<PathBuf, String> {
     let root = shell::workspace_root();
     let mut plans: Vec<PathBuf> =
         MOTIONS.iter().map(|motion| replay.plan(&root.join(motion))).collect::<Result<_, _>>()?;
@@ -64,5 +64,5 @@ pub fn document(replay: &Replay, urdfs: &[PathBuf]) -> Result<(), String> {
         .arg("--push")
         .args(PUSHED);
     shell::run(&mut tracking)?;
-    shell::run(replay.python("document.py").arg("--tracking").arg(results))
+    Ok(results)
 }

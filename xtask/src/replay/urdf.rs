@@ -38,7 +38,7 @@ pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
 pub struct Planned {
     stem: String,
     robot: String,
-    /// Of the motions, in their order.
+    /// Plans of the motions, in their order.
     pub plans: Vec<PathBuf>,
 }
 

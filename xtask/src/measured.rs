@@ -1,0 +1,206 @@
+//! `cargo xtask measured`: tables of measurements, one page of `docs/measured/` a command, each with its commit, date, processor,
+//! compiler and verdict.
+
+use crate::docs::reference;
+use crate::{replay, shell, workspace};
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Folder of the pages, below the root.
+pub const FOLDER: &str = "docs/measured";
+/// Program of the benchmarks, and the folder of its package.
+const BENCHMARKS: (&str, &str) = ("apps/bench", "rollwalk-bench");
+
+/// Options of `cargo xtask measured`.
+#[derive(clap::Args)]
+pub struct Options {
+    /// Pages to write: the benchmarks of `rollwalk bench`, replay, tracked, retargeted and identified. All by default.
+    #[arg(value_name = "PAGE")]
+    pages: Vec<String>,
+    /// URDF files of robots that `replay` and `tracked` import and play besides the shipped ones.
+    #[arg(long, value_name = "ROBOT.urdf")]
+    urdf: Vec<PathBuf>,
+    /// Print the names of the pages, and end.
+    #[arg(long, exclusive = true)]
+    list: bool,
+}
+
+/// A page: its name, its title, and the program that measures.
+struct Page {
+    name: String,
+    title: String,
+    source: Source,
+}
+
+enum Source {
+    Benchmark,
+    Replay(replay::Table),
+}
+
+/// Result of a measurement: Markdown, the command that makes it, and its verdict.
+pub struct Measured {
+    /// Tables and sentences, in Markdown.
+    pub text: String,
+    /// Command line that a reader can type.
+    pub command: String,
+    /// Outcome by the rule of the command.
+    pub verdict: String,
+}
+
+/// Writes pages of [`FOLDER`].
+///
+/// # Errors
+/// An unknown page, a program that fails, or a file that cannot be written. Pages before it are written.
+pub fn write(options: &Options) -> Result<(), String> {
+    let program = workspace::optimised_program(BENCHMARKS.0, BENCHMARKS.1)?.path;
+    let pages =
+        pages(&shell::output(&mut shell::command(&program.to_string_lossy(), &["--help"]))?);
+    let names: Vec<_> = pages.iter().map(|page| page.name.as_str()).collect();
+    if options.list {
+        println!("{}", names.join("\n"));
+        return Ok(());
+    }
+    if let Some(unknown) = options.pages.iter().find(|name| !names.contains(&name.as_str())) {
+        return Err(format!("there is no page `{unknown}`; pages: {}", names.join(", ")));
+    }
+    let is_chosen = |page: &&Page| options.pages.is_empty() || options.pages.contains(&page.name);
+    let folder = shell::workspace_root().join(FOLDER);
+    fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    for page in pages.iter().filter(is_chosen) {
+        eprintln!("{}: {}", page.name, page.title);
+        let measured = match page.source {
+            Source::Benchmark => benchmark(&program, &page.name)?,
+            Source::Replay(table) => replay::measure(table, &options.urdf)?,
+        };
+        let path = folder.join(format!("{}.md", page.name));
+        let text = written(page, &measured, &Origin::now()?);
+        fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+        eprintln!("{}: {}", path.display(), measured.verdict);
+    }
+    Ok(())
+}
+
+/// Pages, from the help text of the benchmarks.
+fn pages(help: &str) -> Vec<Page> {
+    let benchmarks = reference::abouts(help).into_iter();
+    let benchmarks =
+        benchmarks.map(|(name, title)| Page { name, title, source: Source::Benchmark });
+    let replays = replay::Table::ALL.into_iter().map(|table| Page {
+        name: table.name().into(),
+        title: table.title().into(),
+        source: Source::Replay(table),
+    });
+    benchmarks.chain(replays).collect()
+}
+
+/// Runs a benchmark; its Markdown is the file that it writes.
+fn benchmark(program: &Path, name: &str) -> Result<Measured, String> {
+    let out = shell::target_folder().join("measured").join(name);
+    fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
+    let mut run = shell::command(&program.to_string_lossy(), &[name, "--out"]);
+    let status = run.arg(&out).stdout(std::process::Stdio::null()).status();
+    let status = status.map_err(|error| format!("{}: {error}", program.display()))?;
+    let verdict = match status.code() {
+        Some(0) => "passed",
+        Some(3) => "a motion does not hold",
+        Some(4) => "a stated bound is exceeded",
+        _ => return Err(format!("`rollwalk bench {name}` failed: {status}")),
+    };
+    let page = fs::read_dir(&out)
+        .map_err(|error| format!("{}: {error}", out.display()))?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .find(|path| path.extension().is_some_and(|extension| extension == "md"))
+        .ok_or_else(|| {
+            format!("`rollwalk bench {name}` wrote no Markdown into {}", out.display())
+        })?;
+    let text = fs::read_to_string(&page).map_err(|error| format!("{}: {error}", page.display()))?;
+    Ok(Measured { text, command: format!("rollwalk bench {name}"), verdict: verdict.into() })
+}
+
+/// Commit, day, processor and compiler of a measurement.
+struct Origin {
+    commit: String,
+    date: String,
+    processor: String,
+    compiler: String,
+}
+
+impl Origin {
+    /// Origin of this run.
+    fn now() -> Result<Self, String> {
+        let of = |program: &str, args: &[&str]| {
+            shell::output(&mut shell::command(program, args)).map(|text| text.trim().to_owned())
+        };
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let cpus = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        Ok(Self {
+            commit: of("git", &["describe", "--always", "--dirty", "--exclude=*"])?,
+            date: of("date", &["--utc", "+%Y-%m-%d"])?,
+            processor: format!("{} ({cores} cores)", processor(&cpus).unwrap_or("unknown")),
+            compiler: of("rustc", &["--version"])?,
+        })
+    }
+}
+
+/// The first processor's model in `/proc/cpuinfo`.
+fn processor(cpus: &str) -> Option<&str> {
+    let line = cpus.lines().find(|line| line.starts_with("model name"))?;
+    line.split_once(':').map(|(_, name)| name.trim())
+}
+
+fn written(page: &Page, measured: &Measured, origin: &Origin) -> String {
+    let mut text = format!("# {}\n\n", page.title);
+    let _ = writeln!(text, "`cargo xtask measured {}` writes this page.\n", page.name);
+    text.push_str(
+        "| commit | date | processor | compiler | command | verdict |\n|---|---|---|---|---|---|\n",
+    );
+    let Origin { commit, date, processor, compiler } = origin;
+    let Measured { command, verdict, .. } = measured;
+    let _ = writeln!(
+        text,
+        "| {commit} | {date} | {processor} | {compiler} | `{command}` | {verdict} |\n"
+    );
+    text + measured.text.trim() + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_are_the_benchmarks_and_the_replays() {
+        let help = "Usage: x\n\nCommands:\n  table-2-1  Table 2.1: its motions\n             twice\n  samples    CPU time\n  \
+                    help       Print this message\n\nOptions:\n";
+        let pages = pages(help);
+        let names: Vec<_> = pages.iter().map(|page| page.name.as_str()).collect();
+        assert_eq!(
+            names,
+            ["table-2-1", "samples", "replay", "tracked", "retargeted", "identified"]
+        );
+        assert_eq!(pages[0].title, "Table 2.1: its motions twice");
+    }
+
+    #[test]
+    fn a_page_has_its_origin_and_its_verdict() {
+        let origin = Origin {
+            commit: "1234567".into(),
+            date: "2026-01-02".into(),
+            processor: processor("processor : 0\nmodel name\t: Chip 3\n").expect("a model").into(),
+            compiler: "rustc 1".into(),
+        };
+        let page =
+            Page { name: "samples".into(), title: "CPU time".into(), source: Source::Benchmark };
+        let measured = Measured {
+            text: "a table\n\n".into(),
+            command: "rollwalk bench samples".into(),
+            verdict: "passed".into(),
+        };
+        assert_eq!(
+            written(&page, &measured, &origin),
+            "# CPU time\n\n`cargo xtask measured samples` writes this page.\n\n\
+             | commit | date | processor | compiler | command | verdict |\n|---|---|---|---|---|---|\n\
+             | 1234567 | 2026-01-02 | Chip 3 | rustc 1 | `rollwalk bench samples` | passed |\n\na table\n"
+        );
+    }
+}
