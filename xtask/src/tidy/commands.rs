@@ -1,5 +1,5 @@
-//! Every `cargo xtask` command of the documents is one. Those of `rollwalk` are checked by `tests/integration/pages.rs`, which
-//! has its command line.
+//! Check that the documents name only valid `cargo xtask` commands. Those of `rollwalk` are checked by
+//! `tests/integration/pages.rs`, which has its command line.
 
 use crate::checkout::TextFile;
 use crate::markdown::Page;

@@ -1,4 +1,4 @@
-//! Every link between documents leads somewhere: to a file of the checkout and, behind `#`, to a heading of it.
+//! Check of the links between documents: each leads to a file of the checkout and, behind `#`, to a heading of it.
 
 use crate::checkout::TextFile;
 use crate::markdown::{Page, target};

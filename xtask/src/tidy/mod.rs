@@ -2,14 +2,17 @@
 
 mod circles;
 mod commands;
+mod comments;
 mod links;
 mod map;
 mod module_docs;
+mod pages;
 mod paths;
 mod prose;
+mod subject;
 
 use crate::checkout;
-use crate::docs::book::Book;
+use crate::docs::book::Books;
 use crate::shell;
 use clap::CommandFactory;
 use std::path::Path;
@@ -28,10 +31,13 @@ pub fn check(root: &Path) -> Result<(), String> {
     violations.extend(map::violations(&files, &metadata)?);
     violations.extend(circles::violations(&files));
     violations.extend(prose::violations(&files));
+    violations.extend(comments::violations(&files));
+    violations.extend(pages::violations(&files));
+    violations.extend(subject::violations());
     let (dead, links) = links::violations(&files, |path| root.join(path).exists());
     let (wrong, commands) = commands::violations(&files, &crate::Cli::command());
     violations.extend(dead.into_iter().chain(wrong));
-    violations.extend(Book::read(&files).err());
+    violations.extend(Books::read(&files).err());
     if violations.is_empty() {
         let count = files.len();
         eprintln!("{count} files, {links} links and {commands} commands follow the house rules");

@@ -1,4 +1,4 @@
-//! Every Rust file opens with `//!` and says what it is.
+//! Check that each Rust file opens with `//!` and a description of the file.
 
 use crate::checkout::TextFile;
 

@@ -28,7 +28,7 @@ pub fn machine_paths(files: &[TextFile]) -> Vec<String> {
     found
 }
 
-/// Whether `root` stands in `line` as the beginning of a path, not as its middle (`docs/home/`).
+/// True if `root` is the beginning of a path in `line`, not its middle (`docs/home/`).
 fn starts_a_path(line: &str, root: &str) -> bool {
     line.match_indices(root).any(|(at, _)| {
         !line[..at].ends_with(|c: char| c.is_alphanumeric() || matches!(c, '.' | '_' | '-' | '*'))

@@ -21,7 +21,7 @@ const REFUSED: [(&str, &str); 14] = [
     ("is believed", "is accepted"),
 ];
 
-/// Where a refused phrase stands.
+/// Places of refused phrases.
 pub fn violations(files: &[TextFile]) -> Vec<String> {
     let mut found = Vec::new();
     for file in files {
@@ -50,7 +50,7 @@ pub fn violations(files: &[TextFile]) -> Vec<String> {
     found
 }
 
-/// Whether `line` has `phrase` as whole words, outside of code spans.
+/// True if `line` has `phrase` as whole words, outside of code spans.
 fn contains(line: &str, phrase: &str) -> bool {
     // Every other part between backticks is prose.
     line.to_lowercase().split('`').step_by(2).any(|prose| {
