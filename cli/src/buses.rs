@@ -119,7 +119,7 @@ impl BusLoads {
     }
 }
 
-/// What makes a bus carry less.
+/// Advice that lowers the load of a bus.
 fn lighter(row: &BusLoad) -> &'static str {
     let BusLoad { kind, traffic, .. } = row;
     let bits_s = f64::from(traffic.bits_per_period) / f64::from(kind.bit_rate.max(1));

@@ -30,7 +30,7 @@ pub struct LiveArgs {
 }
 
 impl LiveArgs {
-    /// Whether it is asked for.
+    /// True if `--foxglove` is given.
     pub fn is_asked_for(&self) -> bool {
         self.foxglove.is_some()
     }

@@ -22,7 +22,7 @@ pub const TOOLS: [Tool; 2] = [RSVG, FFMPEG];
 /// A program that is installed or not.
 #[derive(Clone, Copy, Debug)]
 pub struct Tool {
-    /// Its name on the path.
+    /// Name of the program on the path.
     pub program: &'static str,
     /// Debian's package that has it.
     pub package: &'static str,
@@ -31,7 +31,7 @@ pub struct Tool {
 }
 
 impl Tool {
-    /// Whether the path has it.
+    /// True if the program is on the path.
     pub fn is_installed(&self) -> bool {
         let path = std::env::var_os("PATH").unwrap_or_default();
         std::env::split_paths(&path).any(|folder| folder.join(self.program).is_file())
@@ -42,7 +42,7 @@ impl Tool {
         format!("`rollwalk plot` writes SVG, but no {}", self.formats)
     }
 
-    /// How it is installed.
+    /// Command that installs the program.
     pub fn install(&self) -> String {
         format!("`sudo apt install {}` on Debian and Ubuntu", self.package)
     }

@@ -29,9 +29,9 @@ pub struct Planned {
     goals: [bool; 3],
     /// Duration, s; of a period if it repeats.
     duration_s: f64,
-    /// Whether it repeats.
+    /// True if the motion repeats.
     repeats: bool,
-    /// Whether it is a transition, which has no goal of its own.
+    /// True if it is a transition, which has no goal of its own.
     joins: bool,
     /// Reason, from the motion file, why the motion needs feedback.
     needs_feedback: Option<String>,
@@ -48,7 +48,7 @@ pub struct Judged {
     pub of_plan: Option<f64>,
     /// Reason why the motion does not hold; null if it does.
     pub miss: Option<String>,
-    /// Whether the motion file says that the motion needs feedback.
+    /// True if the motion needs feedback by its motion file.
     pub needs_feedback: bool,
 }
 
@@ -86,7 +86,8 @@ impl Planned {
     }
 }
 
-/// The way of a period that, made so many times, leads where a way does: each begins in the heading in which the one before ended.
+/// The way of a period that, made so many times, leads where a way does: each begins in the heading in which the one before
+/// ended.
 fn of_a_period(way: Way, periods: f64) -> Way {
     let [forward_m, left_m, turn_rad] = way.values();
     let turn_rad = turn_rad / periods;

@@ -1,4 +1,4 @@
-//! What becomes of a plan in the simulated world, in a few words.
+//! Result of a plan in the simulated world, in a few words.
 
 use miette::IntoDiagnostic;
 use rollwalk_planner::plan::Plan;

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 pub struct Fingerprint(pub [u8; FINGERPRINT_LEN]);
 
 impl Fingerprint {
-    /// That of a key.
+    /// Fingerprint of a key.
     pub fn of(key: &VerifyingKey) -> Self {
         let der = key.to_public_key_der().expect("44 bytes");
         let mut bytes = [0; FINGERPRINT_LEN];
@@ -118,17 +118,17 @@ pub fn signed(library: &[u8], key: &SigningKey) -> Vec<u8> {
     file
 }
 
-/// Whose signature a file claims to have.
+/// Fingerprint of the key that a file claims to be signed with.
 pub fn signer(file: &[u8]) -> Option<Fingerprint> {
     SignedFile::split(file).map(|file| Fingerprint(file.fingerprint))
 }
 
-/// What is wrong with a signature; the sentence goes on after the file's name.
+/// Problem of a signature; the sentence goes on after the file's name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsigned {
     #[error("is not signed")]
     Missing,
-    /// It is by another key.
+    /// Signature by another key.
     #[error("is signed with key {theirs}, not with {ours}")]
     Others {
         /// The key that it claims to be of.
@@ -136,7 +136,7 @@ pub enum Unsigned {
         /// The key that it should be of.
         ours: Fingerprint,
     },
-    /// It is by this key, and of something else.
+    /// Signature by this key, but of other content.
     #[error("was changed after it was signed with key {ours}, or its signature was")]
     Changed { ours: Fingerprint },
 }

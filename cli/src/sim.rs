@@ -104,7 +104,7 @@ struct Cli {
     /// Run this part of the robot only.
     #[arg(long, value_name = "PART", requires = "actuators")]
     only: Option<Part>,
-    /// What carries the robot [default: ground; with --actuators: stand].
+    /// Support of the robot [default: ground; with --actuators: stand].
     #[arg(long, value_name = "SUPPORT", value_enum)]
     on: Option<Support>,
     #[command(flatten)]
@@ -121,8 +121,8 @@ struct Cli {
     rotation: RotationArgs,
     #[command(flatten)]
     live: LiveArgs,
-    /// File with a link key (`rollwalk keys new`): the controller obeys only hosts that have it. Its boots are counted in the user's
-    /// state folder, so that no recorded session counts again.
+    /// File with a link key (`rollwalk keys new`): the controller obeys only hosts that have it. Its boots are counted in the
+    /// user's state folder, so that no recorded session counts again.
     #[arg(long, value_name = "FILE")]
     link_key: Option<PathBuf>,
     /// File with a public key (`rollwalk keys new-pair`): the controller plays only libraries that were signed with the
@@ -131,9 +131,9 @@ struct Cli {
     library_key: Option<PathBuf>,
 }
 
-/// What the controller insists on.
+/// Keys that the controller requires.
 struct Keys {
-    /// With the count of boots of controllers with this key before.
+    /// Link key, and the number of earlier boots of controllers with it.
     link: Option<(LinkKey, u32)>,
     library: Option<VerifyingKey>,
 }
@@ -489,7 +489,7 @@ fn open_link(bus: &BusName) -> Result<Port, OpenError> {
 struct Lost<'a> {
     link: Option<&'a BusName>,
     actuators: &'a [BusName],
-    /// Whether it reports lost buses; of controller and motors in one process only one does.
+    /// True if it reports lost buses; of controller and motors in one process only one does.
     says: bool,
 }
 
@@ -583,7 +583,7 @@ impl StatusPrinter {
         Self { last: None, actuators: actuators(robot) }
     }
 
-    /// Of a robot on the ground by the clock of its world, which may lag behind.
+    /// Prints a status that has changed. On the ground, `at_s` is the time of the world, which may lag behind.
     fn print(&mut self, at_s: f64, state: State, faults: FaultBits) {
         if self.last.replace((state, faults)) == Some((state, faults)) {
             return;

@@ -1,4 +1,4 @@
-//! What a simulated robot stands on, and what pushes it, from the command line.
+//! Ground under a simulated robot, and pushes, from the command line.
 
 use clap::ValueEnum;
 use miette::miette;
@@ -14,12 +14,12 @@ use std::sync::Arc;
 
 /// Largest force, N, and time, s, of a push.
 const PUSH_MAX: f64 = 1e4;
-/// How deep a robot may be in the ground where it begins, m.
+/// Largest depth of a robot in the ground where it begins, m.
 const DEEPEST_M: f64 = 5e-3;
 /// Feet and wheels that a robot needs to stand.
 pub const FEET_MIN: usize = 3;
 
-/// What carries a simulated robot.
+/// Support of a simulated robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Support {
     /// The ground, with gravity, contact and friction.
@@ -43,7 +43,7 @@ pub struct GroundArgs {
 }
 
 impl GroundArgs {
-    /// Whether any of it was given.
+    /// True if any of these options is given.
     pub fn is_given(&self) -> bool {
         self.slope.is_some() || self.terrain.is_some() || !self.push.is_empty()
     }

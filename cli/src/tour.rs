@@ -20,17 +20,17 @@ const SLACK_US: u64 = 5_000_000;
 /// Simulated time between checks for Ctrl-C while a loop goes round, µs.
 const PORTION_US: u64 = 500_000;
 
-/// How a library is played.
+/// Options for playing a library.
 pub struct Options<'a> {
-    /// What the robot stands on; a stand without.
+    /// Ground under the robot; `None` for a stand.
     pub ground: Option<&'a Arc<dyn Ground>>,
     /// Pushes, from power-on on.
     pub shoves: Vec<Shove>,
-    /// Whether the torques of the library are played.
+    /// True if the torques of the library are played.
     pub feed_forward: bool,
-    /// How often a loop goes round; at least once.
+    /// Rounds of a loop; at least one.
     pub cycles: u32,
-    /// What is written of the world.
+    /// Log of the world, if one is written.
     pub world_log: Option<WorldLog>,
 }
 
@@ -45,11 +45,11 @@ pub struct Played {
     pub travels: Vec<Travel>,
     /// Names of the motions in the order in which they were played.
     pub tour: Vec<String>,
-    /// Why the tour ended before its end.
+    /// Reason for an early end of the tour.
     pub stopped: Option<miette::Report>,
-    /// How long the transfer of the library took on the bus, s.
+    /// Transfer time of the library on the bus, s.
     pub flash_s: f64,
-    /// How long the whole session took on the robot's clock, s.
+    /// Duration of the whole session on the robot's clock, s.
     pub session_s: f64,
 }
 
@@ -143,7 +143,7 @@ fn duration_s(clip: &ClipInfo) -> f64 {
     f64::from(steps) / f64::from(RATE_HZ)
 }
 
-/// How far a transfer is.
+/// Progress bar of a transfer.
 pub fn transfer_bar(bytes: usize) -> ProgressBar {
     let bar = ProgressBar::new(bytes as u64);
     bar.set_style(

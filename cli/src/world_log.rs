@@ -1,4 +1,4 @@
-//! The log of the simulated world (`--world-log`): a table with a line for each of its steps (`docs/world-log.md`).
+//! The log of the simulated world (`--world-log`): a table with a line for each of its steps (`docs/formats/world-log.md`).
 
 use miette::miette;
 use rollwalk_host::catalog::Catalog;
@@ -24,7 +24,7 @@ pub struct WorldLogArgs {
 }
 
 impl WorldLogArgs {
-    /// Where it goes, if one is asked for.
+    /// Path of the log, if one is requested.
     pub fn path(&self) -> Option<&Path> {
         self.world_log.as_deref()
     }
@@ -128,7 +128,7 @@ impl SharedLog {
         log
     }
 
-    /// Whether all lines could be written.
+    /// True if all lines could be written.
     pub fn is_sound(&self) -> bool {
         self.0.borrow().failed.is_none()
     }

@@ -12,7 +12,7 @@ pub struct Host<P> {
     /// The controller's address on the link.
     node: u8,
     port: P,
-    /// Between the controller and a serial port.
+    /// Gateway between the controller and a serial port.
     gateway: Gateway,
     /// The port that has asked for the report.
     report_due: Option<P>,
@@ -48,14 +48,14 @@ impl<P: Copy + PartialEq> Host<P> {
         }
     }
 
-    /// Passes on what the gateway has taken from a message.
+    /// Passes on the next frame that the gateway has made of a message.
     pub fn pass_on(&mut self, controller: &mut Core, now_us: u64) {
         if let Some(frame) = self.gateway.poll(now_us) {
             controller.on_link_frame(now_us, &frame);
         }
     }
 
-    /// Whether a frame is a host's and for this controller. Other frames on the link do not show where the host is.
+    /// True if a frame is from a host to this controller. Other frames on the link do not show the host's port.
     fn is_from_a_host(&self, frame: &Frame) -> bool {
         ToController::decode(frame)
             .is_ok_and(|(to, _)| to.number() == self.node || to == Node::BROADCAST)

@@ -1,8 +1,7 @@
-//! Of the images of all boards: their keys, which `cargo xtask image` fills into a program with the features `authenticated`
-//! and `signed` (`firmware/src/hal/key_block.rs`).
+//! Keys of a board's image. `cargo xtask image` fills them into a program with the features `authenticated` and `signed`
+//! (`firmware/src/hal/key_block.rs`).
 //!
-//! A program with one of the features whose key is not there does not start: a key that went missing must not end up
-//! as no key.
+//! A program with one of these features does not start without its key: a lost key must not turn into no protection.
 
 use rollwalk_firmware::Controller;
 #[cfg(any(feature = "authenticated", feature = "signed"))]

@@ -35,7 +35,7 @@ impl<T: Transmitter> Line<T> {
         }
     }
 
-    /// Whether the hardware has all of the packet before.
+    /// True if the hardware has all of the previous packet.
     pub fn is_free(&self) -> bool {
         self.state.is_free()
     }

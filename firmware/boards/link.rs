@@ -38,7 +38,7 @@ impl<P: Port> Link<P> {
         self.deframer.push(zero).and_then(Packet::decode)
     }
 
-    /// Whether the packet before has been sent.
+    /// True if the previous packet has been sent.
     pub fn is_free(&self) -> bool {
         self.sent >= self.line.len()
     }

@@ -14,14 +14,15 @@ const PEAK_SPEED: f32 = 1.875;
 /// Shortest ramp, s, also for a robot that already stands in SAFE.
 const MIN_DURATION_S: f32 = 0.25;
 
-/// Where a channel begins and ends.
+/// Values of a channel at the beginning and the end of a ramp.
 #[derive(Clone, Copy, Debug)]
 pub struct RampEnds {
     /// Value at the beginning, rad or rad/s.
     pub from: f32,
     /// Value in SAFE, rad or rad/s.
     pub to: f32,
-    /// Torques at the beginning and in SAFE, N·m. The change comes in along the ramp: the robot takes its weight on as it stands up.
+    /// Torques at the beginning and in SAFE, N·m. The change comes in along the ramp: the robot takes its weight on as it
+    /// stands up.
     pub torques_nm: [f32; 2],
 }
 
@@ -72,7 +73,7 @@ impl Ramp {
         self.ticks = self.ticks.saturating_add(1);
     }
 
-    /// Whether the targets have arrived.
+    /// True if the targets have arrived.
     pub fn arrived(&self) -> bool {
         self.elapsed_s() >= self.duration_s
     }

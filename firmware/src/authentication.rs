@@ -2,7 +2,7 @@
 //!
 //! A controller that was given a [`LinkKey`](rollwalk_protocol::wire::authentication::LinkKey) insists: heartbeats, commands,
 //! parameter requests and library transfers count only behind an authenticator that fits; emergency stops, identity and
-//! log need none. What is admitted goes to the same handlers as without a key. `docs/wire-format.md` specifies the bytes.
+//! log need none. What is admitted goes to the same handlers as without a key. `docs/formats/wire-format.md` specifies the bytes.
 //!
 //! Without the feature `authenticated` everything is admitted, and nothing of this is in the image.
 
@@ -15,11 +15,11 @@ pub(crate) use present::Authentication;
 #[cfg_attr(not(feature = "authenticated"), expect(dead_code, reason = "everything is admitted"))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Admission {
-    /// It is authentic, or need not be.
+    /// Authentic message, or a message that needs no authentication.
     Admitted,
-    /// There was no authenticator for it.
+    /// Message without an authenticator.
     Missing,
-    /// Its authenticator is wrong: forged, a copy, out of order or of another session.
+    /// Message with a wrong authenticator: forged, a copy, out of order or of another session.
     Wrong,
 }
 
@@ -88,10 +88,10 @@ mod present {
         }
     }
 
-    /// What a controller with a key knows of its hosts.
+    /// Sessions and authenticators of a controller with a key.
     #[derive(Default)]
     pub(crate) struct Authentication {
-        /// `None`: everything is admitted.
+        /// Link key; `None` admits everything.
         key: Option<LinkKey>,
         /// Count of this boot; `None` when it could not be stored: no session then.
         boot: Option<u32>,
@@ -117,8 +117,8 @@ mod present {
             self.refused
         }
 
-        /// Counts a refused message; returns the count if it is to be logged: 1, 16, 256, ... so that a flood
-        /// does not displace what the log is for.
+        /// Counts a refused message; returns the count if it is to be logged: 1, 16, 256, ... so that a flood does not displace
+        /// the other log entries.
         pub fn count_refused(&mut self) -> Option<u32> {
             self.refused = self.refused.saturating_add(1);
             let is_due =
@@ -244,7 +244,7 @@ mod present {
             None
         }
 
-        /// Whether a key was given.
+        /// True if a key was given.
         pub fn insists(&self) -> bool {
             self.key.is_some()
         }

@@ -84,7 +84,7 @@ impl BusWatch {
         }
     }
 
-    /// Whether to restart a bus; true once after each permission.
+    /// Returns true if a bus is to be restarted, once after each permission.
     pub fn take_restart(&mut self, bus: u8) -> bool {
         match self.0.get_mut(usize::from(bus)) {
             Some(bus) if bus.restart => {

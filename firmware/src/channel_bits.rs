@@ -8,7 +8,7 @@ pub(crate) fn bit(channel: usize) -> u32 {
     1_u32.checked_shl(channel as u32).unwrap_or(0)
 }
 
-/// Those of all channels of a robot.
+/// Bits of all channels of a robot.
 pub(crate) fn all(config: &RobotConfig) -> u32 {
     (0..config.channels.len()).fold(0, |bits, channel| bits | bit(channel))
 }

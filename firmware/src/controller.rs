@@ -64,14 +64,14 @@ impl<S: LibraryStore> Controller<S> {
         Self::with_buses(config, Buses::new(), store, settings)
     }
 
-    /// As [`Controller::new`], with the actuator protocols of its buses.
+    /// Creates a controller like [`Controller::new`], with the actuator protocols of its buses.
     pub fn with_buses(config: RobotConfig, buses: Buses, store: S, settings: Settings) -> Self {
         Self::with_parameters(config, buses, store, NoParameters, settings)
     }
 }
 
 impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// As [`Controller::with_buses`], with a store that keeps gains and limits over a power cycle.
+    /// Creates a controller like [`Controller::with_buses`], with a store that keeps gains and limits over a power cycle.
     pub fn with_parameters(
         config: RobotConfig,
         buses: Buses,
@@ -132,15 +132,15 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.tilt.observe(now_us, up_body);
     }
 
-    /// Records what an IMU measures, for hosts that close the loop over the link: angular velocity of the root link, rad/s, and specific force at
-    /// its origin, m/s², both in its axes (x forward, y left, z to the robot's top). Call in every control period, before
-    /// [`tick`](Self::tick).
+    /// Records measurements of an IMU, for hosts that close the loop over the link: angular velocity of the root link, rad/s, and
+    /// specific force at its origin, m/s², both in its axes (x forward, y left, z to the robot's top). Call in every control
+    /// period, before [`tick`](Self::tick).
     pub fn on_imu(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
         self.imu.observe(gyro_rad_s, force_m_s2);
     }
 
-    /// Records which end effectors touch the ground, a bit each in the order of the robot file, for hosts that close the loop over the link. Call in
-    /// every control period, before [`tick`](Self::tick), or never.
+    /// Records which end effectors touch the ground, a bit each in the order of the robot file, for hosts that close the loop
+    /// over the link. Call in every control period, before [`tick`](Self::tick), or never.
     pub fn on_contacts(&mut self, contacts: u32) {
         self.imu.observe_contacts(contacts);
     }
@@ -155,7 +155,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         attitude.unwrap_or(Attitude::LEVEL)
     }
 
-    /// Whether to restart an actuator bus that is off, because the operator has cleared the fault; true once.
+    /// Returns true once if an actuator bus that is off is to be restarted, because the operator has cleared the fault.
     pub fn take_bus_restart(&mut self, bus: u8) -> bool {
         self.bus_watch.take_restart(bus)
     }
@@ -211,9 +211,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.motion.actuators.poll_serial(&self.setup.config, bus)
     }
 
-    /// From here on commands, parameter requests, library transfers and the host's heartbeats count only from hosts
-    /// with `key`. `boot` is a number above that of every boot before ([`crate::store::BootCounter`]); without one no
-    /// session begins, and the robot obeys nothing but emergency stops.
+    /// Admits commands, parameter requests, library transfers and host heartbeats from now on only from hosts with `key`. `boot`
+    /// is a number above that of every earlier boot ([`crate::store::BootCounter`]). Without it no session begins, and the robot
+    /// obeys nothing but emergency stops.
     #[cfg(feature = "authenticated")]
     pub fn insist_on(&mut self, key: LinkKey, boot: Option<u32>) {
         self.authentication.insist(key, boot);
@@ -248,8 +248,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.motion.playing()
     }
 
-    /// What the latest target of a channel was offset by in place of a torque, rad or rad/s: 0 of actuators that take
-    /// torques.
+    /// Offset of the latest target of a channel in place of a torque, rad or rad/s; 0 for actuators that accept torques.
     pub fn torque_offset(&self, channel: usize) -> f32 {
         self.motion.torque_offset(channel)
     }
@@ -274,8 +273,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.storage.library()
     }
 
-    /// Whether the library is on trial: unless one of its motions is played to the end within a few boots, the
-    /// previous library is activated again.
+    /// True if the library is on trial: unless one of its motions is played to the end within a few boots, the previous library
+    /// is activated again.
     pub fn library_on_trial(&self) -> bool {
         self.storage.on_trial()
     }
@@ -336,7 +335,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    /// Whether the host's heartbeat has timed out.
+    /// True if the host's heartbeat has timed out.
     fn host_silent(&self, now_us: u64) -> bool {
         let timeout = u64::from(self.setup.settings.heartbeat_timeout_us);
         self.link.host_seen_us().is_none_or(|at| now_us.saturating_sub(at) > timeout)

@@ -100,7 +100,7 @@ impl Gate {
         value
     }
 
-    /// Whether `value` is the pending nonce; voids it in either case.
+    /// True if `value` is the pending nonce; voids it in either case.
     pub fn redeem(&mut self, now_us: u64, permit: Permit, value: u16) -> bool {
         self.nonce.take().is_some_and(|nonce| {
             nonce.permit == permit && nonce.value == value && now_us <= nonce.until_us

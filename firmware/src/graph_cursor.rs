@@ -25,7 +25,7 @@ enum Place {
 /// Reason for which a goal is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GoalError {
-    /// No route leads to the goal.
+    /// Goal without a route to it.
     Unreachable,
 }
 
@@ -38,8 +38,7 @@ pub struct GraphCursor {
     cursor: ClipCursor,
     /// Node that is still to be reached.
     goal: Option<NodeId>,
-    /// Transition by which the cursor will leave the present motion or, during a transition, the
-    /// motion to which that leads.
+    /// Transition that leaves the present motion or, during a transition, the motion at its end.
     onward: Option<Edge>,
     /// Entries into the next clip and into the one after.
     entries: [Option<Entry>; 2],
@@ -166,12 +165,12 @@ impl GraphCursor {
         sum
     }
 
-    /// Whether the cursor stays at a node until a goal is set.
+    /// True if the cursor stays at a node until a goal is set.
     fn stays_at(&self, library: &Library<'_>, node: NodeId) -> bool {
         node == library.safe_node() || library.clip(node.clip()).is_some_and(|clip| clip.looping)
     }
 
-    /// Whether it rests in the SAFE pose and will stay there.
+    /// True if the cursor rests in the SAFE pose and will stay there.
     pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
         // In a looping SAFE motion all frames are equal, which the validator checks.
         let still = self.cursor.at_last_frame() || self.cursor.loops();

@@ -2,7 +2,7 @@
 
 use rollwalk_protocol::wire::{Accelerometer, Answered, Gyro};
 
-/// What was measured since the last sample.
+/// Measurements since the last sample.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Imu {
     gyro_rad_s: Option<[f32; 3]>,
@@ -10,11 +10,11 @@ pub(crate) struct Imu {
     forces_m_s2: [f32; 3],
     count: u16,
     contacts: Option<u32>,
-    /// Of the sample that is being sent.
+    /// Measurements of the sample that is being sent.
     sampled: Sampled,
 }
 
-/// What a sample says besides its joints.
+/// Content of a sample besides its joints.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Sampled {
     pub gyro: Option<Gyro>,
@@ -26,7 +26,7 @@ pub(crate) struct Sampled {
 }
 
 impl Imu {
-    /// Records angular velocity, rad/s, and specific force, m/s², in body axes. What is no number is no measurement.
+    /// Records angular velocity, rad/s, and specific force, m/s², in body axes. Ignores measurements with NaN or infinite values.
     pub fn observe(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
         if gyro_rad_s.iter().chain(&force_m_s2).all(|value| value.is_finite()) {
             self.gyro_rad_s = Some(gyro_rad_s);
@@ -45,7 +45,7 @@ impl Imu {
         self.contacts = Some(contacts);
     }
 
-    /// Moves the measurements and the answer in force into the present sample. The next sample has only what is measured after this.
+    /// Moves the measurements and the answer in force into the present sample. The next sample contains only later measurements.
     pub fn sample(&mut self, answered: Option<Answered>) {
         let count = f32::from(self.count);
         let mean = (self.count > 0).then(|| self.forces_m_s2.map(|sum| sum / count));

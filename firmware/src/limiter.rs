@@ -17,8 +17,8 @@ use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS};
 /// Shortest time for a torque to change by the channel's limit, s. Longer than a frame, so that a value that is wrong for
 /// one frame does not get far, and short enough for a foot that touches down: a step of two thirds of the limit passes.
 pub const FULL_TORQUE_S: f32 = 0.025;
-/// Largest offset of a joint in place of a torque, rad. Servos that hold a robot sag by less; and one that is stiffer than
-/// its file says is led astray by less than half of what alignment tolerates.
+/// Largest offset of a joint in place of a torque, rad. Servos that hold a robot sag by less. A servo stiffer than its file is
+/// moved by less than half of the alignment tolerance.
 pub const MAX_OFFSET_RAD: f32 = 0.15;
 /// Largest offset of a wheel's speed in place of a torque, rad/s: with a wheel of 5 cm and nothing to push against,
 /// 5 cm/s.
@@ -35,7 +35,7 @@ pub struct Target {
     pub torque_nm: f32,
 }
 
-/// What a channel was commanded last.
+/// Last command of a channel.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     value: f32,
@@ -81,12 +81,12 @@ impl Limiter {
         self.last.get(channel)?.map(|last| last.value)
     }
 
-    /// The same without an offset in place of a torque: what a measured value is to be compared with.
+    /// Last value without an offset in place of a torque, for the comparison with measurements.
     pub fn meant(&self, channel: usize) -> Option<f32> {
         self.last.get(channel)?.map(|last| last.meant)
     }
 
-    /// What the last value was offset by in place of a torque, rad or rad/s; 0 for a channel that is stopped.
+    /// Offset of the last value in place of a torque, rad or rad/s; 0 for a channel that is stopped.
     pub fn torque_offset(&self, channel: usize) -> f32 {
         self.last.get(channel).copied().flatten().map_or(0.0, |last| last.value - last.meant)
     }
@@ -129,7 +129,7 @@ fn limited_torque(limits: &Channel, last: f32, torque_nm: f32, period_s: f32) ->
     within(within(wanted, last - step, last + step), -most, most)
 }
 
-/// What an actuator's own law turns into a torque: an angle by kp, a speed by kd.
+/// Offset that the actuator's control law turns into a torque: of the angle through kp, of the speed through kd.
 fn offset(limits: &Channel, torque_nm: f32) -> f32 {
     let (gain, most) = match limits.kind {
         ChannelKind::JointPosition => (limits.kp_nm_rad, MAX_OFFSET_RAD),
@@ -222,7 +222,7 @@ mod tests {
         prop_oneof![Just(ChannelKind::JointPosition), Just(ChannelKind::WheelSpeed)]
     }
 
-    /// In time, and not by the constant that the limiter has.
+    /// Duration of the rise to the whole torque, stated in seconds, independent of the limiter's constant.
     #[test]
     fn the_whole_torque_takes_a_fortieth_of_a_second() {
         for hz in [60.0f32, 120.0, 500.0, 1000.0] {

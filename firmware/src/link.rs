@@ -22,7 +22,7 @@ const STATUS_PERIOD_US: u64 = STATUS_PERIOD_MS as u64 * 1000;
 const REPORT_PERIOD_US: u64 = 1_000_000;
 /// Longest answer, bytes: a LOG with the maximum number of entries.
 const MAX_RESPONSE: usize = 13 + LOG_ENTRY_BYTES * MAX_LOG_ENTRIES;
-/// Difference, modulo 256, by which the number of a newer heartbeat may be ahead at once.
+/// Largest lead of a newer heartbeat's number, modulo 256, at once.
 const AHEAD: u32 = 2;
 /// Time in which it may be ahead by one more, µs: half of the period. Numbers that run faster are old heartbeats that
 /// are repeated, such as 0, 100, 200 over and over.
@@ -49,7 +49,7 @@ pub(crate) enum Outgoing {
 
 /// The controller's end of the link.
 pub(crate) struct Link {
-    /// Our address; `None` when the settings have no usable one.
+    /// Address of this controller; `None` when the settings have no usable one.
     pub node: Option<Node>,
     /// Count of frames with an identifier of this node but invalid content.
     pub damaged_frames: u32,
@@ -109,7 +109,7 @@ impl Link {
         }
     }
 
-    /// Whether a message to `to` is for this node. With an unusable address only broadcasts are.
+    /// True if a message to `to` is for this node. With an unusable address only broadcasts are.
     pub fn is_for_us(&self, to: Node) -> bool {
         to == Node::BROADCAST || self.node == Some(to)
     }
@@ -194,8 +194,8 @@ impl Link {
         self.telemetry_left = TELEMETRY_PER_FRAME;
     }
 
-    /// Sends the measurements of a sample next, in place of other telemetry. Returns false, and sends none, while those of the sample before
-    /// are not through.
+    /// Sends the measurements of a sample next, in place of other telemetry. Returns false, and sends none, while those of the
+    /// sample before are not through.
     pub fn begin_batch(&mut self, number: u8) -> bool {
         let is_free = self.batch.is_none();
         if is_free {
@@ -278,8 +278,7 @@ impl Link {
     }
 }
 
-/// Whether a periodic message is due. Keeps the average rate at any polling rate; periods missed in a gap are
-/// dropped.
+/// True if a periodic message is due. Keeps the average rate at any polling rate; periods missed in a gap are dropped.
 fn due(at_us: &mut u64, now_us: u64, period_us: u64) -> bool {
     let due = now_us >= *at_us;
     if due {

@@ -59,7 +59,7 @@ pub(crate) struct Motion {
     /// Ticks for which a joint has been far from its setpoint.
     behind_ticks: u32,
     ticks_to_query: u16,
-    /// What the next stream is to be, if its setpoints answer samples.
+    /// Tracking settings of the next stream, if its setpoints answer samples.
     tracking: Option<Tracking>,
     /// Number of the sample that is due.
     sample: Option<u8>,
@@ -87,7 +87,7 @@ impl Motion {
         self.emitted.get(channel).copied().flatten()
     }
 
-    /// What the latest target was offset by in place of a torque, rad or rad/s.
+    /// Offset of the latest target in place of a torque, rad or rad/s.
     pub fn torque_offset(&self, channel: usize) -> f32 {
         self.limiter.torque_offset(channel)
     }
@@ -100,7 +100,7 @@ impl Motion {
         }
     }
 
-    /// Whether setpoints that answer samples are followed.
+    /// True if setpoints that answer samples are followed.
     pub fn is_tracking(&self) -> bool {
         matches!(self.stage, Stage::Tracking(_))
     }
@@ -171,7 +171,7 @@ impl Motion {
         }
     }
 
-    /// Whether the player rests in SAFE and will stay there.
+    /// True if the player rests in SAFE and will stay there.
     pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
         matches!(&self.stage, Stage::Playing(player) if player.rests_in_safe(library))
     }
@@ -461,7 +461,7 @@ fn ramp_to_safe(
     Ok(Ramp::new(config, ends, settings.align_speed_rad_s, settings.period_s()))
 }
 
-/// Whether the measured position of every joint is close to the end of the ramp.
+/// True if the measured position of every joint is close to the end of the ramp.
 fn arrived(setup: &Setup, ramp: &Ramp, actuators: &Actuators) -> bool {
     setup.config.channels.iter().enumerate().all(|(i, channel)| {
         let error = ramp.target(i).zip(actuators.measured(&setup.config, i));

@@ -34,7 +34,7 @@ impl GainRamp {
         Self { from: to, to, ticks_left: 0 }
     }
 
-    /// Goes on from the current value to another, in so many ticks.
+    /// Starts a ramp of `ticks_left` ticks from the current value to another.
     fn lead_to(&mut self, to: f32, ramp_ticks: u16, ticks_left: u16) {
         *self = Self { from: self.now(ramp_ticks), to, ticks_left };
     }
@@ -181,7 +181,7 @@ impl Parameters {
         self.apply(config);
     }
 
-    /// All values, for a store.
+    /// Values of all parameters, for a store.
     pub fn all(&self, config: &RobotConfig) -> ParameterSet {
         let values = gathered(self.channels.iter().map(|values| values.map(|ramp| ramp.to)));
         let feed_forward = self.feed_forward.to;
@@ -352,7 +352,7 @@ mod tests {
         assert_eq!(set(&mut p, (KP, 0), 2.5, true).0, ParameterResult::Ok);
     }
 
-    /// With any ratio and configuration, an allowed gain fits the scale of a setpoint.
+    /// Gains that are allowed fit the scale of a setpoint, with any ratio and configuration.
     #[test]
     fn gains_stay_within_the_scale_of_a_setpoint() {
         let mut config = config();

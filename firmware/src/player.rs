@@ -20,7 +20,7 @@ use crate::hermite::{self, Sample};
 use crate::limiter::Target;
 use crate::window::Window;
 
-/// Frames by which the cursor is ahead of playback.
+/// Lead of the cursor over playback, frames.
 const AHEAD: u16 = 2;
 
 /// The planned playback speed, in 64ths: the highest.
@@ -92,7 +92,7 @@ pub struct Player {
     /// Way from the second frame to the third, in units of playback time at the planned speed.
     parts: u32,
     ticks_per_frame: u16,
-    /// Units of playback time by which a control period advances at present.
+    /// Units of playback time per control period at present.
     rate: u32,
     /// Playback speed that the operator commanded, in 64ths of the planned one.
     speed_64ths: u8,
@@ -205,7 +205,7 @@ impl Player {
         Playing { clip: from.clip, frame: from.number, phase: self.phase() }
     }
 
-    /// Whether the robot rests in the SAFE pose and no other frame follows.
+    /// True if the robot rests in the SAFE pose and no other frame follows.
     pub fn rests_in_safe(&self, library: &Library<'_>) -> bool {
         let [_, rest @ ..] = self.window.frames();
         rest.iter().all(|frame| frame.rests_in_safe) && self.cursor.rests_in_safe(library)

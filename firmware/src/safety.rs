@@ -1,8 +1,8 @@
 //! The safety state machine: a pure function `(state, event) -> (state, action)`.
 //!
-//! It knows neither time nor buses nor motions: [`crate::Controller`] turns those into events and carries out the
-//! actions. Tests can therefore try every event in every state, and compare the table in
-//! `docs/playback-and-safety.md` with the one that they generate from [`step`].
+//! The state machine has neither time nor buses nor motions: [`crate::Controller`] turns those into events and carries out the
+//! actions. Tests can therefore try every event in every state, and compare the table in `docs/playback-and-safety.md` with the
+//! one that they generate from [`step`].
 //!
 //! ```text
 //! Boot ─> SelfTest ─> Disarmed ─> Aligning ─> Ready <──> Playing <──> Paused
@@ -16,10 +16,10 @@
 //! ```
 //!
 //! The motors drive only in Aligning, Ready, Playing, Paused, Streaming and Returning. The only way into these states is
-//! Disarmed → Aligning, which starts from the measured pose. Streaming is entered from Ready; it ends through Aligning, or through
-//! Returning, which then holds the robot where it is: from there no way leads along the graph.
-//! Events that arrive together are handled most severe first, hence the outcome does not depend on the order in which
-//! frames came in. [`rollwalk_protocol::faults`] defines the severity of each event.
+//! Disarmed → Aligning, which starts from the measured pose. Streaming is entered from Ready; it ends through Aligning, or
+//! through Returning, which then holds the robot where it is: from there no way leads along the graph. Events that arrive
+//! together are handled most severe first, hence the outcome does not depend on the order in which frames came in.
+//! [`rollwalk_protocol::faults`] defines the severity of each event.
 //! - A fault never re-arms by itself: TorqueOff with a latched fault and EStopped wait for the
 //!   operator's two-step clear, which runs the self test again.
 
@@ -29,7 +29,7 @@ use rollwalk_protocol::wire::{State, Torque};
 /// Action of the controller on a transition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// Nothing.
+    /// Event without an action.
     None,
     /// Examine the configuration, report through `SelfTestPassed` or `SelfTestFailed`.
     RunSelfTest,
@@ -130,8 +130,8 @@ impl StateMachine {
         self.latched
     }
 
-    /// Whether the event can occur in the present state. Without torque a silent host or actuator raises no fault, it
-    /// only prevents arming.
+    /// True if the event can occur in the present state. Without torque a silent host or actuator raises no fault, it only
+    /// prevents arming.
     pub fn can_arise(&self, event: Event) -> bool {
         match event {
             Event::EStop | Event::BusOff => true,

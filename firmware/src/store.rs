@@ -67,17 +67,17 @@ pub trait LibraryStore {
     /// The active library; empty when there is none.
     fn bytes(&self) -> &[u8];
 
-    /// Whether only libraries that their owner has signed become active.
+    /// True if only libraries that their owner has signed become active.
     fn insists_on_signatures(&self) -> bool {
         false
     }
 
-    /// Whether [`Self::bytes`] outlast a transfer, until [`Self::activate`].
+    /// True if [`Self::bytes`] outlast a transfer, until [`Self::activate`].
     fn keeps_library(&self) -> bool {
         false
     }
 
-    /// Whether the active library is on trial and will be rolled back unless it is confirmed in time.
+    /// True if the active library is on trial and will be rolled back unless it is confirmed in time.
     fn on_trial(&self) -> bool {
         false
     }
@@ -100,10 +100,10 @@ pub enum StoreError {
     OutOfRange,
     /// The memory itself failed.
     Medium,
-    /// What the memory holds is not what was announced.
+    /// Content of the memory differs from the announced one.
     Damaged,
-    /// Its signature is missing, or not one of the owner's.
+    /// Signature missing, or not one of the owner's.
     Unsigned,
-    /// Nothing was sealed that could be used.
+    /// Sealed library missing.
     NotSealed,
 }

@@ -1,4 +1,5 @@
-//! Setpoints that a host streams, as a smooth curve at the control rate: what the [player](crate::player) is to a library.
+//! Setpoints that a host streams, as a smooth curve at the control rate: the counterpart of the [player](crate::player) of a
+//! library.
 //!
 //! The host numbers its frames from 0 and sends them ahead of time, [`RATE_HZ`](rollwalk_protocol::library::RATE_HZ) a second; they
 //! wait in a ring until they are due by the controller's clock. Four consecutive frames make the curve between the middle two, so
@@ -8,9 +9,9 @@
 //! SETPOINT ──> ring of DEPTH frames ──> window of 4 ──> Hermite ──> target
 //! ```
 //!
-//! A frame of which a channel is missing is taken with that channel's last value when a later frame is there, [`MOST_GAPS`] times in a
-//! row: a lost message is a small error. Without a frame to take joints come to rest at the last one, within two frames, while wheels keep their
-//! speed, and both go on where they were: what comes late is played late, and nothing jumps.
+//! A frame that lacks a channel is taken with that channel's last value when a later frame is there, [`MOST_GAPS`] times in a
+//! row: a lost message is a small error. Without frames, joints come to rest at the last one within two frames, while wheels keep
+//! their speed. Late frames are played late, and nothing jumps.
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::wire::Setpoint;
@@ -82,8 +83,8 @@ impl Stream {
         }
     }
 
-    /// Keeps a setpoint until it is due. Ignored: one of a frame that was taken or is more than [`DEPTH`] ahead, of an unknown channel,
-    /// and one that would begin the stream further than `nearest_rad` from the pose in which the joint rests.
+    /// Keeps a setpoint until it is due. Ignored: one of a frame that was taken or is more than [`DEPTH`] ahead, of an unknown
+    /// channel, and one that would begin the stream further than `nearest_rad` from the pose in which the joint rests.
     pub fn receive(&mut self, config: &RobotConfig, setpoint: &Setpoint, nearest_rad: f32) {
         let channel = usize::from(setpoint.channel);
         let Some(kind) = config.channels.get(channel).map(|channel| channel.kind) else { return };
@@ -176,7 +177,7 @@ impl Stream {
         self.halted = true;
     }
 
-    /// Whether the stream was ended, and its curve is at rest.
+    /// True if the stream was ended, and its curve is at rest.
     pub fn rests(&self) -> bool {
         usize::from(self.halted_frames) >= WINDOW
     }
@@ -191,7 +192,7 @@ impl Stream {
         self.starved
     }
 
-    /// Whether the host ended the stream, or its end was called for.
+    /// True if the host ended the stream, or its end was called for.
     pub fn is_halted(&self) -> bool {
         self.halted
     }

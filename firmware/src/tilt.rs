@@ -32,12 +32,12 @@ impl TiltWatch {
         }
     }
 
-    /// Whether an IMU has ever delivered a measurement.
+    /// True if an IMU has ever delivered a measurement.
     pub fn is_there(&self) -> bool {
         self.attitude.is_some()
     }
 
-    /// Whether the latest measurement is fresh.
+    /// True if the latest measurement is fresh.
     pub fn is_awake(&self, now_us: u64) -> bool {
         self.attitude.is_some_and(|(_, at)| now_us.saturating_sub(at) <= STALE_US)
     }

@@ -1,16 +1,16 @@
-//! Setpoints that answer measurements, for a host that closes the loop over the link: what the [stream](crate::stream) is to setpoints
-//! that are sent ahead of time.
+//! Setpoints that answer measurements, for a host that closes the loop over the link. The counterpart of the
+//! [stream](crate::stream), whose setpoints are sent ahead of time.
 //!
-//! At a fixed rate the controller sends a sample, all measurements of an instant, and the host answers it with a setpoint for every channel. A
-//! whole answer acts from the next control period on; of a part nothing acts.
+//! At a fixed rate the controller sends a sample, all measurements of an instant, and the host answers it with a setpoint for
+//! every channel. A whole answer acts from the next control period on; of a part nothing acts.
 //!
 //! ```text
 //! sample k ──> host ──> SETPOINT ... ──> answer k, whole ──> target
 //! ```
 //!
-//! When the answer in force is [`MISSED`] samples older than usual, the robot holds still where it is, with the full gains of its configuration: joints stay
-//! [where the controller says](Track::rest_at), with the last torques, wheels brake. It goes on when answers come again; the controller ends it when they do not
-//! (`docs/playback-and-safety.md`).
+//! When the answer in force is [`MISSED`] samples older than usual, the robot holds still where it is, with the full gains of its
+//! configuration: joints stay [where the controller says](Track::rest_at), with the last torques, and wheels brake. Tracking
+//! continues when answers return; otherwise the controller ends it (`docs/playback-and-safety.md`).
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::wire::{Answered, Setpoint};
@@ -22,10 +22,11 @@ use crate::limiter::Target;
 pub const MISSED: u16 = 3;
 /// Samples by which an answer may be late, before it counts as missed.
 const USUALLY_LATE: u16 = 2;
-/// Age in samples from which one may not be answered any more: its answer would not be in force for a sample before the robot holds still.
+/// Age in samples from which one may not be answered any more: its answer would not be in force for a sample before the robot
+/// holds still.
 const OLDEST: u8 = (MISSED + USUALLY_LATE) as u8;
 
-/// What a host wants of tracking.
+/// Tracking settings that a host requests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracking {
     /// Control periods from one sample to the next.
@@ -107,7 +108,7 @@ impl Track {
         (age < OLDEST && u16::from(age) < self.samples).then_some(age)
     }
 
-    /// Whether a sample that may be answered is newer than another answer.
+    /// True if a sample that may be answered is newer than another answer.
     fn is_newer(&self, number: u8, than: u8) -> bool {
         match (self.age(number), self.age(than)) {
             (Some(age), Some(other)) => age < other,
@@ -116,8 +117,9 @@ impl Track {
         }
     }
 
-    /// Takes a setpoint. Ignored: one of an unknown channel, of no sample of late, of one older than another that is being answered or in force,
-    /// and one that would begin further than `nearest_rad` from the pose in which the joint rests.
+    /// Takes a setpoint. Ignored are setpoints of an unknown channel, of no recent sample, of a sample older than another that is
+    /// being answered or in force, and setpoints that would begin further than `nearest_rad` from the pose in which the joint
+    /// rests.
     pub fn receive(&mut self, config: &RobotConfig, setpoint: &Setpoint, nearest_rad: f32) {
         let channel = usize::from(setpoint.channel);
         let Some(kind) = config.channels.get(channel).map(|channel| channel.kind) else { return };
@@ -217,12 +219,12 @@ impl Track {
         self.halted = self.halted.or(Some(0));
     }
 
-    /// Whether its end was called for.
+    /// True if the end of tracking was called for.
     pub fn is_halted(&self) -> bool {
         self.halted.is_some()
     }
 
-    /// Whether it has halted for so many control periods.
+    /// True if tracking has been halted for `periods` control periods.
     pub fn rests(&self, periods: u16) -> bool {
         self.halted.is_some_and(|halted| halted >= periods)
     }
@@ -237,13 +239,13 @@ impl Track {
         self.starved
     }
 
-    /// Whether answers are missing, or the end was called for: the robot holds still.
+    /// True if answers are missing, or the end was called for: the robot holds still.
     pub fn holds(&self) -> bool {
         let most = self.tracking.periods.saturating_mul(MISSED.saturating_add(USUALLY_LATE));
         self.is_halted() || self.starved > most
     }
 
-    /// Whether the robot holds still from this control period on.
+    /// True if the robot holds still from this control period on.
     pub fn begins_to_hold(&self) -> bool {
         self.held == 1
     }

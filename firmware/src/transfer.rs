@@ -38,7 +38,7 @@ pub(crate) struct LibraryStorage<S> {
     finished: Option<Index>,
     reject: Option<Reject>,
     proof: Proof,
-    /// Whether the active library could not be played: then the next self test validates it again.
+    /// True if the active library could not be played: the next self test validates it again.
     suspect: bool,
 }
 
@@ -76,7 +76,7 @@ impl<S: LibraryStore> LibraryStorage<S> {
         self.reject
     }
 
-    /// Whether the library was refused because it is for another robot.
+    /// True if the library was refused because it is for another robot.
     pub fn is_for_another_robot(&self) -> bool {
         matches!(self.reject, Some(Reject { why: Why::WrongRobot { .. }, .. }))
     }
@@ -138,7 +138,7 @@ impl<S: LibraryStore> LibraryStorage<S> {
         Ok(())
     }
 
-    /// Whether the active library is on trial.
+    /// True if the active library is on trial.
     pub fn on_trial(&self) -> bool {
         self.store.on_trial()
     }

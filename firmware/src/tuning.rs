@@ -12,7 +12,7 @@ use crate::motion::{Motion, Setup};
 use crate::parameters::{Parameters, Refusal};
 use crate::store::ParameterStore;
 
-/// What a request changes, and what decides whether it may.
+/// Robot state that a request changes, and the state that decides whether it may.
 pub(crate) struct Robot<'a> {
     pub state: State,
     pub setup: &'a Setup,

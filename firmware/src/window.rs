@@ -1,4 +1,4 @@
-//! Four consecutive frames, between the middle two of which [player](crate::player) and [stream](crate::stream) interpolate.
+//! Window of four consecutive frames; [player](crate::player) and [stream](crate::stream) interpolate between the middle two.
 
 /// Frames that define a segment of a curve.
 pub(crate) const WINDOW: usize = 4;

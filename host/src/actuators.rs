@@ -1,8 +1,8 @@
 //! Actuators and their buses, as far as words about faults depend on them: a serial line has no termination, CAN has no adapter
 //! that servos share.
 //!
-//! Controllers report a fault as a code, a channel and a number of a bus. The host knows the robot, so it names the cause that this kind
-//! of bus has.
+//! Controllers report a fault as a code, a channel and a number of a bus. The host knows the robot, so it names the cause that
+//! this kind of bus has.
 
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::actuators::bus::{Buses, Protocol};

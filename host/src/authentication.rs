@@ -30,14 +30,14 @@ pub struct Credentials {
 /// A controller to talk to.
 #[derive(Clone, Debug)]
 pub struct Peer {
-    /// Its address.
+    /// Address of the controller.
     pub node: Node,
-    /// Its link key, if it insists on one.
+    /// Link key; `None` if the controller requires no authentication.
     pub credentials: Option<Credentials>,
 }
 
 impl From<Node> for Peer {
-    /// A controller that obeys everybody.
+    /// Controller that accepts every host.
     fn from(node: Node) -> Self {
         Self { node, credentials: None }
     }
@@ -46,11 +46,11 @@ impl From<Node> for Peer {
 /// Reason for which a controller gave no session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoSession {
-    /// It has another key than this host.
+    /// Controller and host have different keys.
     WrongKey,
-    /// It has no key.
+    /// The controller has no key.
     NotNeeded,
-    /// It cannot count its boots, and so cannot tell old messages from new ones.
+    /// The controller cannot count its boots, and so cannot detect replayed messages.
     CannotCount,
 }
 

@@ -40,7 +40,7 @@ pub struct Motion {
     pub code: Option<u8>,
     /// Count of frames at 60 Hz.
     pub frames: u16,
-    /// Whether it repeats.
+    /// True if the motion repeats.
     pub looping: bool,
 }
 
@@ -53,7 +53,7 @@ pub struct Transition {
     pub to: usize,
 }
 
-/// Why the motions of a library cannot be distinguished by their names.
+/// Ambiguity in the names of a library's motions.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NameFault {
     /// Characters that a terminal obeys or hides, or a space at an end.
@@ -74,7 +74,7 @@ pub enum NameFault {
         motion: u8,
         /// Name of the motion.
         name: String,
-        /// What is wrong with it.
+        /// Defect of the name.
         problem: &'static str,
     },
     /// Two motions whose names look the same.
@@ -94,7 +94,7 @@ pub enum NameFault {
         first: u8,
         /// Number of the other.
         second: u8,
-        /// Their name.
+        /// Common name.
         name: String,
     },
 }

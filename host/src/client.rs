@@ -108,7 +108,7 @@ pub struct Client {
     /// Round trip of the last answered heartbeat, µs.
     round_trip_us: Option<u64>,
     stopping: Option<Stopping>,
-    /// Whether heartbeats are withheld.
+    /// True while heartbeats are withheld.
     silent: bool,
     status: Option<Status>,
     /// Sessions with a controller that insists on them.
@@ -154,7 +154,7 @@ impl Client {
         Self { next_heartbeat_us: u64::MAX, ..Self::new(peer) }
     }
 
-    /// Whether commands wait for an authenticated session.
+    /// True if commands wait for an authenticated session.
     pub fn needs_session(&self) -> bool {
         self.authentication.as_ref().is_some_and(|own| !own.has_session())
     }
@@ -173,7 +173,7 @@ impl Client {
         self.round_trip_us
     }
 
-    /// Whether an emergency stop is not acknowledged yet.
+    /// True while an emergency stop waits to be acknowledged.
     pub fn is_stopping(&self) -> bool {
         self.stopping.is_some()
     }

@@ -36,7 +36,7 @@ pub enum Value {
     Name(String),
     /// A set of names.
     Names(Vec<String>),
-    /// No value, such as no clip or no channel.
+    /// Absent value, such as no clip or no channel.
     None,
 }
 

@@ -5,7 +5,7 @@ use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::wire::{LogEntry, State, Status};
 
-/// What a robot does that gets no heartbeats.
+/// Behaviour of a robot that receives no heartbeats.
 pub const LEFT_ALONE: &str =
     "an armed robot returns to SAFE by itself, or halts if it is streamed to";
 
@@ -35,8 +35,8 @@ pub fn state_words(status: &Status, actuators: &Actuators) -> String {
     }
 }
 
-/// Description of a state with its faults, to follow "the robot is". A bus that fails stops the robot as an emergency stop does, and is
-/// named as the cause.
+/// Description of a state with its faults, to follow "the robot is". A bus that fails stops the robot as an emergency stop
+/// does, and is named as the cause.
 pub fn condition(status: &Status, actuators: &Actuators) -> String {
     let Status { state, faults, .. } = *status;
     let names = fault_names_on(faults, actuators);

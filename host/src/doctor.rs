@@ -41,7 +41,7 @@ pub struct Traffic {
     pub others: BTreeSet<u8>,
     /// Last telemetry of each channel.
     pub joints: BTreeMap<u8, JointTelemetry>,
-    /// Of each channel, telemetry that tells of a servo that did not answer, and all of its telemetry.
+    /// Number of telemetry frames that report an unanswered servo, and of all telemetry frames, by channel.
     pub unanswered: BTreeMap<u8, (u32, u32)>,
     /// Duration, µs.
     pub span_us: u64,
@@ -86,11 +86,11 @@ impl Traffic {
 pub struct Findings<'a> {
     /// Traffic on the link.
     pub heard: &'a Traffic,
-    /// Whether the controller has a host: [`Listener::has_host`](crate::listener::Listener::has_host).
+    /// True if the controller has a host: [`Listener::has_host`](crate::listener::Listener::has_host).
     pub has_host: bool,
     /// The controller's identity; `None` when it does not answer.
     pub hello: Option<&'a Hello>,
-    /// Whether another program is in the middle of a transfer with the controller, so that no request was sent to it.
+    /// True if another program is transferring data with the controller, so that no request was sent.
     pub transferring: bool,
     /// The controller's log.
     pub history: Option<&'a History>,
@@ -110,7 +110,7 @@ pub struct Findings<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Gravity {
-    /// No fault.
+    /// Finding without a fault.
     Fine,
     /// Information.
     Note,
@@ -130,7 +130,7 @@ pub struct Finding {
 }
 
 impl Findings<'_> {
-    /// All findings, in the order in which an operator should look at them.
+    /// Returns all findings, in the order in which an operator should check them.
     pub fn diagnose(&self) -> Vec<Finding> {
         let mut found = Vec::new();
         if let Some(complaint) = self.complaint {
@@ -345,8 +345,8 @@ impl Findings<'_> {
         }
     }
 
-    /// Actuators that are too hot, have a wrong supply, or dropped torque for another reason: telemetry has no degrees and no volts, but
-    /// these flags.
+    /// Actuators that are too hot, have a wrong supply, or dropped torque for another reason: telemetry has no degrees and no
+    /// volts, but these flags.
     fn conditions(&self) -> Vec<Finding> {
         let all = self.heard.joints.values().filter(|joint| joint.status.faulty());
         let each = |joint: &JointTelemetry| {
@@ -626,7 +626,8 @@ mod tests {
         text(&findings)
     }
 
-    /// No word of CAN for a robot without CAN: adapter gone, all silent, one silent, two with one ID, supply, heat.
+    /// Diagnosis of a robot on a serial line has no CAN terms: adapter gone, all servos silent, one silent, two with one ID, low
+    /// supply, overheated.
     #[test]
     fn a_serial_line_is_diagnosed_in_its_own_words() {
         let node = Node::new(1).unwrap();

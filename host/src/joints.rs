@@ -1,5 +1,5 @@
-//! Joints and wheels of a robot over time, from the frames of its link: as they are measured, and as the library that it plays plans
-//! them.
+//! Joints and wheels of a robot over time, from the frames of its link: as they are measured, and as the library that it plays
+//! plans them.
 
 use crate::catalog::Catalog;
 use rollwalk_protocol::can::Frame;
@@ -13,16 +13,16 @@ use std::collections::BTreeMap;
 pub struct Known<'a> {
     /// Names of its channels.
     pub catalog: &'a Catalog,
-    /// What it plays and the robot that it is for: for planned values.
+    /// Library that the controller plays and its robot, for planned values.
     pub library: Option<(Library<'a>, &'a RobotConfig)>,
 }
 
 /// A joint or driven wheel at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Its channel.
+    /// Channel number.
     pub channel: u8,
-    /// Its name, or `channel_N` where it is not known.
+    /// Name of the joint, or `channel_N` if the name is unknown.
     pub name: String,
     /// Angle, rad.
     pub position_rad: Option<f64>,
@@ -32,12 +32,12 @@ pub struct Joint {
     pub torque_nm: Option<f64>,
 }
 
-/// All joints and driven wheels at one time, by channel.
+/// States of all joints and driven wheels at one time, by channel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Joints {
-    /// As the motors report: when every channel has reported once more.
+    /// Measured states, once all channels have reported again.
     Measured(Vec<Joint>),
-    /// As planned: at every status while a known library is played.
+    /// Planned states, at every status while a known library is played.
     Planned(Vec<Joint>),
 }
 
@@ -51,7 +51,7 @@ pub struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Of controller `node`.
+    /// Creates a reader for controller `node`.
     pub fn new(node: Node, known: Option<Known<'a>>) -> Self {
         Self { node, known, measured: BTreeMap::new(), last_channel: None }
     }

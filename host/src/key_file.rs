@@ -32,7 +32,7 @@ pub fn parse(text: &str) -> Option<[u8; LINK_KEY_LEN]> {
     Some(key)
 }
 
-/// What is wrong with a file whose text is no link key; the sentence goes on after the file's name.
+/// Error text for a file that holds no link key, to follow the file's name.
 pub fn refusal() -> String {
     format!(
         "is no link key: that is one line, `{LINK}` and {} hexadecimal digits",
@@ -40,7 +40,7 @@ pub fn refusal() -> String {
     )
 }
 
-/// Whether other users of this computer can read a file with a secret.
+/// True if other users of this computer can read the file.
 #[cfg(unix)]
 pub fn is_open_to_others(path: &Path) -> bool {
     use std::os::unix::fs::PermissionsExt;
@@ -49,7 +49,7 @@ pub fn is_open_to_others(path: &Path) -> bool {
     found.is_some_and(|found| found.permissions().mode() & 0o077 != 0)
 }
 
-/// No: permissions of files are unknown here.
+/// Returns false: file permissions are unknown on this system.
 #[cfg(not(unix))]
 pub fn is_open_to_others(_: &Path) -> bool {
     false

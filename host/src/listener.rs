@@ -1,6 +1,6 @@
 //! Detection of another host and of its transport messages on the link, by listening before sending.
 //!
-//! Two nodes that send different data under one identifier destroy each other's frames (docs/wire-format.md), and a
+//! Two nodes that send different data under one identifier destroy each other's frames (docs/formats/wire-format.md), and a
 //! second host's heartbeats keep feeding the watchdog of a robot whose own host has died. A program that may not be
 //! alone therefore listens before it sends: for the heartbeats of another host, and for transport messages of any
 //! node.
@@ -68,17 +68,17 @@ impl Listener {
         }
     }
 
-    /// Whether the controller has another host.
+    /// True if heartbeats of another host have arrived.
     pub fn has_host(&self) -> bool {
         self.has_host
     }
 
-    /// Whether the controller itself has been heard.
+    /// True if a frame of the controller has arrived.
     pub fn has_controller(&self) -> bool {
         self.has_controller
     }
 
-    /// Whether no transport message is in flight that a request would break off.
+    /// True if a request would not interrupt a transport message in flight.
     pub fn may_ask(&self, now_us: u64) -> bool {
         now_us >= self.pause_us()
     }

@@ -6,7 +6,7 @@ use crate::describe::{fault_report, state_name};
 use rollwalk_protocol::wire::transport::{Reply, TransferResult, UNSIGNED};
 use rollwalk_protocol::wire::{CommandResult, FaultReport, ParameterResult, State};
 
-/// Of a controller that obeys only hosts with its key.
+/// Refusal of a controller that accepts only hosts with its key.
 const AUTHENTICATION_REQUIRED: &str = "authentication required; give the robot's link key, --link-key FILE or \
      ROLLWALK_LINK_KEY (emergency stops need none)";
 

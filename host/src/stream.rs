@@ -1,7 +1,7 @@
 //! Setpoints that a host streams: frames in, messages out, as many ahead of the controller as it should have.
 //!
 //! Part of the [operator](crate::operator). The controller plays the frames by its own clock and tells in STATUS how many it has
-//! taken; what it has not taken yet is kept here or waits in its ring (`docs/wire-format.md`, SETPOINT).
+//! taken; what it has not taken yet is kept here or waits in its ring (`docs/formats/wire-format.md`, SETPOINT).
 
 use rollwalk_protocol::can::Frame as CanFrame;
 use rollwalk_protocol::wire::{Node, Setpoint};

@@ -28,7 +28,7 @@ pub struct Telemetry<'a, W: Write + Seek> {
     node: Node,
     joints: Reader<'a>,
     measured_topic: u16,
-    /// `None` where the library is unknown: readers would take an empty topic for a robot that plays nothing.
+    /// Topic of planned states; `None` if the library is unknown, because an empty topic would mean a robot that plays nothing.
     planned_topic: Option<u16>,
     topics: BTreeMap<&'static str, u16>,
     sequence: u32,
@@ -159,7 +159,7 @@ fn timestamp(at_us: u64) -> Timestamp {
     Timestamp { sec: at_us / 1_000_000, nsec: at_us % 1_000_000 * 1000 }
 }
 
-/// Of the documentation of Foxglove's schemas.
+/// JSON schema from the documentation of Foxglove.
 fn joint_states_schema() -> serde_json::Value {
     let number = json!({ "type": "number" });
     json!({

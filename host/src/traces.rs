@@ -1,5 +1,5 @@
-//! What telemetry files and logs of actuator buses say of a robot's motors over time: what drives were commanded, and what was
-//! measured. Times are seconds since the first message.
+//! Commanded and measured motion of a robot's motors over time, from telemetry files and logs of actuator buses. Times are
+//! seconds since the first message.
 
 use crate::telemetry::JointStates;
 use mcap::io::MessageReader;
@@ -29,19 +29,19 @@ pub struct Motor {
     pub rad_s: Points,
 }
 
-/// All motors of a robot.
+/// Traces of all motors of a robot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Traces {
-    /// By channel.
+    /// Motors by channel.
     pub motors: Vec<Motor>,
     /// Stretches of time in which all drives are commanded, s.
     pub commanded_s: Vec<[f64; 2]>,
 }
 
-/// Why a file says too little.
+/// Reason for which a file cannot be used.
 #[derive(Debug, Error)]
 pub enum Unusable {
-    /// No MCAP file.
+    /// Unreadable MCAP file.
     #[error("it is no MCAP file that can be read: {0}")]
     Mcap(#[from] mcap::McapError),
     /// Compressed chunks that are far larger than the file.
@@ -80,7 +80,7 @@ pub enum Unusable {
     /// A motor is missing.
     #[error("no {what} of {name} is in it")]
     Motor {
-        /// What is missing.
+        /// Missing quantity.
         what: &'static str,
         /// Name of the motor.
         name: String,
@@ -203,8 +203,8 @@ fn unpacked_bytes(bytes: &[u8]) -> u64 {
     unpacked
 }
 
-/// Reads a log of all actuator buses of a robot, which speak the Rollwalk servo profile: of a robot with several, the interfaces in
-/// the order of their names. A link in the log does not matter.
+/// Reads a log of all actuator buses of a robot, which speak the Rollwalk servo profile: of a robot with several, the
+/// interfaces in the order of their names. A link in the log does not matter.
 ///
 /// # Errors
 /// What it lacks.

@@ -1,4 +1,5 @@
-//! The host's end of a closed loop over the link: batches of measurements in, setpoints that answer them out (`docs/wire-format.md`, SAMPLE).
+//! The host's end of a closed loop over the link: batches of measurements in, setpoints that answer them out
+//! (`docs/formats/wire-format.md`, SAMPLE).
 //!
 //! Part of the [operator](crate::operator), which sends answers only to a controller that follows them.
 
@@ -9,7 +10,7 @@ use rollwalk_protocol::wire::{
     Accelerometer, Action, Gyro, JointTelemetry, Node, Sample, Setpoint,
 };
 
-/// What a host asks for when it closes the loop.
+/// Parameters of a closed loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tracking {
     /// Samples a second; the controller takes this rate, or the next higher one that it can.
@@ -45,7 +46,7 @@ pub struct Measured {
     pub gyro_rad_s: Option<[f32; 3]>,
     /// Specific force at its origin, mean since the sample before, m/s².
     pub force_m_s2: Option<[f32; 3]>,
-    /// Whether each end effector touches the ground, a bit each; `None` without contact switches.
+    /// Contact of each end effector with the ground, one bit each; `None` without contact switches.
     pub contacts: Option<u32>,
 }
 

@@ -2,7 +2,8 @@
 //!
 //! A block that is lost or damaged is repeated at half the size: one lost frame of a long message
 //! loses the whole message, so on a bad link short messages are more likely to arrive. With every
-//! block that arrives the blocks grow again. [`crate::session`] waits for the answers, [`crate::operator`] gets on with other work.
+//! block that arrives the blocks grow again. [`crate::session`] waits for the answers, [`crate::operator`] gets on with other
+//! work.
 
 use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, TransferResult};
@@ -27,12 +28,12 @@ pub struct Progress {
     pub total: usize,
 }
 
-/// Why a transfer ended early. The next one resumes where it stopped.
+/// Reason for which a transfer ended early. The next transfer resumes where it stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TransferError {
     /// The controller does not answer.
     Silent,
-    /// It refuses the library or a step of the transfer.
+    /// The controller refuses the library or a step of the transfer.
     Refused(Reply),
 }
 
@@ -161,7 +162,7 @@ impl<L: AsRef<[u8]>> Transfer<L> {
     }
 }
 
-/// Whether a transfer goes on after an answer, from where that says.
+/// True if the transfer continues after this result, at the offset in the answer.
 fn goes_on(result: TransferResult) -> bool {
     matches!(result, TransferResult::Ok | TransferResult::OutOfOrder | TransferResult::BadCrc)
 }

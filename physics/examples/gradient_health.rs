@@ -1,7 +1,7 @@
-//! Asks whether derivatives of a rollout can be used: how they grow, where contacts change, and which are exactly 0.
+//! Checks if derivatives of a rollout can be used: their growth, changes of contacts, and derivatives that are exactly 0.
 //!
-//! A box that slides forgets its speed. One that tumbles does not: a small change at the beginning is large after some bounces,
-//! and its gradient, though exact, says little about finite changes.
+//! A box that slides forgets its speed. A box that tumbles does not: a small initial change is large after some bounces, and its
+//! gradient, though exact, hardly predicts finite changes.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};

@@ -62,7 +62,7 @@ fn scene() -> (System, usize) {
     (System::new(Settings::default(), assembly), anchor)
 }
 
-/// With the knots' values: those of x and y of the first knot, then of the second.
+/// Simulates the scene with the knots' values, ordered by knot: x and y of the first knot, then of the second.
 fn rollout(values: &[f64]) -> Option<Rollout> {
     let (mut system, anchor) = scene();
     let curve = Arc::new(curve());

@@ -1,7 +1,7 @@
 //! CPU time of a step: robots, a robot with soft feet, chains of bodies, a soft block.
 //!
-//! `cargo run --release -p rollwalk-physics --example step_time [NAME [TIMES]]`: all systems, or those whose name begins with NAME,
-//! each for TIMES as many steps, so that a profiler sees enough of them.
+//! `cargo run --release -p rollwalk-physics --example step_time [NAME [TIMES]]`: all systems, or those whose name begins with
+//! NAME, each for TIMES as many steps, so that a profiler sees enough of them.
 
 use cpu_time::ProcessTime;
 use nalgebra::{Matrix3, Vector3};

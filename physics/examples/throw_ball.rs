@@ -15,7 +15,7 @@ use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, StepError, S
 use std::sync::Arc;
 
 const RADIUS_M: f64 = 0.05;
-/// Of a millisecond: a contact lasts thirty of them, so that a bounce does not depend on where in a step it begins.
+/// Number of steps of 1 ms. A contact lasts about 30 steps, so a bounce does not depend on where in a step it begins.
 const STEPS: usize = 800;
 const TARGET_M: Vector3<f64> = Vector3::new(1.2, 0.3, 0.2);
 
@@ -51,7 +51,7 @@ fn throw(velocity: Vector3<f64>) -> Result<Rollout, StepError> {
     Ok(recorder.finish())
 }
 
-/// How far it is from the target in the end, along each axis.
+/// Residuals: distance of the ball from the target along each axis, after the last step.
 fn miss(rollout: &Rollout) -> Vec<Residual> {
     let along = |axis| Residual::position(rollout, STEPS, 0, &TARGET_M, axis);
     [Vector3::x(), Vector3::y(), Vector3::z()].map(along).to_vec()

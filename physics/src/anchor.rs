@@ -12,7 +12,7 @@ pub struct Anchor {
     pub body: [usize; 1],
     /// The point, from the centre of mass in body axes, m; 0 for a particle.
     pub point: Vector3<f64>,
-    /// Where it is held in world axes, m.
+    /// Position at which the point is held, in world axes, m.
     pub place: Vector3<f64>,
     /// Stiffness, N/m.
     pub stiffness_n_m: f64,

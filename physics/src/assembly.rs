@@ -10,9 +10,9 @@ use nalgebra::Vector3;
 pub struct Assembly {
     /// The bodies.
     pub bodies: Vec<Body>,
-    /// Their motions at time 0.
+    /// Motions of the bodies at time 0.
     pub motions: Vec<Motion>,
-    /// What acts on them.
+    /// Forces on the bodies.
     pub forces: Vec<Box<dyn Force>>,
 }
 

@@ -18,29 +18,29 @@ pub(crate) struct BlockLu {
     /// First unknown of each body, and the number of all.
     firsts: Vec<usize>,
     pivots: Vec<Pivot>,
-    /// Where each body's pivot is in the order of elimination.
+    /// Position of each body's pivot in the elimination order.
     places: Vec<usize>,
     values: Vec<f64>,
 }
 
-/// What eliminating one body does.
+/// Elimination of one body.
 #[derive(Debug)]
 struct Pivot {
     body: usize,
-    /// Where its block on the diagonal begins, after elimination its inverse.
+    /// Index of the diagonal block's first value; elimination replaces the block by its inverse.
     diagonal: usize,
     /// Pivots that it is coupled with and that come later, in order.
     later: Vec<usize>,
-    /// Where their blocks in its column, and in its row, begin.
+    /// First values of the blocks of `later`: in the pivot's column (`below`) and in its row (`beside`).
     below: Vec<usize>,
     beside: Vec<usize>,
-    /// Where the blocks that are changed begin, for each pair of `later`, rows first.
+    /// First values of the blocks that the elimination changes, for each pair of `later`, rows first.
     changed: Vec<u32>,
 }
 
 impl BlockLu {
-    /// For bodies with so many unknowns; `coupled` has each block off the diagonal, in either order. None where the plan
-    /// would be too long.
+    /// Plans the elimination of bodies with these numbers of unknowns. `coupled` lists each off-diagonal block, in either order.
+    /// Returns `None` if the plan would be too long.
     pub fn plan(unknowns: &[usize], coupled: &[(usize, usize)]) -> Option<Self> {
         let count = unknowns.len();
         let mut neighbours = vec![Vec::new(); count];
@@ -116,7 +116,7 @@ impl BlockLu {
         Some(Self { firsts, pivots, places, values: vec![0.0; end] })
     }
 
-    /// Where a block of the matrix begins among the factors' values.
+    /// Index of a matrix block's first value among the factors' values.
     pub fn begin(&self, row: usize, column: usize) -> usize {
         let [row, column] = [row, column].map(|body| self.places[body]);
         let pivot = &self.pivots[row.min(column)];

@@ -1,4 +1,4 @@
-//! What moves: rigid bodies, and particles, which do not turn.
+//! Bodies: rigid bodies, and particles, which do not turn.
 
 use crate::force::{By, Derivative};
 use crate::motion::Motion;
@@ -17,9 +17,9 @@ pub struct Inertia {
 /// Something with mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Body {
-    /// It moves and turns: six unknowns of a step.
+    /// Rigid body that moves and turns: six unknowns of a step.
     Rigid(Inertia),
-    /// A point mass, the node of a soft body: three unknowns. Moments on it come to nothing.
+    /// Point mass, the node of a soft body: three unknowns. Moments on it have no effect.
     Particle {
         /// Mass, kg.
         mass_kg: f64,

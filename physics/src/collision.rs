@@ -30,13 +30,13 @@ pub struct Collision {
     pub friction: Friction,
 }
 
-/// Where the point is, at motions of the two bodies, in world axes.
+/// Contact geometry of the point at motions of the two bodies, in world axes.
 #[derive(Clone, Copy, Debug)]
 struct Spot {
     surface: Surface,
-    /// From the centres of mass to the point, m.
+    /// Vectors from the centres of mass to the point, m.
     arms: [Vector3<f64>; 2],
-    /// Of the point, as seen from the solid, m/s.
+    /// Velocity of the point relative to the solid, m/s.
     velocity: Vector3<f64>,
 }
 
@@ -240,7 +240,7 @@ mod tests {
         }
     }
 
-    /// Without anything else, momentum and angular momentum of the two stay as they are; and they do meet.
+    /// Momentum and angular momentum of two colliding bodies are conserved; the two do collide.
     #[test]
     fn what_collides_keeps_its_momentum() {
         let mut assembly = Assembly::default();

@@ -56,18 +56,18 @@ pub struct Contact {
     pub friction: Friction,
     /// Rolling resistance of a rim about its axis, or of a blade along itself.
     pub resistance: Resistance,
-    /// What it touches.
+    /// Ground that the tip touches.
     pub ground: Arc<dyn Ground>,
 }
 
-/// Where a contact is at a motion of its body.
+/// Contact geometry at a motion of its body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spot {
-    /// From the centre of mass, m.
+    /// Vector from the centre of mass to the contact point, m.
     pub arm: Vector3<f64>,
     pub gap_m: f64,
     pub normal: Vector3<f64>,
-    /// Of the body there, m/s.
+    /// Velocity of the body at the contact point, m/s.
     pub velocity: Vector3<f64>,
     /// Unit vector across a blade.
     blade: Option<Vector3<f64>>,
@@ -138,7 +138,7 @@ impl Contact {
         (normal * force_n + friction.force + along, spring, friction.slips)
     }
 
-    /// Where it is, at a motion of its body.
+    /// Contact geometry at a motion of the body.
     pub(crate) fn spot(&self, body: &Motion) -> Spot {
         let place = self.place(body);
         let Surface { gap_m, normal, .. } = place.surface;
@@ -424,7 +424,7 @@ mod tests {
         }
     }
 
-    /// Its law of a shift is its force after that shift, and has its derivative.
+    /// Law of a shift equals the force after that shift; its derivative matches.
     #[test]
     fn the_law_of_a_shift_is_the_force_after_it() {
         let (axis, gain) = (Vector3::new(0.1, 1.0, 0.05).normalize(), 60.0);

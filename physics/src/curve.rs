@@ -2,7 +2,7 @@
 //!
 //! Terrain consists of the same cubic B-splines, with coefficients that interpolate its samples.
 
-/// How a curve follows its knots.
+/// Interpolation of a curve between its knots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Degree {
     /// Straight from knot to knot; its speed jumps there.
@@ -20,10 +20,10 @@ pub struct Curve {
     pub spacing_s: f64,
     /// Number of knots.
     pub knots: usize,
-    /// How it follows them.
+    /// Interpolation between the knots.
     pub degree: Degree,
-    /// Whether the first knot comes again after the last, for a gait's cycle; otherwise it stays at the first and last knots
-    /// before and after them.
+    /// True if the first knot follows the last, for a gait's cycle. Otherwise the curve is constant before the first knot and
+    /// after the last.
     pub periodic: bool,
 }
 

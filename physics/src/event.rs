@@ -1,4 +1,4 @@
-//! What begins and ends at contacts.
+//! Contact events: touch-down, lift-off, beginning and end of slip.
 
 use crate::force::Force;
 use crate::motion::Motion;
@@ -9,19 +9,19 @@ use crate::touch::Touch;
 pub struct ContactEvent {
     /// Index of the contact's force.
     pub force: usize,
-    /// What happened.
+    /// Kind of change.
     pub change: ContactChange,
 }
 
-/// What changes at a contact.
+/// Kind of change at a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ContactChange {
-    /// It touches; at this speed along the normal before the step, m/s, positive towards the ground.
+    /// Touch-down, with the speed along the normal before the step, m/s, positive towards the ground.
     TouchDown {
         /// Speed of approach, m/s.
         approach_m_s: f64,
     },
-    /// It touches no more.
+    /// Lift-off.
     LiftOff,
     /// Friction reached its limit.
     SlipBegins,

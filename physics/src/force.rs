@@ -1,8 +1,8 @@
-//! What acts on bodies: the interface of springs, joints, motors and contacts.
+//! Interface of forces on bodies: springs, joints, motors and contacts.
 //!
-//! A force knows the bodies that it acts on and gives force and moment on each, with derivatives by position, rotation,
-//! velocity and spin of all of them. It knows nothing of unknowns, steps and matrices: the stepper applies the chain rule.
-//! So one element serves every integrator, and its derivatives can be tested by themselves.
+//! A force names the bodies that it acts on and computes force and moment on each, with derivatives by position, rotation,
+//! velocity and spin of all of them. Unknowns, steps and matrices are not part of it: the stepper applies the chain rule. One
+//! element therefore serves all integrators, and its derivatives can be tested separately.
 
 use crate::friction::Friction;
 use crate::motion::{Motion, Trial, Weights};
@@ -36,9 +36,9 @@ impl Wrench {
 /// (`dR = [δθ] R`) in `by_pose`, of its velocity and spin in `by_rate`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Derivative {
-    /// By δc, m, and δθ, rad.
+    /// Derivative by δc, m, and δθ, rad.
     pub by_pose: Matrix6<f64>,
-    /// By velocity, m/s, and spin, rad/s.
+    /// Derivative by velocity, m/s, and spin, rad/s.
     pub by_rate: Matrix6<f64>,
 }
 
@@ -48,7 +48,7 @@ impl Default for Derivative {
     }
 }
 
-/// Which of the motion's parts a block of a [`Derivative`] belongs to.
+/// Part of the motion that a block of a [`Derivative`] belongs to.
 #[derive(Clone, Copy, Debug)]
 pub enum By {
     /// Shift of the centre of mass.
@@ -103,31 +103,31 @@ impl Derivative {
 /// Motions of the bodies of a force: now, and at the ends of the two steps before.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
-    /// At the end of the step.
+    /// Motions at the end of the step.
     pub now: &'a [Motion],
-    /// At its beginning.
+    /// Motions at the beginning of the step.
     pub last: &'a [Motion],
-    /// One step earlier.
+    /// Motions one step before `last`.
     pub before: &'a [Motion],
     /// Weights of the step's backward differences.
     pub weights: &'a Weights,
-    /// Whether derivatives may be those of a tamer force with the same value here: friction by its secant, joints whose
-    /// forces keep their moments as they turn. For where the exact ones lead Newton's method to and fro across a kink, or
-    /// down from a saddle.
+    /// True if derivatives may be those of a tamer force with the same value: the secant of friction, and joint forces that keep
+    /// their moments as they turn. Used where exact derivatives make Newton's method oscillate across a kink or lead down from a
+    /// saddle.
     pub tame: bool,
-    /// What hybrid friction makes of a contact that it holds.
+    /// Friction found so far, if hybrid friction holds the contact.
     pub held: Option<Held>,
 }
 
 /// A force that may have a kink, near a motion of its bodies: a law of the displacement of one point, or of one angle.
 pub struct Kink<'a> {
-    /// Force and moment on each of its bodies by what the law gives; their transposes give the displacement.
+    /// Jᵀ of each body: maps the force of the law to a wrench; its transpose maps body motion to displacement.
     pub(crate) levers: [Matrix6x3<f64>; 2],
     /// Directions in which the law acts.
     pub(crate) directions: usize,
-    /// Whether it is always solved with the others, or only where it leaves its tangent.
+    /// True if the kink is always solved with the others; otherwise only if it leaves its tangent.
     pub(crate) always: bool,
-    /// What it gives after a displacement, of which the rate changes by `gain` times as much; and the derivative by it.
+    /// Force after a displacement whose rate changes by `gain` times as much, and its derivative by the displacement.
     #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
     pub(crate) law: Box<dyn Fn(f64, &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) + 'a>,
 }
@@ -161,32 +161,32 @@ pub trait Force: Any + Debug + Send + Sync {
         false
     }
 
-    /// Hears that a step has ended with these motions of all bodies: for what the motions do not tell. To hear of motions at the
-    /// beginning of a step again must undo it.
+    /// Called when a step ends with these motions of all bodies, to update state that motions do not contain. A call with the
+    /// motions at the beginning of the step must undo the update.
     fn end_step(&mut self, _motions: &[Motion]) {}
 
-    /// Whether it may ever have a [`Kink`].
+    /// True if the force can have a [`Kink`].
     fn has_kink(&self) -> bool {
         false
     }
 
-    /// Its law near motions of its bodies, of a force with kinks that its derivatives do not see.
+    /// Law near motions of the bodies, for a force with kinks that its derivatives do not contain.
     fn kink(&self, _now: &[Motion], _held: Option<Held>) -> Option<Kink<'_>> {
         None
     }
 
-    /// Whether it does nothing in a step of this length, s, unless its bodies move in ways that their motions do not show. The
-    /// solver looks again when it has the step.
+    /// True if the force has no effect in a step of this length, s, unless its bodies move in ways that their motions do not
+    /// show. The solver checks again at the solution of the step.
     fn is_far(&self, _now: &[Motion], _step_s: f64) -> bool {
         false
     }
 
-    /// Friction of its contact, of a force that is one.
+    /// Friction of the contact; `None` for other forces.
     fn friction(&self) -> Option<&Friction> {
         None
     }
 
-    /// State of its contact, of a force that is one.
+    /// State of the contact; `None` for other forces.
     fn touch(&self, _now: &[Motion]) -> Option<Touch> {
         None
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-/// How friction grows with sliding.
+/// Law by which friction grows with sliding velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Model {
     /// Proportional to the sliding velocity up to the cone (Eq. 4.13).
@@ -10,14 +10,14 @@ pub enum Model {
     Linear,
     /// Smooth across the transition (Eq. 4.14).
     Tanh,
-    /// Linear while it slides; what sticks does not move at all (thesis 4.4.3).
+    /// Linear while the contact slides; a sticking contact does not move at all (thesis 4.4.3).
     Hybrid,
 }
 
 /// Friction of one contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction {
-    /// Its model.
+    /// Friction law.
     pub model: Model,
     /// Coefficient μ.
     pub coefficient: f64,
@@ -40,15 +40,15 @@ pub struct Held {
 pub struct FrictionForce {
     /// N, against the sliding.
     pub force: Vector3<f64>,
-    /// By the sliding velocity, N·s/m.
+    /// Derivative by the sliding velocity, N·s/m.
     pub by_sliding: Matrix3<f64>,
-    /// By the normal force.
+    /// Derivative by the normal force.
     pub by_normal: Vector3<f64>,
-    /// By the coefficient, N.
+    /// Derivative by the coefficient, N.
     pub by_coefficient: Vector3<f64>,
-    /// By what sticks, m/s.
+    /// Derivative by [`Friction::stick_n_s_m`], m/s.
     pub by_stick: Vector3<f64>,
-    /// Whether it is beyond what the cone holds.
+    /// True if sticking would take more force than the friction cone holds.
     pub slips: bool,
 }
 

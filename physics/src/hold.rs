@@ -18,7 +18,7 @@ pub struct Grip {
     pub spin_nm_s_rad: f64,
 }
 
-/// Where a hold wants its body.
+/// Pose at which a hold keeps its body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Centre of mass in world, m.
@@ -28,7 +28,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// At a position, m, turned by yaw, pitch and roll, rad: R_z(yaw) R_y(pitch) R_x(roll).
+    /// Creates a pose at a position, m, turned by yaw, pitch and roll, rad: R_z(yaw) R_y(pitch) R_x(roll).
     pub fn new(position: Vector3<f64>, yaw_pitch_roll: &Vector3<f64>) -> Self {
         Self { position, rotation: from_yaw_pitch_roll(yaw_pitch_roll) }
     }
@@ -39,14 +39,14 @@ impl Place {
 pub struct Hold {
     /// The body.
     pub body: [usize; 1],
-    /// How firm it is.
+    /// Stiffness and damping of the hold.
     pub grip: Grip,
-    /// Where to; nothing holds the body without.
+    /// Pose to hold; `None` releases the body.
     pub place: Option<Place>,
 }
 
 impl Hold {
-    /// Force and moment towards a place. Of an angle e the moment is k sin e about the axis of the turn.
+    /// Force and moment towards a pose. An angle e gives the moment k sin e about the axis of the turn.
     fn wrench(&self, now: &Motion, place: &Place) -> Wrench {
         let Grip { shift_n_m, velocity_n_s_m, turn_nm_rad, spin_nm_s_rad } = self.grip;
         let mut sine = Vector3::zeros();

@@ -1,10 +1,10 @@
 //! Kinks of forces, where contacts open, close and begin to slide and where motors come to their limits; and Newton's
 //! correction beyond them.
 //!
-//! Derivatives do not see kinks: Newton's method goes to and fro between the pieces of a force. But kinks are at few points,
-//! and what a force there moves is known from the factors that gave the correction. So the laws of these forces, instead of
-//! their tangents, are solved on that small compliance first, without any new matrix of the whole. What is left to Newton's
-//! method is smooth.
+//! Derivatives do not contain kinks: Newton's method would oscillate between the pieces of a force. But kinks are at few points,
+//! and the factors that gave the correction also give the displacements by a force there. So the laws of these forces, instead of
+//! their tangents, are solved on that small compliance first, without a new matrix of the whole system. The rest, which is
+//! smooth, is left to Newton's method.
 
 use crate::body::Body;
 use crate::force::{Force, Held, Kink};
@@ -39,14 +39,14 @@ pub(crate) struct Kinks {
     forces: Vec<usize>,
 }
 
-/// What became of a correction.
+/// Outcome of correcting beyond kinks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Leap {
-    /// No kink is in its way.
+    /// Correction is unchanged: no kink lies in its way.
     Stays,
-    /// It goes over kinks.
+    /// Correction crosses kinks.
     Leaps,
-    /// There is no solution among the kinks that is found: the matrix is not that of a potential's lowest point.
+    /// Solution among the kinks was not found: the matrix is not that of a minimum of a potential.
     Fails,
 }
 
@@ -57,7 +57,7 @@ struct Port<'a> {
     bodies: [(usize, usize); 2],
     /// Force of the law at the present state, N or N·m.
     force: Vector3<f64>,
-    /// Its derivative by the displacement.
+    /// Derivative of the force by the displacement.
     by_shift: Matrix3<f64>,
     /// Displacement by Newton's correction.
     moved: Vector3<f64>,
@@ -91,7 +91,7 @@ impl Port<'_> {
 }
 
 impl Kinks {
-    /// Of forces on bodies.
+    /// Collects the kinks of forces on bodies.
     pub fn new(bodies: &[Body], forces: &[Box<dyn Force>]) -> Self {
         let on_particle = |force: &dyn Force| {
             force.bodies().iter().any(|&body| matches!(bodies[body], Body::Particle { .. }))
@@ -109,8 +109,8 @@ impl Kinks {
         Self { forces: of_all }
     }
 
-    /// Changes a correction, which Newton's method subtracts, to that with the forces' own laws; whether it did. The
-    /// equations have the factors that gave it; `norm` is that of their residual.
+    /// Replaces a correction, which Newton's method subtracts, by that with the forces' own laws, and returns the outcome.
+    /// `equations` have the factors that gave the correction; `norm` is that of their residual.
     pub fn correct(
         &self,
         step: &Step<'_>,
@@ -171,7 +171,7 @@ impl Kinks {
     }
 }
 
-/// What forces at the kinks move there.
+/// Compliance at the kinks: displacements by forces there.
 struct Compliance {
     gain: f64,
     /// Displacements by forces, without the laws' own tangents.
@@ -251,7 +251,7 @@ impl Compliance {
         }
     }
 
-    /// What is wrong with displacements, and the derivatives of the laws there.
+    /// Residual of displacements, and the derivatives of the laws there.
     fn wrong(
         &self,
         ports: &[Port<'_>],

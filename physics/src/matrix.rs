@@ -20,10 +20,10 @@ const MOST: usize = 6;
 /// Error of a solution, as a share of the right side, up to which Newton's method does not notice it.
 const ERROR: f64 = 1e-6;
 
-/// Where a block is among the values.
+/// Position of a block among the values.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Slot {
-    /// Where it begins in each of its columns.
+    /// Index of the block's first value in each of its columns.
     starts: [usize; MOST],
     rows: usize,
     columns: usize,
@@ -38,7 +38,7 @@ pub(crate) struct BlockMatrix {
     blocks: Option<(BlockLu, Vec<usize>)>,
     /// Made when it is needed first.
     exchanging: Option<Exchanging>,
-    /// Whether its factors are those that solve the matrix.
+    /// True if the LU with exchange of rows is in use.
     exchanged: bool,
     solution: Vec<f64>,
 }
@@ -105,7 +105,7 @@ impl BlockMatrix {
         self.values.fill(0.0);
     }
 
-    /// Where a block is.
+    /// Position of a block.
     pub fn slot(&self, row: usize, column: usize) -> Slot {
         self.slots[&(row, column)]
     }
@@ -147,7 +147,7 @@ impl BlockMatrix {
         }
     }
 
-    /// All values, to be kept.
+    /// Values of all blocks, to be kept.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
@@ -184,7 +184,7 @@ impl BlockMatrix {
         }
     }
 
-    /// By blocks; false, and the right side as it was, where that is not exact.
+    /// Solves with the factors of blocks. Returns false and leaves the right side unchanged if the solution is not accurate.
     fn solve_blocks(&mut self, side: &mut [f64]) -> bool {
         let Some((lu, begins)) = &mut self.blocks else { return false };
         let values = lu.values();
@@ -247,7 +247,7 @@ impl BlockMatrix {
 }
 
 impl Exchanging {
-    /// With the last factors.
+    /// Solves in place with the last factors.
     fn solve(&mut self, side: &mut [f64]) {
         let size = side.len();
         let side = MatMut::from_column_major_slice_mut(side, size, 1);
@@ -318,7 +318,7 @@ mod tests {
         }
     }
 
-    /// Without exchange of rows this one has no first pivot.
+    /// Matrix without a first pivot unless rows are exchanged.
     #[test]
     fn a_matrix_whose_diagonal_is_empty_is_solved_all_the_same() {
         let mut matrix = BlockMatrix::new(&[3, 3], [(0, 1), (1, 0)].into_iter());

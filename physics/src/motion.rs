@@ -17,7 +17,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// At rest, its axes parallel to the world's.
+    /// Motion at rest with axes parallel to the world's.
     pub fn at(position: Vector3<f64>) -> Self {
         Self {
             position,
@@ -34,10 +34,10 @@ impl Motion {
     }
 }
 
-/// What a body has moved in a step, the unknowns of the step: `d` of its centre, m, and the rotation increment, rad.
+/// Displacement of a body in a step, the unknowns of the step: `d` of its centre, m, and the rotation increment, rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Displacement {
-    /// Of the centre of mass, m.
+    /// Shift of the centre of mass, m.
     pub shift: Vector3<f64>,
     /// Rotation increment in world axes, rad: the new rotation is Exp(turn) times the old.
     pub turn: Vector3<f64>,
@@ -118,7 +118,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Where `displacement` leads from `last`; `before` is what the body moved in the step before, for BDF2.
+    /// Evaluates `displacement` from `last`. `before` is the displacement of the step before, for BDF2.
     pub fn new(
         weights: &Weights,
         last: &Motion,

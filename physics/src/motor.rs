@@ -22,8 +22,7 @@ pub fn torque_speed_line(actuator: &Actuator) -> (f64, f64) {
     }
 }
 
-/// What the motor does with angle and speed at the end of a step:
-/// τ = clamp(kp (q* − q) + kd (q̇* − q̇) + τ_ff, ±limit).
+/// Control law of a motor, at angle and speed at the end of a step: τ = clamp(kp (q* − q) + kd (q̇* − q̇) + τ_ff, ±limit).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Law {
     /// Position gain, N·m/rad; 0 for a wheel.
@@ -49,7 +48,7 @@ pub struct Torque {
     pub value_nm: f64,
     by_angle: f64,
     by_speed: f64,
-    /// By what the loops want: 1 within all limits, 0 at one.
+    /// Derivative by the torque that the loops request: 1 within all limits, 0 at one.
     by_wanted: f64,
 }
 
@@ -119,11 +118,11 @@ pub struct Motor {
     pub across: [Vector3<f64>; 2],
     /// Inertia of rotor and gearbox at the output, kg·m².
     pub armature_kg_m2: f64,
-    /// Where the hinge ends, if it does.
+    /// Stops of the hinge, if it has any.
     pub stops: Option<Stops>,
-    /// Angle at the end of the last step, rad. Bodies do not tell whole turns; it does.
+    /// Angle at the end of the last step, rad. Unlike the bodies' poses it counts whole turns.
     pub angle_rad: f64,
-    /// What it does.
+    /// Control law.
     pub law: Law,
 }
 

@@ -1,7 +1,7 @@
 //! Newton's method on the equations of a step, with a line search (thesis 4.3.1).
 //!
-//! What an iteration costs is evaluating the matrix and factorising it. So kinks of contacts and motors are solved apart
-//! (`kinks.rs`), the last correction goes by the matrix before, and a step begins where bodies go with their acceleration.
+//! Most of the cost of an iteration is evaluating the matrix and factorising it. So kinks of contacts and motors are solved
+//! separately (`kinks.rs`), the last correction uses the matrix before, and a step begins where bodies keep their acceleration.
 
 use crate::body::Body;
 use crate::force::Force;
@@ -45,17 +45,17 @@ pub(crate) struct Newton {
     sticking: Sticking,
 }
 
-/// Where it gave up.
+/// Report of a step that did not converge.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Failure {
     pub residual: f64,
     pub iterations: u32,
-    /// With the largest residual.
+    /// Body with the largest residual.
     pub body: usize,
 }
 
 impl Newton {
-    /// For bodies and what acts on them.
+    /// Creates the solver for bodies and the forces on them.
     ///
     /// # Panics
     /// A force names a body that is not there.
@@ -71,12 +71,12 @@ impl Newton {
         &self.equations
     }
 
-    /// What hybrid friction held in the last step.
+    /// Contacts that hybrid friction held in the last step.
     pub fn sticking(&self) -> &Sticking {
         &self.sticking
     }
 
-    /// What the bodies move in a step: a trial at which the residual's norm is below a tolerance, or nothing but rounding.
+    /// Displacements of the bodies in a step: a trial whose residual norm is below a tolerance, or whose correction is rounding.
     pub fn solve(
         &mut self,
         step: &Step<'_>,
@@ -157,9 +157,9 @@ impl Newton {
         }
     }
 
-    /// Where to begin, and whether with the matrix there: bodies go on with their acceleration, or at their velocity, whichever leaves
-    /// the smaller residual. Impacts make the one worse; without it joints of spinning bodies come apart. If both turn a
-    /// soft body inside out, all stay where they are.
+    /// Initial trial, its residual norm, and true if the matrix is that of the trial. Bodies keep their acceleration or their
+    /// velocity, whichever leaves the smaller residual. Keeping the acceleration is worse at impacts; without it joints of
+    /// spinning bodies come apart. If both turn a soft body inside out, all bodies stay in place.
     fn guess(&mut self, step: &Step<'_>, tolerance: f64) -> (Vec<Displacement>, f64, bool) {
         let step_s = step.weights.step_s;
         let going_on = |share: f64| -> Vec<Displacement> {
@@ -191,8 +191,8 @@ impl Newton {
         (steady, norm, true)
     }
 
-    /// One more correction by the same matrix, unless it is none: evaluating and factorising it are most of what an iteration
-    /// costs.
+    /// Corrects once more with the same matrix, unless that increases the residual. Evaluating and factorising the matrix are
+    /// most of the cost of an iteration.
     fn again(
         &mut self,
         step: &Step<'_>,
@@ -290,7 +290,7 @@ impl Newton {
             && self.correction.iter().all(|value| value.is_finite())
     }
 
-    /// Whether the correction would change nothing.
+    /// True if the correction is below rounding.
     fn is_rounding(&self) -> bool {
         let places = self.equations.motions.iter().map(|motion| motion.position.amax());
         let bound = ROUNDING * places.fold(1.0, f64::max);

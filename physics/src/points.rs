@@ -17,7 +17,7 @@ pub struct Points {
 /// A force and its derivatives by offset and velocity of the second point from the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pull {
-    /// On the first point, N; the second has the opposite one.
+    /// Force on the first point, N; the opposite force acts on the second.
     pub force: Vector3<f64>,
     /// N/m.
     pub by_offset: Matrix3<f64>,

@@ -26,19 +26,19 @@ impl Force for Push {
     }
 }
 
-/// When a robot is pushed, and how.
+/// Push on a robot: time and force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shove {
-    /// When it begins, s.
+    /// Start time, s.
     pub from_s: f64,
-    /// How long it lasts, s.
+    /// Duration, s.
     pub duration_s: f64,
     /// Force ahead, to the left and up, as the robot faces, N.
     pub force_n: Vector3<f64>,
 }
 
 impl Shove {
-    /// From a time, s, for a time, s, with a force ahead, to the left and up, N.
+    /// Creates a push from a start time, s, for a duration, s, with a force ahead, to the left and up, N.
     pub fn new(from_s: f64, duration_s: f64, force_n: [f64; 3]) -> Self {
         Self { from_s, duration_s, force_n: force_n.into() }
     }

@@ -2,7 +2,7 @@
 
 use crate::event::ContactEvent;
 
-/// What a step took.
+/// Cost and events of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Newton iterations, each with a new matrix; those of halved steps included. What the solver does with a matrix that it
@@ -14,6 +14,6 @@ pub struct StepReport {
     pub subdivisions: u32,
     /// Norm of the last residual, N and N·m.
     pub residual: f64,
-    /// What began and ended at contacts, by the index of their forces.
+    /// Contact events, with the index of their force.
     pub events: Vec<ContactEvent>,
 }

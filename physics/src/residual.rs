@@ -12,7 +12,7 @@ use crate::motion::{Displacement, Motion, Trial, Weights};
 use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
-/// What is known of a step before it is solved.
+/// Known quantities of a step before it is solved.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Step<'a> {
     pub bodies: &'a [Body],
@@ -21,15 +21,15 @@ pub(crate) struct Step<'a> {
     pub weights: &'a Weights,
     /// Motions at its beginning.
     pub now: &'a [Motion],
-    /// One step earlier.
+    /// Motions one step before `now`.
     pub last: &'a [Motion],
-    /// What the bodies moved from there.
+    /// Displacements of the bodies from `last` to `now`.
     pub moved: &'a [Displacement],
     /// Share of the acceleration of the step before with which bodies are first taken to go on: 0 where that is unknown.
     pub acceleration_share: f64,
 }
 
-/// Which derivatives come with a residual.
+/// Derivatives that are evaluated with a residual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Derive {
     Nothing,
@@ -43,7 +43,7 @@ pub(crate) enum Derive {
 pub(crate) struct Hold {
     pub body: usize,
     pub normal: Vector3<f64>,
-    /// What weighs its velocity, m/s, against the other equations, N·s/m.
+    /// Weight of the particle's velocity, m/s, against the other equations, N·s/m.
     pub scale_n_s_m: f64,
 }
 
@@ -63,8 +63,7 @@ pub(crate) struct Equations {
     pub firsts: Vec<usize>,
     /// Motions at the end of the last trial.
     pub motions: Vec<Motion>,
-    /// What the held particles' equations were before they were held, N: of which friction has to hold the part across the
-    /// normal.
+    /// Residual of each held particle before it was held, N. Friction has to hold its part across the normal.
     pub reactions: Vec<Vector3<f64>>,
     diagonal: Vec<Slot>,
     slots: Vec<Vec<Slot>>,
@@ -80,7 +79,7 @@ pub(crate) struct Equations {
 }
 
 impl Equations {
-    /// Of bodies and what acts on them.
+    /// Creates the equations of bodies and the forces on them.
     ///
     /// # Panics
     /// A force names a body that is not there.
@@ -136,12 +135,12 @@ impl Equations {
         }
     }
 
-    /// Whether a force is left out.
+    /// True if a force is left out.
     pub fn is_asleep(&self, force: usize) -> bool {
         self.asleep[force]
     }
 
-    /// Takes in forces that the last trial has brought near; whether there are any.
+    /// Takes in forces that the last trial has brought near. Returns true if there are any.
     pub fn wake(&mut self, step: &Step<'_>) -> bool {
         let mut any = false;
         for (asleep, force) in

@@ -60,9 +60,9 @@
 //! derivatives are exact. A rollout in which such an instant coincides with the end of a step has different derivatives
 //! to its two sides; [`Rollout`] has that of the side on which the solution lies: every contact stays open or closed, sticking
 //! or sliding, as the solver found it. So the coefficient of friction of a contact that never slides has a derivative of exactly
-//! 0, which is right and which [`Health`] lists. What hybrid friction held is held in the derivatives, too: a particle's velocity across
-//! the normal stays exactly 0 whatever the parameters do. That of a rigid body's contacts does to about 1e-3: they
-//! hold it more often than it can move, and the solver finds their friction as far only as the motion depends on it.
+//! 0, which is right and which [`Health`] lists. What hybrid friction held is held in the derivatives, too: a particle's
+//! velocity across the normal stays exactly 0 whatever the parameters do. That of a rigid body's contacts does to about 1e-3:
+//! they hold it more often than it can move, and the solver finds their friction as far only as the motion depends on it.
 
 pub mod adam;
 mod adjoint;
@@ -99,13 +99,13 @@ pub struct Variation {
 }
 
 impl Variation {
-    /// So many times as much.
+    /// Returns the variation times a factor.
     pub fn scaled(&self, by: f64) -> Self {
         let [shift, turn, velocity, spin] = self.parts().map(|part| part * by);
         Self { shift, turn, velocity, spin }
     }
 
-    /// The change of a number of which `by` has the derivatives.
+    /// Change of a number whose derivatives are `by`.
     pub fn dot(&self, by: &Self) -> f64 {
         self.parts().iter().zip(by.parts()).map(|(part, by)| part.dot(&by)).sum()
     }

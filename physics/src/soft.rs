@@ -27,7 +27,7 @@ pub use tetrahedron::Tetrahedron;
 /// A soft body in an assembly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SoftBody {
-    /// Its particles, in the order of the mesh's nodes.
+    /// Particles of the body, in the order of the mesh's nodes.
     pub nodes: Range<usize>,
     /// Area of the surface at rest that each node stands for, m²; 0 within the body.
     areas_m2: Vec<f64>,

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 /// A spring that keeps two points at a distance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spring {
-    /// Its ends.
+    /// Ends of the spring.
     pub ends: Points,
     /// Length without force, m.
     pub rest_m: f64,
@@ -16,7 +16,7 @@ pub struct Spring {
     pub stiffness_n_m: f64,
     /// Damping of the length, N·s/m. A string has none: as it goes taut its force would jump.
     pub damping_n_s_m: f64,
-    /// Whether it is a string, which does not push.
+    /// True for a string, which does not push.
     pub string: bool,
 }
 

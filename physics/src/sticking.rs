@@ -1,9 +1,9 @@
 //! Hybrid friction: contacts that stick are held, until that takes more than the friction cone gives (thesis 4.4.3).
 //!
-//! A step is solved roughly with friction proportional to sliding. Then what sticks is held across the normal, and that tells
-//! the friction which this takes. Where it is too much, the contact is let go for the rest of the step. So a body at
-//! rest does not creep, and friction is always within its cone. Where all particles that touch were held in the step before, the
-//! first of these solutions is spared.
+//! A step is first solved roughly with friction proportional to sliding. Sticking contacts are then held across the normal, and
+//! the solution gives the friction that this takes. Where it is too much, the contact is let go for the rest of the step. So a
+//! body at rest does not creep, and friction is always within its cone. If all particles that touch were held in the step before,
+//! the first of these solutions is skipped.
 //!
 //! A particle is held by an equation in place of its own, as in the thesis. Several contacts of a rigid body would hold it too
 //! often: there the friction that a solution has is taken as given, and only what slides in spite of it meets a
@@ -31,7 +31,7 @@ pub(crate) struct Sticking {
     able: Vec<(usize, usize)>,
     /// Forces that may hold rigid bodies, and their bodies.
     rigid: Vec<(usize, usize)>,
-    /// How the latter do, by force; none of it without them.
+    /// Friction that holds the contacts of rigid bodies, by force; empty if none is held.
     held: Vec<Option<Held>>,
     rounds: usize,
     holds: Vec<Hold>,
@@ -41,7 +41,7 @@ pub(crate) struct Sticking {
 }
 
 impl Sticking {
-    /// Of forces on one body each.
+    /// Collects forces that act on one body each.
     pub fn new(bodies: &[Body], forces: &[Box<dyn Force>]) -> Self {
         let all = forces.iter().enumerate();
         let of_one = all.filter_map(|(number, force)| match force.bodies() {
@@ -61,8 +61,8 @@ impl Sticking {
         }
     }
 
-    /// At the beginning of a step nothing is held, but where all particles that touch were held in the step before: they most
-    /// likely stay where they are, and finding that anew takes a factorisation.
+    /// Begins a step without holds, unless all particles that touch were held in the step before. Those most likely stay in
+    /// place, and finding them again takes a factorisation.
     pub fn begin(&mut self, step: &Step<'_>) {
         self.holds.clear();
         let mut held = self.taken.iter().map(|(force, _)| *force);
@@ -88,7 +88,7 @@ impl Sticking {
         self.taken.clear();
     }
 
-    /// How contacts of rigid bodies are held, by force.
+    /// Friction that holds the contacts of rigid bodies, by force.
     pub fn held(&self) -> &[Option<Held>] {
         &self.held
     }

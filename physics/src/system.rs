@@ -62,11 +62,11 @@ pub struct StepError {
 /// Energy of a system, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
-    /// Of motion.
+    /// Kinetic energy, J.
     pub kinetic_j: f64,
-    /// Of the weight, above the origin.
+    /// Potential energy of the weight above the origin, J.
     pub weight_j: f64,
-    /// In springs, contacts and soft bodies.
+    /// Elastic energy of springs, contacts and soft bodies, J.
     pub stored_j: f64,
 }
 
@@ -100,14 +100,14 @@ pub struct System {
     newton: Newton,
 }
 
-/// What a step changes.
+/// State that a step changes.
 #[derive(Clone, Debug)]
 struct State {
     time_s: f64,
     now: Vec<Motion>,
-    /// At the end of the step before.
+    /// Motions at the end of the step before.
     last: Vec<Motion>,
-    /// What the last step moved, for BDF2.
+    /// Displacements of the last step, for BDF2.
     moved: Vec<Displacement>,
     /// Length of the last step, s; BDF2 needs two of one length.
     last_step_s: Option<f64>,
@@ -295,7 +295,7 @@ impl System {
         }
     }
 
-    /// One step in one piece. BDF2 begins with a step of BDF1, and so it does after a change of the step's length.
+    /// Solves one step in one piece. BDF2 takes a step of BDF1 first, and again after a change of the step's length.
     fn solve(
         &mut self,
         step_s: f64,

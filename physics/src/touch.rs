@@ -14,14 +14,14 @@ pub struct Touch {
     pub normal: Vector3<f64>,
     /// Force of the ground on the body, N.
     pub force: Vector3<f64>,
-    /// Its part along the normal, N.
+    /// Part of the force along the normal, N.
     pub normal_n: f64,
     /// Speed of the contact point towards the ground, m/s.
     pub approach_m_s: f64,
     /// Velocity of the contact point along the ground, m/s.
     pub sliding: Vector3<f64>,
-    /// Whether friction is at its limit.
+    /// True if friction is at its limit.
     pub slips: bool,
-    /// How it slides.
+    /// Friction of the contact.
     pub friction: Friction,
 }

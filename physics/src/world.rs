@@ -139,7 +139,7 @@ impl World {
         self.contacts[end_effector].clone()
     }
 
-    /// What the motor of a channel does from now on.
+    /// Sets the control law of the motor of a channel.
     ///
     /// # Panics
     /// The robot has no such channel.
@@ -148,7 +148,7 @@ impl World {
         motor.expect("a channel's force is its motor").law = law;
     }
 
-    /// What the motor of a channel does.
+    /// Control law of the motor of a channel.
     ///
     /// # Panics
     /// The robot has no such channel.
@@ -194,13 +194,13 @@ impl World {
         self.shape_touches().map(|touch| touch.force).sum()
     }
 
-    /// How deep the robot is in the ground where it is deepest, m.
+    /// Greatest depth of the robot in the ground, m; 0 if it is above.
     pub fn depth_m(&self) -> f64 {
         let touches = self.foot_touches().chain(self.shape_touches());
         touches.map(|touch| -touch.gap_m).fold(0.0, f64::max)
     }
 
-    /// Of all parts of the ground.
+    /// Touches of the feet on all parts of the ground.
     fn foot_touches(&self) -> impl Iterator<Item = Touch> {
         self.contacts.iter().flat_map(Clone::clone).filter_map(|force| self.system.touch(force))
     }

@@ -21,7 +21,7 @@ pub struct Wanted<'w> {
     pub robot: &'w Robot,
     /// The file.
     pub file: &'w LibraryFile,
-    /// Its motions, in its order, by the names that it has for them.
+    /// Motions of the file, in its order and with its names for them.
     pub motions: &'w [Motion],
     /// The plans of those that it names a plan of.
     pub plans: &'w [Option<Plan>],
@@ -29,7 +29,7 @@ pub struct Wanted<'w> {
 
 /// The files that a library file names, by paths relative to it. Where they are is up to the caller.
 pub trait Shelf {
-    /// What the caller says when a file is missing or wrong.
+    /// Error of the caller for a missing or faulty file.
     type Error;
 
     /// Reads a robot file; also how messages name it.
@@ -50,10 +50,10 @@ pub trait Shelf {
     /// It is missing, or is no plan.
     fn plan(&mut self, named: &str) -> Result<(Plan, String), Self::Error>;
 
-    /// What is wrong with the library file itself.
+    /// Converts the faults of the library file itself.
     fn faults(&mut self, error: DocumentError) -> Self::Error;
 
-    /// What does not fit together.
+    /// Converts a mismatch between files.
     fn misfit(&mut self, error: Misfit) -> Self::Error;
 }
 
@@ -83,7 +83,7 @@ pub enum Misfit {
         library: String,
         /// The motion.
         motion: String,
-        /// Its robot.
+        /// Robot of the motion.
         other: String,
         /// The motion file or plan.
         at: String,
@@ -101,7 +101,7 @@ pub struct Contents {
     pub robot: Robot,
     /// The file.
     pub file: LibraryFile,
-    /// Its motions, in its order, by the names that it has for them.
+    /// Motions of the file, in its order and with its names for them.
     pub motions: Vec<Motion>,
     /// The plans of those that it names a plan of.
     pub plans: Vec<Option<Plan>>,
@@ -161,7 +161,7 @@ impl Contents {
         Ok(Self { robot, file, motions, plans })
     }
 
-    /// What is to be planned for it.
+    /// Returns the input for planning.
     pub fn wanted(&self) -> Wanted<'_> {
         let Self { robot, file, motions, plans } = self;
         Wanted { robot, file, motions, plans }
@@ -213,7 +213,7 @@ pub struct Joined<P> {
     pub from: usize,
     /// Index of the motion that it enters.
     pub to: usize,
-    /// Its plan.
+    /// Plan of the transition.
     pub plan: P,
 }
 

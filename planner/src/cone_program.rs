@@ -17,7 +17,7 @@ use nalgebra::DMatrix;
 pub enum Cone {
     /// Zero.
     Zero(usize),
-    /// No row is negative.
+    /// Non-negative orthant: each row is at least 0.
     NonNegative(usize),
     /// The first row is at least the norm of the others.
     SecondOrder(usize),

@@ -2,7 +2,7 @@
 //!
 //! One table, two forms: CSV with a header line, or JSON with the same columns. All values are
 //! instantaneous, from the splines of [`crate::sample`]; columns carry their unit in their name and
-//! are listed in `docs/plan-format.md`.
+//! are listed in `docs/formats/plan-format.md`.
 
 use crate::motion::Ends;
 use crate::plan::Plan;
@@ -69,11 +69,11 @@ pub struct Table {
     pub rate_hz: f64,
     /// Duration, s; of a periodic motion, its period.
     pub duration_s: f64,
-    /// Whether the row after the last one is the first one again.
+    /// True if the first row follows the last one.
     pub periodic: bool,
     /// Names of the columns, with units.
     pub columns: Vec<String>,
-    /// One row for every multiple of 1/rate within the motion. Contact flags are 0 or 1.
+    /// Rows at the multiples of 1/rate within the motion. Contact flags are 0 or 1.
     pub rows: Vec<Vec<f64>>,
 }
 
@@ -121,8 +121,8 @@ impl Table {
     }
 }
 
-/// Names of the columns; names of joints and end effectors come from the robot file. Of two columns that would have one name the later one
-/// here gets another: the body's come first, then those of end effectors, then those of joints.
+/// Names of the columns; names of joints and end effectors come from the robot file. Of two columns that would have one name
+/// the later one here gets another: the body's come first, then those of end effectors, then those of joints.
 fn columns(robot: &Robot) -> Vec<String> {
     let base = "time_s base_x_m base_y_m base_z_m base_yaw_rad base_pitch_rad base_roll_rad base_qw base_qx \
                 base_qy base_qz com_x_m com_y_m com_z_m base_vx_m_s base_vy_m_s base_vz_m_s base_wx_rad_s \

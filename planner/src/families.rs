@@ -39,7 +39,7 @@ pub enum Unit {
     S,
     /// Part of a torque-speed line.
     OfLine,
-    /// None.
+    /// Dimensionless.
     None,
     /// Several, each in its SI unit.
     Mixed,
@@ -100,7 +100,7 @@ impl Level {
 /// rigid-body simulator. Parts of what the robot is, so that it is as strict for 1 kg as for 100 kg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AsPlayed {
-    /// So many times the tolerance at the samples.
+    /// Multiple of the tolerance at the samples.
     TimesLevel(f64),
     /// A fraction of the robot's weight.
     OfWeight(f64),
@@ -114,7 +114,7 @@ pub enum AsPlayed {
     None,
 }
 
-/// What tolerances as played are fractions of.
+/// Reference values for tolerances as played.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scales {
     /// Weight of the robot, N.
@@ -137,7 +137,7 @@ impl AsPlayed {
     }
 }
 
-/// What a family is to the user.
+/// Kind of a family.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -145,7 +145,7 @@ pub enum Kind {
     Request,
     /// A limit of motors, joints or the ground.
     Limit,
-    /// How the robot is built and moves.
+    /// Construction or kinematics of the robot.
     Build,
     /// A weighted objective: nothing can violate it.
     Cost,
@@ -158,7 +158,7 @@ const REACH: &str = "a motion within the legs' reach: shorter strides, lower swi
 const LONGER: &str = "a longer duration or a nearer goal";
 const NO_ADVICE: &str = "";
 
-/// One entry of the catalogue.
+/// Entry of the catalogue.
 struct Info {
     name: &'static str,
     equation: &'static str,
@@ -178,7 +178,7 @@ macro_rules! catalogue {
         }
 
         impl Family {
-            /// Every family, in the order of the formulation.
+            /// Families in the order of the formulation.
             pub const ALL: &[Self] = &[$(Self::$family,)*];
 
             const INFO: &[Info] = &[$(Info {
@@ -287,7 +287,7 @@ impl Family {
         self.info().name
     }
 
-    /// Where the equation stands, in the thesis or in words.
+    /// Number of the equation in the thesis, or a description.
     pub const fn equation(self) -> &'static str {
         self.info().equation
     }
@@ -326,12 +326,12 @@ impl Family {
         }
     }
 
-    /// What the family is to the user.
+    /// Kind of the family.
     pub const fn kind(self) -> Kind {
         self.info().kind
     }
 
-    /// Whether the family asks for a displacement or a turn over the whole motion.
+    /// True if the family requires a displacement or a turn over the whole motion.
     pub fn is_goal(self) -> bool {
         matches!(self, Self::DisplacementGoal | Self::TurningGoal)
     }
@@ -371,7 +371,7 @@ pub struct FamilySet(u64);
 const _: () = assert!(Family::ALL.len() <= 64, "a set holds 64 families");
 
 impl FamilySet {
-    /// Every family.
+    /// Set of all families.
     pub const ALL: Self = Self(u64::MAX);
     /// Limits of shapes that are in the way; no stronger motor removes them.
     pub const OBSTACLES: Self = Self::of(&[Family::LinkClearance, Family::GroundClearance]);
@@ -381,7 +381,7 @@ impl FamilySet {
         Self(0).with(families)
     }
 
-    /// This set and these families.
+    /// Returns the set with these families added.
     pub const fn with(self, families: &[Family]) -> Self {
         let mut bits = self.0;
         let mut next = 0;
@@ -392,7 +392,7 @@ impl FamilySet {
         Self(bits)
     }
 
-    /// Whether a family is in the set.
+    /// True if the set contains the family.
     pub const fn contains(self, family: Family) -> bool {
         self.0 >> family as u64 & 1 == 1
     }
@@ -427,10 +427,10 @@ mod tests {
         }
     }
 
-    /// The table of `docs/plan-format.md` has the families that a report may have, with their levels.
+    /// The table of `docs/formats/plan-format.md` has the families that a report may have, with their levels.
     #[test]
     fn the_plan_format_lists_every_family_with_its_level() {
-        let text = include_str!("../../docs/plan-format.md");
+        let text = include_str!("../../docs/formats/plan-format.md");
         let (_, text) = text.split_once("## Residuals and their levels").expect("its section");
         for &family in Family::ALL.iter().filter(|family| family.kind() != Kind::Cost) {
             let (unit, factor) = family.unit().shown();
@@ -452,7 +452,7 @@ mod tests {
     /// The table of tolerances as played has those of the catalogue.
     #[test]
     fn the_plan_format_lists_every_tolerance_as_played() {
-        let text = include_str!("../../docs/plan-format.md");
+        let text = include_str!("../../docs/formats/plan-format.md");
         let (_, text) = text.split_once("## Between the samples").expect("its section");
         for &family in Family::ALL {
             let percent = |part: f64, of: &str| format!("{} % of {of}", (part * 1e6).round() / 1e4);

@@ -32,7 +32,7 @@ use terms::{
     WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed, WheelTorque,
 };
 
-/// All terms of the formulation.
+/// Terms of the formulation.
 pub static TERMS: &[&dyn Term] = &[
     &DynamicsLinear,
     &DynamicsAngular,
@@ -70,7 +70,7 @@ pub static TERMS: &[&dyn Term] = &[
     &LiftOffSlip,
 ];
 
-/// Whether a term with this span has rows for the window around timeline sample `t`.
+/// True if a term with this span has rows for the window around timeline sample `t`.
 fn covers(problem: &Problem, span: Span, t: usize) -> bool {
     match span {
         Span::Samples => t <= problem.samples,
@@ -104,7 +104,7 @@ pub struct System<'a> {
     fits: Cell<bool>,
 }
 
-/// What systems of problems that differ in numbers alone have in common.
+/// Structure that systems share if their problems differ in numbers only.
 #[derive(Clone, Debug)]
 pub struct Structure {
     pattern: Pattern,
@@ -144,12 +144,12 @@ impl<'a> System<'a> {
         system.fits().then_some((system, rows))
     }
 
-    /// Whether all rows and derivatives so far have the pattern that the system began with. If not, they are wrong.
+    /// True if all rows and derivatives so far match the initial pattern. Otherwise they are wrong.
     pub fn fits(&self) -> bool {
         self.fits.get()
     }
 
-    /// What another problem may have in common with this one, whose rows have been evaluated.
+    /// Returns the structure for another problem. The rows of this system must have been evaluated.
     pub fn into_structure(self) -> Structure {
         let pattern = self.pattern.into_inner().unwrap_or_default();
         Structure { pattern, timeline: self.problem.timeline.clone(), columns: self.columns }

@@ -25,8 +25,8 @@ use std::fmt;
 
 /// Instants of a cycle: forces and stances are interpolated between 24 samples and more.
 const INSTANTS: usize = 240;
-/// How far the ground yields under the whole weight, as a part of the height of the centre of mass: legs that are
-/// stiff in a direction, such as those with two joints, would otherwise divide by zero.
+/// Compliance of the ground: deflection under the whole weight, relative to the height of the centre of mass. Without it, legs
+/// that are rigid in a direction, such as those with two joints, would divide by zero.
 const GROUND_YIELDS: f64 = 1e-4;
 
 /// Growth a cycle above which errors grow: those that only stay, such as those of wheels that never leave the ground,
@@ -44,7 +44,7 @@ const DIES_OUT: f64 = 0.6;
 pub struct Growth(pub f64);
 
 impl Growth {
-    /// Whether errors grow so much that the motion may need feedback.
+    /// True if errors grow so much that the motion may need feedback.
     pub fn is_much(self) -> bool {
         self.0 > GROWS
     }
@@ -167,7 +167,7 @@ fn damping_s(plan: &Plan) -> f64 {
     joints.iter().map(ratio).sum::<f64>() / joints.len().max(1) as f64
 }
 
-/// How a wheel or blade rolls along the ground; `None` for what does not.
+/// Rolling of a wheel or blade along the ground; `None` for a contact that does not roll.
 fn roll(
     plan: &Plan,
     kinematics: &Kinematics,

@@ -20,19 +20,19 @@ const VALUE_MAX: usize = 60;
 /// A format of JSON files: objects with `format` and `version`.
 #[derive(Clone, Copy, Debug)]
 pub struct Format {
-    /// What `format` says.
+    /// Required value of `format`.
     pub name: &'static str,
     /// The version that is read, in `version`.
     pub version: u32,
-    /// What such a file is, as in "the plan is from a newer rollwalk".
+    /// Noun for the file in messages, such as "plan" in "the plan is from a newer rollwalk".
     pub what: &'static str,
-    /// What to do with one of an older version.
+    /// Instruction for a file of an older version.
     pub make_again: &'static str,
-    /// Where to look.
+    /// Hint at the documentation.
     pub help: &'static str,
 }
 
-/// Why a file cannot be used.
+/// Reason for which a file is refused.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum JsonError {
     /// The text is not JSON, or a field is missing, unknown or of the wrong type.
@@ -44,9 +44,9 @@ pub enum JsonError {
         line: usize,
         /// Column of the trouble, from 1.
         column: usize,
-        /// What is wrong, with the path of the field, such as `samples[3].com_m`.
+        /// Fault, with the path of the field, such as `samples[3].com_m`.
         message: String,
-        /// Where to look.
+        /// Hint at the documentation.
         help: &'static str,
     },
     /// A field has a value that no such file can have.
@@ -58,9 +58,9 @@ pub enum JsonError {
         path: String,
         /// The value found.
         value: String,
-        /// What would be right.
+        /// Expected value.
         expected: String,
-        /// Where to look.
+        /// Hint at the documentation.
         help: &'static str,
     },
 }
@@ -151,7 +151,7 @@ impl Format {
     }
 }
 
-/// What is wrong with the syntax: a number that JSON cannot have is likelier than anything else.
+/// Describes a syntax error. NaN and Infinity, the likeliest cause, have a message of their own.
 fn not_json(text: &str, error: &serde_json::Error) -> &'static str {
     let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default();
     // The reader may stop within the word.
@@ -170,7 +170,7 @@ fn without_position(error: &serde_json::Error) -> String {
     message.rsplit_once(" at line ").map_or(message.clone(), |(head, _)| head.to_owned())
 }
 
-/// What serde says of the value at a path, as people who write files say it. Messages of our own readers stay.
+/// Rewrites serde's message about the value at a path in terms of the file. Messages of our own readers stay.
 fn in_words(path: &str, message: &str) -> String {
     let (start, subject) = match path {
         "." => (String::new(), "the file"),
@@ -229,7 +229,7 @@ fn found_as(found: &str) -> String {
     }
 }
 
-/// What serde expects, as a file would say it.
+/// Rewrites the type that serde expects in terms of the file.
 fn wanted_as(wanted: &str) -> String {
     if let Some(count) = wanted.strip_prefix("an array of length ") {
         return format!("a list of {count}");

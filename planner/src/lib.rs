@@ -4,8 +4,8 @@
 //! A pure library: no clock, no file access, no threads, so that it also builds for the browser.
 //!
 //! The optimiser is built in layers, each of which knows those before it only (`tests/planner/layers.rs`): [`families`],
-//! `problem`, `formulation`, `solve`, then `start` and `diagnose`, on top of them `planning`, and [`sensitivity`], which says how plans
-//! change with the robot.
+//! `problem`, `formulation`, `solve`, then `start` and `diagnose`, on top of them `planning`, and [`sensitivity`], which says
+//! how plans change with the robot.
 //!
 //! ```
 //! use rollwalk_planner::{Options, motion::Motion, optimise, report::Report};

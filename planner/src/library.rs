@@ -33,7 +33,7 @@ pub struct LibraryContent<'a> {
     pub transitions: Vec<LibraryTransition<'a>>,
     /// Index of the motion that is SAFE: it stands still and every motion leads back to it.
     pub safe: usize,
-    /// Whether the library has the torques of the motors ([`crate::torque`]) as well.
+    /// True if the library contains the torques of the motors ([`crate::torque`]).
     pub torques: bool,
 }
 
@@ -44,7 +44,7 @@ pub struct LibraryMotion<'a> {
     pub name: &'a str,
     /// Command code that selects it.
     pub code: u8,
-    /// Its plan, periodic or at rest.
+    /// Plan of the motion, periodic or at rest.
     pub plan: &'a Plan,
 }
 
@@ -59,7 +59,7 @@ pub struct LibraryTransition<'a> {
     pub to: usize,
     /// Time since the start of that motion at which it enters, s; that of a 60 Hz frame.
     pub entry_time_s: f64,
-    /// Its plan, with the states at these moments as prescribed ends.
+    /// Plan of the transition. Its prescribed ends are the states at these times.
     pub plan: &'a Plan,
 }
 
@@ -72,7 +72,7 @@ pub struct BuiltLibrary {
     pub clips: Vec<ClipStats>,
 }
 
-/// One clip of a library.
+/// Statistics of a clip.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ClipStats {
     /// Name of the motion, or of the transition's plan.
@@ -299,7 +299,7 @@ mod tests {
         ]
     }
 
-    /// Both motions rest in the same pose, so a stand still leads from either to the other.
+    /// Transitions in both directions. The motions rest in the same pose, so that a stand leads from one to the other.
     fn transitions<'a>(stand: &'a Plan, drive_end_s: f64) -> Vec<LibraryTransition<'a>> {
         vec![
             LibraryTransition { from: 0, exit_time_s: 0.5, to: 1, entry_time_s: 0.0, plan: stand },

@@ -30,7 +30,7 @@ pub struct LibraryFile {
     pub safe: usize,
     /// The transitions, at most one for each pair of motions.
     pub transitions: Vec<LibraryTransition>,
-    /// Whether the library has the torques of the motors as well.
+    /// True if the library contains the torques of the motors.
     pub torques: bool,
 }
 
@@ -39,13 +39,13 @@ pub struct LibraryFile {
 pub struct LibraryMotion {
     /// Name in the library, unique.
     pub name: String,
-    /// What it is made of.
+    /// Source of the motion.
     pub source: MotionSource,
     /// Command code, 1 to 255, unique.
     pub code: u8,
 }
 
-/// What a motion of a library is made of: a path, relative to the library file.
+/// Source of a motion: a path, relative to the library file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MotionSource {
     /// A motion file, which is planned.
@@ -61,9 +61,9 @@ pub struct LibraryTransition {
     pub from: usize,
     /// Index of the motion that it enters.
     pub to: usize,
-    /// What to plan: prescribed ends, no goal of its own.
+    /// Motion to plan, with prescribed ends and without a goal.
     pub motion: Motion,
-    /// Whether the file leaves the footfalls open, so that they follow from the motions ([`LibraryFile::stepping`]).
+    /// True if the file leaves the footfalls open: [`LibraryFile::stepping`] then derives them from the motions.
     pub footfalls_open: bool,
 }
 
@@ -394,7 +394,7 @@ fn check_graph(
     }
 }
 
-/// Which of `count` nodes can be reached from `start`.
+/// Flags of the nodes, of `count`, that can be reached from `start`.
 fn reached(count: usize, start: usize, edges: &[(usize, usize)]) -> Vec<bool> {
     let mut seen = vec![false; count];
     let mut open = vec![start];

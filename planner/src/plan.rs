@@ -71,8 +71,8 @@ impl Plan {
         [&self.samples[0], last]
     }
 
-    /// What the plan reaches of the quantities that a goal asks for: displacement of the centre of
-    /// mass along and across the starting heading, m, and turn of the body, rad.
+    /// Displacement and turn of the plan, as a goal defines them: displacement of the centre of mass along and across the
+    /// starting heading, m, and turn of the body, rad.
     ///
     /// # Panics
     /// As [`ends`](Self::ends).
@@ -109,8 +109,8 @@ pub struct Sample {
     pub base_orientation_wxyz: [f64; 4],
     /// Joint angles in joint order, rad.
     pub joint_rad: Vec<f64>,
-    /// What the setpoints of the joints are beyond these angles, rad, so that a robot with soft servos follows them: of plans that were
-    /// retargeted. Empty in others, and before and after the motion.
+    /// Setpoints of the joints less these angles, rad, so that soft servos reach the angles. Set in plans that were retargeted;
+    /// empty in others, and before and after the motion.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint_correction_rad: Vec<f64>,
     /// Torques of the joints' motors in joint order, N·m, as the motion is played ([`crate::torque`]). Before and after
@@ -122,7 +122,7 @@ pub struct Sample {
     pub end_effectors: Vec<EndEffectorSample>,
 }
 
-/// One end effector at one instant.
+/// State of an end effector at one instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EndEffectorSample {
@@ -177,9 +177,9 @@ pub struct Refinement {
     pub samples: usize,
     /// The residual that was furthest beyond its tolerance.
     pub residual: Family,
-    /// Its worst value, in `unit`.
+    /// Worst value of the residual, in `unit`.
     pub worst: f64,
-    /// Its tolerance, in `unit`.
+    /// Tolerance of the residual, in `unit`.
     pub tolerance: f64,
     /// Unit of both: that of reports.
     pub unit: String,
@@ -201,7 +201,7 @@ impl SolveSummary {
 /// Consequence of one start's outcome for the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// It converged or was interrupted: no other start is tried.
+    /// Converged, failed between the samples or interrupted: no other start is tried.
     Decided,
     /// The request looks impossible from this start. If it looks so from each of the first two
     /// starts, no others are tried.
@@ -214,10 +214,9 @@ pub enum Ending {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// All constraints hold within 0.2 of their tolerances.
+    /// Constraints hold within 0.2 of their tolerances.
     Converged,
-    /// All constraints hold at the samples, but not in between, as the motion is played: more samples did not help, or
-    /// were too many.
+    /// Constraints hold at the samples, but not in between, as the motion is played. More samples did not help, or were too many.
     FailsAsPlayed,
     /// The iterations stopped improving while a constraint was violated, or proved that the
     /// constraints contradict each other: see [`SolveSummary::diagnosis`].
@@ -232,7 +231,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Whether all constraints hold at the samples.
+    /// True if all constraints hold at the samples.
     pub fn is_solved(self) -> bool {
         matches!(self, Self::Converged | Self::FailsAsPlayed)
     }

@@ -1,9 +1,9 @@
-//! SVG pictures of a plan: one figure of all quantities over time, strips of the robot, and the robot in motion; of a robot without
-//! a plan; and charts of any numbers.
+//! SVG pictures of a plan: one figure of all quantities over time, strips of the robot, and the robot in motion; of a robot
+//! without a plan; and charts of any numbers.
 //!
 //! The figure has five columns over one time axis: motion of the body with swing heights and support; joint angles of every
-//! limb, or of every joint, with their limits; their speeds; torques of their motors; ground force of every foot with its friction cone.
-//! Lines are the motion as played, dots the planned samples.
+//! limb, or of every joint, with their limits; their speeds; torques of their motors; ground force of every foot with its
+//! friction cone. Lines are the motion as played, dots the planned samples.
 
 mod animation;
 mod axes;

@@ -43,13 +43,13 @@ pub struct Problem {
     pub ground: ElevationMap,
     /// Heights of contact points above the ground along the timeline, m (Eq. 2.9).
     pub height_m: Vec<Vec<f64>>,
-    /// Whether the motion is periodic: its intervals then include the one from the last sample to the next period.
+    /// True if the motion is periodic: its intervals then include the one from the last sample to the next period.
     pub periodic: bool,
-    /// Whether the robot stands still before and after the motion.
+    /// True if the robot stands still before and after the motion.
     pub at_rest: bool,
     /// Entries of the slots that are not optimised: `[slot][variable]`.
     pub frozen: Vec<Vec<bool>>,
-    /// Whether the placement (D, ψ) is optimised.
+    /// True if the placement (D, ψ) is optimised.
     pub placement_free: bool,
     /// End effectors whose wheel does not turn relative to its link: welded to it, or held still.
     pub held: Vec<bool>,

@@ -14,9 +14,9 @@
 //!
 //! A [`Course`] plays horizons one after the other without feedback, as setpoints.
 //!
-//! A solve starts from the gait, with the measured error in it fading (`start`). Nothing but the footfalls is carried from one plan to
-//! the next: a plan that failed leaves no trace. What does not depend on numbers is kept for each footfall pattern, as in
-//! [`Editing`](crate::Editing).
+//! A solve starts from the gait, with the measured error in it fading (`start`). Nothing but the footfalls is carried from one
+//! plan to the next: a plan that failed leaves no trace. What does not depend on numbers is kept for each footfall pattern, as
+//! in [`Editing`](crate::Editing).
 
 mod course;
 mod error;
@@ -52,7 +52,7 @@ use std::collections::HashMap;
 use std::fmt;
 use std::ops::ControlFlow;
 
-/// What is wanted of the body, in the frame of its heading.
+/// Requested velocity of the body, in the frame of its heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Steering {
     /// Velocity along its heading, m/s.
@@ -68,7 +68,7 @@ pub struct Steering {
 pub struct Measured<'a> {
     /// Pose and velocity, those of [`Horizon::tree`].
     pub state: &'a State,
-    /// Whether each end effector touches the ground.
+    /// Contact flag of each end effector: true on the ground.
     pub touches: &'a [bool],
 }
 
@@ -79,7 +79,8 @@ pub struct HorizonOptions {
     pub duration_s: f64,
     /// Weights of the formulation.
     pub weights: Weights,
-    /// Settings of the solver. A horizon is left before it ends, so that its constraints need to be met no better than a plan is accepted.
+    /// Settings of the solver. A horizon is left before it ends, so that its constraints need to be met no better than a plan
+    /// is accepted.
     pub settings: Settings,
 }
 
@@ -101,13 +102,12 @@ pub struct HorizonPlan {
     /// The plan, which begins at the origin of its world with heading 0. Its solve summary says how it ended, and which
     /// constraint holds worst.
     pub plan: Plan,
-    /// Where its world is.
+    /// Pose of the plan's world in the world.
     pub world_from_plan: Isometry3<f64>,
 }
 
 impl HorizonPlan {
-    /// Whether all constraints hold within the tolerances of plans. If not, [`SolveSummary::worst_constraint`] says which does
-    /// not.
+    /// True if all constraints hold within the tolerances of plans. Otherwise [`SolveSummary::worst_constraint`] names the worst.
     pub fn is_accepted(&self) -> bool {
         self.plan.solve.worst_level <= ACCEPTED_LEVEL
     }
@@ -135,7 +135,7 @@ impl fmt::Debug for Horizon {
     }
 }
 
-/// What one solve leaves for another with the same footfalls.
+/// Results of one solve that another with the same footfalls reuses.
 struct Kept {
     structure: Structure,
     normal: NormalEquations,
@@ -246,7 +246,7 @@ impl Horizon {
         self.schedule.gait.sway[self.schedule.phase(at)]
     }
 
-    /// Its mean over some intervals.
+    /// Mean sway over some intervals.
     fn mean_sway(&self, at: u64, intervals: u64) -> [f64; 3] {
         let all: Vec<_> = (at..at + intervals).map(|at| self.sway(at as i64)).collect();
         [0, 1, 2].map(|c| all.iter().map(|sway| sway[c]).sum::<f64>() / intervals as f64)

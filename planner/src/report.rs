@@ -51,17 +51,17 @@ const CONTROL_RATE_HZ: f64 = 500.0;
 /// much: the means over frames hide the peaks.
 const CLEAR_PART: f64 = 0.2;
 
-/// Every residual of a plan with its worst case.
+/// Residuals of a plan, each with its worst case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// Name of the motion.
     pub motion: String,
     /// Name of the robot.
     pub robot: String,
-    /// Why the motion does not hold without feedback, as its file says.
+    /// Reason why the motion does not hold without feedback, from its file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub needs_feedback: Option<String>,
-    /// What the plan is worth.
+    /// Verdict on the plan.
     pub judgement: Judgement,
     /// The residuals: at the samples first, then in between.
     pub rows: Vec<Row>,
@@ -136,8 +136,8 @@ impl Report {
         rows.max_by(|a, b| a.part_of_level().total_cmp(&b.part_of_level()))
     }
 
-    /// What a plan is worth, in the words of every program: verdict, diagnosis, grids that were too coarse, and a warning where
-    /// soft servos need feed-forward. `solve` is the summary of the plan.
+    /// Conclusion in the words of every program: verdict, diagnosis, grids that were too coarse, and a warning if soft servos
+    /// need feed-forward. `solve` is the summary of the plan.
     pub fn words(&self, solve: &SolveSummary) -> String {
         let mut text = self.conclusion(solve).to_string();
         if let Some(why) = &solve.diagnosis {

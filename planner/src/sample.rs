@@ -188,7 +188,7 @@ impl PlanSpline {
         Sample { time_s: plan_time_s, ..self.state(time_s, &self.placement(plan_time_s)) }
     }
 
-    /// Where the period of a time lies from the first one; other motions have but one.
+    /// Placement of the period of a time relative to the first one. Motions that do not repeat have one period.
     pub(crate) fn placement(&self, plan_time_s: f64) -> Placement {
         self.placement.repeated(self.within(plan_time_s).1)
     }
@@ -280,7 +280,7 @@ impl PlanSpline {
         (i, (position - i as f64).clamp(0.0, 1.0))
     }
 
-    /// Whether end effector `j` is in stance at fraction `u` of interval `i`.
+    /// True if end effector `j` is in stance at fraction `u` of interval `i`.
     fn stands(&self, i: usize, u: f64, j: usize) -> bool {
         /// Tolerance within which a time counts as that of a sample, as a fraction of the interval.
         const ON_SAMPLE: f64 = 1e-9;

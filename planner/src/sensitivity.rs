@@ -1,11 +1,10 @@
-//! How a plan changes with its robot and its goal (thesis 2.5.1): derivatives of the optimum, and plans of neighbours from them.
+//! Sensitivity of a plan to its robot and its goal (thesis 2.5.1): derivatives of the optimum, and plans of neighbours from them.
 //!
-//! A plan as the solver leaves it is good enough to be played and not to be differentiated: it meets its constraints, but its
-//! costs still fall along them. [`Optimal`] takes it to the optimum first. Where there is none within reach, or where the Hessian is
-//! not positive definite, changes are estimated with the curvature of Gauss and Newton, and [`Optimal::curvature`] says so.
-//! Parameters are pairs of neighbouring robots and
-//! motions, so that whatever can be changed in a robot file or a motion file can be one: the whole problem is built at either
-//! side, standing pose, masses and limits included.
+//! A plan from the solver is good enough to be played but not to be differentiated: it meets its constraints, but its costs still
+//! fall along them. [`Optimal`] first takes it to the optimum. If no optimum is within reach, or if the Hessian is not positive
+//! definite, changes are estimated with the curvature of Gauss and Newton, and [`Optimal::curvature`] reports it. Parameters are
+//! pairs of neighbouring robots and motions, so that any number of a robot file or a motion file can be a parameter. The whole
+//! problem is built at either side, standing pose, masses and limits included.
 
 mod feature;
 mod objective;
@@ -47,7 +46,7 @@ const TAIL_ITERATIONS: usize = 100;
 /// Reason for which a plan has no derivatives.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum NotOptimal {
-    /// It did not converge: there is no optimum to differentiate.
+    /// The plan did not converge: there is no optimum to differentiate.
     #[error(
         "the plan of `{motion}` is {status}, so that it has no derivatives; plan it again, or change the design by hand"
     )]
@@ -96,11 +95,11 @@ pub struct Design<'a> {
 /// A parameter at a plan's design: neighbours on either side of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter<'a> {
-    /// Where the parameter is larger.
+    /// Design with the larger parameter.
     pub ahead: Design<'a>,
-    /// Where it is smaller.
+    /// Design with the smaller parameter.
     pub behind: Design<'a>,
-    /// By how much they differ, in the parameter's unit.
+    /// Difference of the parameter between the two, in its unit.
     pub apart: f64,
 }
 
@@ -142,7 +141,8 @@ impl Residuals for Around<'_> {
 }
 
 impl Optimal {
-    /// Takes a solution to its optimum. Where Newton's method does not come there, the solution is solved on until its costs are flatter.
+    /// Takes a solution to its optimum. Where Newton's method does not come there, the solution is solved on until its costs
+    /// are flatter.
     ///
     /// # Errors
     /// The solution did not converge, its rows determine no step, or `progress` stopped it.
@@ -177,8 +177,8 @@ impl Optimal {
         })
     }
 
-    /// Takes unknowns to the optimum by at most `polish` Newton steps. `None` leaves them where they are, with the curvature of Gauss
-    /// and Newton.
+    /// Takes unknowns to the optimum by at most `polish` Newton steps. `None` leaves them where they are, with the curvature of
+    /// Gauss and Newton.
     fn near(
         problem: Problem,
         motion: &Motion,
@@ -218,7 +218,7 @@ impl Optimal {
         self.curvature
     }
 
-    /// How the optimum changes with parameters, per unit of each.
+    /// Derivatives of the optimum with respect to parameters, per unit of each.
     ///
     /// # Errors
     /// A parameter changes what the problem is made of, or the rows determine no change.

@@ -49,7 +49,7 @@ const DAMPING_NEAR: f64 = 1e-7;
 /// Knowledge at the start of a solve besides the values of the unknowns.
 #[derive(Clone, Copy, Debug)]
 pub enum Begin<'a> {
-    /// No knowledge: multipliers begin at zero, steps are damped.
+    /// Cold start: multipliers begin at zero, steps are damped.
     Cold,
     /// The start is near an optimum, perhaps one with known multipliers. Without them, or if they do not fit the
     /// problem's rows, multipliers are estimated.
@@ -62,24 +62,24 @@ pub struct Iteration {
     pub progress: Progress,
     /// Status of the solve if it has ended.
     pub ended: Option<Status>,
-    /// By how much the energy differs from what its quadratic model had at the end of the step. Of a step without damping it is
-    /// what the rows depart from their linearisation, and about what the next step can gain. Infinite without a step, and after a
+    /// Difference of the energy from its quadratic model at the end of the step. After a step without damping it is the departure
+    /// of the rows from their linearisation, and about the possible gain of the next step. Infinite without a step, and after a
     /// damped one, which is short: there the model is right far from any optimum.
     pub mismatch: f64,
-    /// Whether the energy is nearly minimal for the present multipliers with a constraint violated, so that the
-    /// multipliers should be shifted.
+    /// True if the energy is nearly minimal for the present multipliers with a constraint violated, so that the multipliers
+    /// should be shifted.
     pub nearly_flat: bool,
     /// Nearly flat iterations since the worst constraint last improved.
     pub no_better: usize,
-    /// Whether they are so many that the solve leads nowhere.
+    /// True if these iterations are so many that the solve leads nowhere.
     pub exhausted: bool,
 }
 
-/// What a step did to the energy.
+/// Effect of a step on the energy.
 struct Stepped {
     /// Relative decrease; 0 without a step.
     decrease: f64,
-    /// As in [`Iteration`].
+    /// Mismatch as in [`Iteration`].
     mismatch: f64,
 }
 
@@ -193,7 +193,7 @@ impl<'a> Solver<'a> {
         self.progress()
     }
 
-    /// Whether the rows have the pattern that the system began with.
+    /// True if the rows match the initial pattern of the system.
     pub fn fits(&self) -> bool {
         self.system.fits()
     }

@@ -31,13 +31,13 @@ use std::f64::consts::TAU;
 /// Kind of start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Start {
-    /// Each of [`crate::candidates`] in order, until one converges.
+    /// Candidates of [`crate::candidates`] in order, until one converges.
     #[default]
     Auto,
     /// Standing, moved evenly towards the goal. With a seed other than 0 the joints swing a little, so that different
     /// seeds give different starts.
     Standing,
-    /// As `Standing`, with a smooth random swing of every joint.
+    /// Standing start with a smooth random swing of every joint.
     Sinusoid,
     /// The plan of the same motion with half the samples, recursively until samples are few; the coarsest motion
     /// starts from a swing or from standing, depending on the robot.
@@ -96,9 +96,9 @@ pub(crate) fn without_halving(robot: &Robot, motion: &Motion) -> Start {
     if stands_on_free_wheels(robot, motion) { Start::Sinusoid } else { Start::Standing }
 }
 
-/// Whether an end effector that touches the ground rolls freely and can be steered there. Blades cannot: two wheels
-/// of one link that are both in stance prevent a turn, so a swing of their joints starts far from any feasible
-/// motion, while strokes develop from standing.
+/// True if an end effector that touches the ground rolls freely and can be steered there. Blades cannot be steered: two wheels of
+/// one link in stance prevent a turn. A swing of their joints starts far from any feasible motion, while strokes develop from
+/// standing.
 fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
     let shares_link = |j: usize| {
         let link = robot.end_effectors[j].link;
@@ -107,7 +107,7 @@ fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
     (0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j) && !shares_link(j))
 }
 
-/// Whether an end effector is in stance at times and rolls freely then.
+/// True if an end effector is in stance at times and rolls freely then.
 fn rolls_freely(robot: &Robot, motion: &Motion, j: usize) -> bool {
     let held = motion.held_wheels.get(j).copied().unwrap_or(false);
     let free = robot.end_effectors[j].contact.drag().is_some() && !held;

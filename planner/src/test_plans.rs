@@ -20,7 +20,7 @@ use std::f64::consts::TAU;
 const LEG_M: f64 = 0.2;
 const RADIUS_M: f64 = 0.05;
 
-/// How the box moves: body x and leg angle φ as functions of time.
+/// Motion of the box: body x and leg angle φ as functions of time.
 pub struct Drive {
     /// Kind of ends.
     pub ends: Ends,

@@ -30,7 +30,7 @@ pub struct InverseDynamics {
     kinematics: Kinematics,
 }
 
-/// What motors and ground do at one time.
+/// Motor torques and ground forces at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuation {
     /// Torque of every joint's motor in joint order, N·m: about the joint's axis, on the child.

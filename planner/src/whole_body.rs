@@ -23,7 +23,7 @@ pub struct Instant {
     pub state: State,
     /// ν̇ of [`WholeBody::tree`].
     pub acceleration: Vec<f64>,
-    /// Whether each end effector stands.
+    /// Stance flag of each end effector.
     pub stands: Vec<bool>,
     /// Force of the ground on each end effector, N. With these forces, motor torques alone produce the acceleration, except for
     /// the part that no ground can supply.
@@ -47,13 +47,13 @@ impl WholeBody {
         (self.inverse.spline().setpoints(plan_time_s), torques_nm)
     }
 
-    /// Whether each end effector stands at a time, as in [`Instant`].
+    /// Stance flag of each end effector at a time, as in [`Instant`].
     pub fn stands(&self, plan_time_s: f64) -> Vec<bool> {
         stand(&self.inverse.spline().planned_contacts(plan_time_s))
     }
 
-    /// The robot at a time, where `world_from_plan` says that the plan lies. A periodic motion goes on in later periods, any other
-    /// holds its ends.
+    /// The robot at a time, where `world_from_plan` says that the plan lies. A periodic motion goes on in later periods, any
+    /// other holds its ends.
     pub fn at(&mut self, plan_time_s: f64, world_from_plan: &Isometry3<f64>) -> Instant {
         let (rates, contacts, actuation) = self.inverse.moving(plan_time_s);
         let placement = self.inverse.spline().placement(plan_time_s);

@@ -15,7 +15,7 @@
 //! answers `None`, a configuration that passed [`crate::config::RobotConfig::check`] never gets
 //! there with values within its limits.
 //!
-//! A setpoint whose torque rounds to 0 is sent in the frame without: drives that know no torque follow it.
+//! A setpoint whose torque rounds to 0 is sent in the frame without torque, which drives without torque follow, too.
 
 use crate::can::Frame;
 
@@ -29,8 +29,8 @@ pub const MAX_POSITION_RAD: f32 = 6.5;
 pub const SPEED_STEP_RAD_S: f32 = 1.0 / SPEED_STEPS;
 /// Largest speed, rad/s.
 pub const MAX_SPEED_RAD_S: f32 = 65.0;
-/// Speed setpoints of wheels are 32-bit steps of 0.1 mrad/s. Up to 2²² of them, ±419 rad/s, what was
-/// decoded encodes as it was; faster, an `f32` may be a step beside.
+/// Speed setpoints of wheels are 32-bit steps of 0.1 mrad/s. Up to 2²² steps, ±419 rad/s, decoded values encode to the same
+/// bytes. Above that, an `f32` may be a step off.
 pub const WHEEL_SPEED_STEP_RAD_S: f32 = 1.0 / WHEEL_SPEED_STEPS;
 /// Torques are steps of 5 mN·m: ±163.8 N·m, or 0 to 327 N·m as a limit.
 pub const TORQUE_STEP_NM: f32 = 1.0 / TORQUE_STEPS;
@@ -60,7 +60,7 @@ pub(crate) const TORQUE_STEPS: f32 = 200.0;
 const KP_STEPS: f32 = 100.0;
 const KD_STEPS: f32 = 1000.0;
 
-/// The nearest number of steps; `None` when it is beyond ±`most`, or no number.
+/// Nearest number of steps; `None` for NaN, and beyond ±`most`.
 fn steps(value: f32, per_unit: f32, most: i32) -> Option<i32> {
     let exact = value * per_unit;
     // Saturating casts. A NaN becomes 0 and fails the comparison.
@@ -110,12 +110,12 @@ const COARSE_SPEED_STEPS: f32 = 125.0;
 const SHORT_KP_STEPS: f32 = 1000.0;
 const SHORT_KD_STEPS: f32 = 10_000.0;
 const SHORT_TORQUE_STEPS: f32 = 1000.0;
-/// What brings the exponent of 128 steps to 1: the upper 16 bits of an `f32` of so many, less the code of 128.
+/// Bias from the upper 16 bits of an `f32` to a code. It maps the 16 bits of 128.0 to exponent 1: the code 128.
 const SHORT_BIAS: u32 = (134 << 7) - 128;
 const SHORT_MOST: u32 = (1 << 11) - 1;
 
-/// A number from 0 on in 11 bits: exponent e in the upper 4 and m in the lower 7 are m steps for e = 0, otherwise
-/// (128 + m) · 2^(e−1). Off by 1/256 at most from 128 steps on; by half a step below.
+/// Number from 0 on in 11 bits: exponent e in the upper 4, m in the lower 7. The code is m steps for e = 0, otherwise (128 + m) ·
+/// 2^(e−1). The error is at most 1/256 from 128 steps on, and half a step below.
 // Once in the image instead of where it is called; so are the others.
 #[inline(never)]
 fn short(value: f32, per_unit: f32, rounding: u32) -> Option<u64> {
@@ -130,7 +130,7 @@ fn short(value: f32, per_unit: f32, rounding: u32) -> Option<u64> {
 }
 
 const NEAREST: u32 = 1 << 15;
-/// Down, but for the rounding of the product: for a limit.
+/// Rounding term that rounds a limit down, but for the rounding error of the product.
 const DOWN: u32 = 1 << 6;
 
 fn from_short(code: u64, per_unit: f32) -> f32 {
@@ -156,7 +156,7 @@ fn torque_setpoint(word: u64) -> Option<(u64, u64, f32)> {
     ))
 }
 
-/// What a joint's servo shall do: torque = kp (q* − q) + kd (q̇* − q̇) + τ, within its torque limit.
+/// Setpoint of a joint's servo: torque = kp (q* − q) + kd (q̇* − q̇) + τ, within its torque limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointSetpoint {
     /// q*, rad.
@@ -173,9 +173,9 @@ pub struct JointSetpoint {
 
 impl JointSetpoint {
     /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][kp u16 0.01 N·m/rad][kd u16 0.001 N·m·s/rad]`; with a torque
-    /// `[position i16 0.2 mrad][velocity i14 8 mrad/s][kp 11][kd 11][torque 12]` from the lowest bit of the first byte on,
-    /// in short numbers of 1 mN·m/rad, 0.1 mN·m·s/rad and 1 mN·m. `None` when a value is no number or beyond its scale, or
-    /// `id` above [`MAX_ID`].
+    /// `[position i16 0.2 mrad][velocity i14 8 mrad/s][kp 11][kd 11][torque 12]` from the lowest bit of the first byte on, in
+    /// short numbers of 1 mN·m/rad, 0.1 mN·m·s/rad and 1 mN·m. `None` for NaN, a value beyond its scale, or an `id` above
+    /// [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {
         let position = i16_steps(self.position_rad, POSITION_STEPS)?;
         let torque = short_torque(self.torque_nm)?;
@@ -225,7 +225,7 @@ impl JointSetpoint {
     }
 }
 
-/// What a wheel's drive shall do: torque = kd (ω* − ω) + τ, within the given limit.
+/// Setpoint of a wheel's drive: torque = kd (ω* − ω) + τ, within the given limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WheelSetpoint {
     /// ω*, rad/s.
@@ -240,8 +240,8 @@ pub struct WheelSetpoint {
 
 impl WheelSetpoint {
     /// `[speed i32 0.1 mrad/s][kd u16 0.001 N·m·s/rad][torque limit u16 5 mN·m]`; with a torque
-    /// `[speed i30 0.1 mrad/s][torque limit 11][kd 11][torque 12]`, as of a joint, the limit rounded down.
-    /// `None` when a value is no number or beyond its scale, or `id` above [`MAX_ID`].
+    /// `[speed i30 0.1 mrad/s][torque limit 11][kd 11][torque 12]` like that of a joint, with the limit rounded down. `None` for
+    /// NaN, a value beyond its scale, or an `id` above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {
         let torque = short_torque(self.torque_nm)?;
         if torque != 0 {
@@ -291,17 +291,17 @@ impl WheelSetpoint {
 /// Torque on or off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// No torque. The state after power-on. Answered with a [`Feedback`].
+    /// Torque off: the state after power-on. Answered with a [`Feedback`].
     Disable,
-    /// Follow setpoints. Until the first setpoint after this one the actuator gives no torque:
-    /// whatever was commanded before is forgotten. Answered with a [`Feedback`].
+    /// Follow setpoints. Earlier setpoints are discarded: the actuator gives no torque until the first setpoint after this
+    /// command. Answered with a [`Feedback`].
     Enable,
-    /// Send a [`Feedback`] and change nothing: how the pose is measured before torque is on.
+    /// Sends a [`Feedback`] and changes nothing. The controller measures the pose with it before torque is on.
     Query,
 }
 
 impl Control {
-    /// One byte: 0 disable, 1 enable, 2 query. `None` when `id` is above [`MAX_ID`].
+    /// Encodes one byte: 0 disable, 1 enable, 2 query. `None` when `id` is above [`MAX_ID`].
     pub fn encode(self, id: u8) -> Option<Frame> {
         let byte = match self {
             Control::Disable => 0,
@@ -335,7 +335,7 @@ impl ActuatorStatus {
     pub const TORQUE_LIMITED: u8 = 1 << 1;
     /// A position limit of the actuator's own was reached.
     pub const POSITION_LIMITED: u8 = 1 << 2;
-    /// No setpoint came for too long: torque is off until it is disabled and enabled again.
+    /// Setpoint timeout: torque is off until the actuator is disabled and enabled again.
     pub const TIMED_OUT: u8 = 1 << 3;
     /// Too hot: torque is off.
     pub const OVERHEATED: u8 = 1 << 4;
@@ -343,28 +343,28 @@ impl ActuatorStatus {
     pub const BAD_VOLTAGE: u8 = 1 << 5;
     /// Position sensor or other hardware failed: torque is off.
     pub const HARDWARE: u8 = 1 << 6;
-    /// In telemetry alone: a servo on a serial line was asked and did not answer since the telemetry before.
+    /// Servo on a serial line that left a query unanswered since the last telemetry. Set in telemetry alone.
     pub const UNANSWERED: u8 = 1 << 7;
-    /// All bits that mean that the actuator cannot follow commands.
+    /// Bits of the states in which the actuator cannot follow commands.
     pub const FAULTS: u8 = Self::TIMED_OUT | Self::OVERHEATED | Self::BAD_VOLTAGE | Self::HARDWARE;
 
-    /// Torque is on.
+    /// True if torque is on.
     pub fn enabled(self) -> bool {
         self.0 & Self::ENABLED != 0
     }
 
-    /// It was asked and did not answer.
+    /// True if the actuator left a query unanswered.
     pub fn is_unanswered(self) -> bool {
         self.0 & Self::UNANSWERED != 0
     }
 
-    /// The actuator cannot follow commands.
+    /// True if the actuator cannot follow commands.
     pub fn faulty(self) -> bool {
         self.0 & Self::FAULTS != 0
     }
 }
 
-/// What an actuator measures. The answer to every setpoint and every [`Control`].
+/// Measurements of an actuator: the answer to every setpoint and every [`Control`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Feedback {
     /// Angle, rad; of a wheel within −π to π.

@@ -1,4 +1,4 @@
-//! A CAN frame as a value: what every bus, simulated or real, carries; and its length in bits.
+//! CAN frame as a value, for every bus, simulated or real, and its length in bits.
 
 use core::fmt;
 
@@ -48,7 +48,7 @@ impl Frame {
         Self::of_known((id & 0x7FF).into(), data)
     }
 
-    /// As [`Self::known`], with a 29-bit identifier.
+    /// Frame like that of [`Self::known`], with a 29-bit identifier.
     pub(crate) fn known_extended<const N: usize>(id: u32, data: [u8; N]) -> Self {
         Self::of_known(id & 0x1FFF_FFFF | EXTENDED, data)
     }
@@ -106,7 +106,7 @@ impl Frame {
     }
 }
 
-/// As `candump` writes it: `123#DEADBEEF`, eight digits for a 29-bit identifier.
+/// Format of `candump`: `123#DEADBEEF`, with eight digits for a 29-bit identifier.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.id() {
@@ -127,12 +127,12 @@ pub const fn worst_case_bits(len: u8) -> u32 {
     worst_case(34, len)
 }
 
-/// As [`worst_case_bits`], of a frame with a 29-bit identifier.
+/// Counterpart of [`worst_case_bits`] for a frame with a 29-bit identifier.
 pub const fn worst_case_bits_extended(len: u8) -> u32 {
     worst_case(54, len)
 }
 
-/// With `around` stuffed bits besides the data.
+/// Most bits of a frame with `around` stuffed bits besides the data.
 const fn worst_case(around: u32, len: u8) -> u32 {
     let stuffed = around + 8 * if len > 8 { 8 } else { len as u32 };
     stuffed + (stuffed - 1) / 4 + UNSTUFFED_BITS

@@ -9,7 +9,7 @@ macro_rules! coded {
         pub enum $name { $($(#[$doc])* $variant = $code,)* }
 
         impl $name {
-            /// All values, in the order of their codes.
+            /// Values in the order of their codes.
             pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
 
             /// Number on the wire.
@@ -17,7 +17,7 @@ macro_rules! coded {
                 self as u8
             }
 
-            /// The value of a number on the wire; `None` for one that this version does not know.
+            /// Value of a number on the wire; `None` for a number that this version does not define.
             pub fn from_code(code: u8) -> Option<Self> {
                 match code {
                     $($code => Some(Self::$variant),)*

@@ -13,18 +13,19 @@ use thiserror::Error;
 /// Most joints and actuated wheels that one controller handles.
 pub const MAX_CHANNELS: usize = 24;
 
-/// Every joint and actuated wheel of a robot: joints in file order, then wheels.
+/// Configuration of a robot: its joints in file order, then its actuated wheels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RobotConfig {
-    /// Whose channels they are, [`robot_id`], and what they speak: robots with the same actuators still need
-    /// other motions, and a controller that speaks something else is not this robot's. `docs/wire-format.md`.
+    /// Identity of the robot: [`robot_id`], continued over the buses that differ from the Rollwalk profile at 1 Mbit/s. Robots
+    /// with the same actuators still need different motions. A controller with other bus protocols belongs to another robot. See
+    /// `docs/formats/wire-format.md`.
     #[serde(with = "postcard::fixint::le")]
     pub robot: u32,
     /// The channels, in channel order.
     pub channels: Vec<Channel, MAX_CHANNELS>,
 }
 
-/// What a channel commands.
+/// Quantity that a channel commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ChannelKind {
     /// Joint angle, rad.
@@ -33,7 +34,7 @@ pub enum ChannelKind {
     WheelSpeed,
 }
 
-/// One joint or actuated wheel.
+/// Joint or actuated wheel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Channel {
     /// Joint or wheel.
@@ -64,19 +65,19 @@ pub struct ConfigError {
     pub channel: u8,
     /// Field of [`Channel`].
     pub field: &'static str,
-    /// Its value.
+    /// Value of the field.
     pub value: f32,
-    /// What would be right.
+    /// Requirement for the value.
     pub must: &'static str,
 }
 
-/// What a configuration says of a robot with this name: the CRC-32C of the name.
+/// Identity of the robot with this name in a configuration: the CRC-32C of the name.
 pub fn robot_id(name: &str) -> u32 {
     crc32c(name.as_bytes())
 }
 
 impl RobotConfig {
-    /// Identity of the configuration: CRC-32C of its postcard encoding (docs/wire-format.md).
+    /// Identity of the configuration: CRC-32C of its postcard encoding (docs/formats/wire-format.md).
     /// Any change of the robot's name, of a channel, a limit, a gain or an address changes it.
     pub fn hash(&self) -> u32 {
         // Written out, as postcard would encode it, so that it cannot fail.
@@ -123,7 +124,7 @@ impl RobotConfig {
 }
 
 impl Channel {
-    /// Field, value and what would be right, of the first value that is not usable.
+    /// Field, value and requirement of the first value that is not usable.
     fn fault(&self) -> Option<(&'static str, f32, &'static str)> {
         let (reach, reach_text) = match self.kind {
             ChannelKind::JointPosition => {

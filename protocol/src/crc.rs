@@ -8,7 +8,7 @@ use crc::{CRC_8_AUTOSAR, CRC_32_ISCSI, CRC_32_ISO_HDLC, Crc, NoTable};
 
 static CRC_32C: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 static CRC_8: Crc<u8> = Crc::<u8>::new(&CRC_8_AUTOSAR);
-/// Without a table: whole files are looked at rarely, and a kilobyte of flash is worth more.
+/// Digest of whole files, without a table: files are digested rarely, and the table takes a kilobyte of flash.
 static DIGEST: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// CRC-32C (Castagnoli; polynomial 0x1EDC6F41, reflected, initial value and final XOR all ones).
@@ -24,11 +24,11 @@ pub fn crc32c_append(before: u32, bytes: &[u8]) -> u32 {
     digest.finalize()
 }
 
-/// What tells whole files apart: CRC-32/ISO-HDLC, that of zlib and Ethernet (polynomial 0x04C11DB7, reflected, initial value
+/// Digest that identifies whole files: CRC-32/ISO-HDLC, as in zlib and Ethernet (polynomial 0x04C11DB7, reflected, initial value
 /// and final XOR all ones).
 ///
-/// Not CRC-32C: libraries contain blocks that end with their own CRC-32C, and to the same polynomial each of them
-/// looks like any other of its length.
+/// CRC-32C cannot serve: libraries contain blocks that end with their own CRC-32C. To the same polynomial, such blocks of equal
+/// length all look alike.
 pub fn file_digest(bytes: &[u8]) -> u32 {
     DIGEST.checksum(bytes)
 }

@@ -1,9 +1,8 @@
-//! The catalogue of faults: every fault and event of the safety state machine, with all that is known of it.
+//! Catalogue of faults: every fault and event of the safety state machine, with its texts and reactions.
 //!
-//! A fault is a row of [`Fault`] and one of the [`Event`] that raises it, a place in the firmware that raises the event and
-//! measures its value, and a section of `docs/faults.md`. Reactions, reports, advice, the DBC files and the tables in
-//! `docs/` follow from the rows. Firmware calls only what returns codes and severities, so that no text reaches its
-//! image.
+//! A fault is a row of [`Fault`] and a row of the [`Event`] that raises it, a line of firmware that raises the event and measures
+//! its value, and a section of `docs/faults.md`. Reactions, reports, advice, the DBC files and the tables in `docs/` follow from
+//! the rows. Firmware calls only the functions that return codes and severities, so that no text reaches its image.
 
 use core::fmt;
 
@@ -13,7 +12,7 @@ coded! {
     /// A reaction of the controller; of several that are called for, the strongest wins.
     #[derive(PartialOrd, Ord)]
     Severity {
-        /// None.
+        /// Normal operation: no reaction.
         None = 0,
         /// Reported; the robot goes on.
         Notice = 1,
@@ -44,9 +43,9 @@ pub struct Description {
 /// Meaning of the value in a fault report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// A quantity with this unit, in ASCII, and what it is.
+    /// A quantity: its unit, in ASCII, and its meaning.
     Measured(&'static str, &'static str),
-    /// As [`Measured`](Self::Measured); a negative value has the last meaning instead.
+    /// Quantity like [`Measured`](Self::Measured), whose negative values have the last meaning instead.
     MeasuredUnless(&'static str, &'static str, &'static str),
     /// Number of something.
     Number(&'static str),
@@ -119,7 +118,7 @@ macro_rules! faults {
 }
 
 faults! {
-    /// No library, or it was refused.
+    /// Library missing or refused.
     NoLibrary = 0: "no valid library", "flash a library, then arm";
     /// The library is for another robot configuration.
     ConfigMismatch = 1: "library for another robot",
@@ -150,7 +149,7 @@ faults! {
     SetpointTimeout = 8: "streamed setpoints came too late",
         "see what holds up the host or the link; clear, then arm",
         value Measured("s", "since the last frame of setpoints");
-    /// No node acknowledges on an actuator bus.
+    /// Frames on an actuator bus without acknowledgement by any node.
     BusNoAck = 9: "no node acknowledges on an actuator bus",
         "check motor power and the actuator bus; clear, then arm", value Number("bus");
     /// An actuator bus is error-passive.
@@ -201,12 +200,12 @@ impl FaultBits {
         Self(self.0 | 1 << fault.code())
     }
 
-    /// Whether the fault is in the set.
+    /// True if the fault is in the set.
     pub fn contains(self, fault: Fault) -> bool {
         self.0 >> fault.code() & 1 != 0
     }
 
-    /// Whether the set is empty.
+    /// True if the set is empty.
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }
@@ -227,7 +226,7 @@ impl FaultBits {
     }
 }
 
-/// Defines [`Event`] by rows: code, severity, the fault that it raises, and what happened as a clause.
+/// Defines [`Event`] by rows: code, severity, the fault that it raises, and its description as a clause.
 macro_rules! events {
     ($(
         $(#[$doc:meta])*
@@ -253,7 +252,7 @@ macro_rules! events {
                 }
             }
 
-            /// What happened, as a clause.
+            /// Description of the event, as a clause.
             pub const fn description(self) -> &'static str {
                 match self {
                     $(Self::$event => $description,)*
@@ -266,7 +265,7 @@ macro_rules! events {
 events! {
     /// Emergency stop, from the link or from the board.
     EStop = 0: EStop, Some(Fault::EStop), "emergency stop";
-    /// An actuator bus is off: no actuator on it hears the controller.
+    /// An actuator bus is off: the controller reaches no actuator on it.
     BusOff = 1: EStop, Some(Fault::BusOff), "an actuator bus has gone off";
     /// Configuration or settings cannot be used.
     SelfTestFailed = 2: TorqueOff, Some(Fault::Internal),
@@ -276,7 +275,7 @@ events! {
     /// An actuator reports a fault or has dropped its torque.
     ActuatorFault = 4: Damp, Some(Fault::ActuatorFault),
         "an actuator reported a fault or dropped its torque";
-    /// No node acknowledges frames on an actuator bus.
+    /// Frames on an actuator bus without acknowledgement by any node.
     NotAcknowledged = 5: Damp, Some(Fault::BusNoAck), "no node acknowledged on an actuator bus";
     /// An actuator bus is error-passive: about to go off.
     BusPassive = 6: Damp, Some(Fault::BusPassive), "an actuator bus has become error-passive";

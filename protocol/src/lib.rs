@@ -3,14 +3,14 @@
 //! | module | is | normative page |
 //! |---|---|---|
 //! | [`config`] | the robot as the controller sees it, and its hash | |
-//! | [`library`] | the motion library (`.rwl`): encoder, validator, read view, frame decoder | `docs/motion-library.md` |
+//! | [`library`] | the motion library (`.rwl`): encoder, validator, read view, frame decoder | `docs/formats/motion-library.md` |
 //! | [`faults`] | the catalogue of faults and of the events that raise them | `docs/faults.md` |
-//! | [`wire`] | messages between host and controller, and the transport of long ones | `docs/wire-format.md` |
-//! | [`actuator`] | messages between controller and servos or wheel drives | `docs/wire-format.md` |
+//! | [`wire`] | messages between host and controller, and the transport of long ones | `docs/formats/wire-format.md` |
+//! | [`actuator`] | messages between controller and servos or wheel drives | `docs/formats/wire-format.md` |
 //! | [`actuators`] | the protocols of servos and wheel drives, this and those of other makers | `docs/actuators.md` |
-//! | [`packet`] | packets on a serial line | `docs/wire-format.md` |
-//! | [`tunnel`] | frames of every bus and the time over one serial line | `firmware/boards/README.md` |
-//! | [`serial`] | the link over a serial line | `docs/wire-format.md` |
+//! | [`packet`] | packets on a serial line | `docs/formats/wire-format.md` |
+//! | [`tunnel`] | frames of every bus and the time over one serial line | `firmware/boards/mps2-an386/README.md` |
+//! | [`serial`] | the link over a serial line | `docs/formats/wire-format.md` |
 //! | [`slcan`] | CAN frames as lines of text, for adapters that speak Lawicel's protocol | |
 //! | [`can`] | a CAN frame as a value, and how many bits it takes | |
 //! | [`crc`] | the checksums that all of it uses | |

@@ -14,10 +14,10 @@ pub fn problem(name: &str) -> Option<&'static str> {
     }
 }
 
-/// What is right for a name that has a [`problem`].
+/// Advice for a name that has a [`problem`].
 pub const HELP: &str = "type the name anew, with letters of one script and composed accents";
 
-/// Whether two different names look the same. Names of ASCII alone do not: fonts for programs keep `l` from `1`.
+/// True if two different names look the same. Names of ASCII alone do not: fonts for programs distinguish `l` from `1`.
 pub fn look_alike(one: &str, other: &str) -> bool {
     one != other && !(one.is_ascii() && other.is_ascii()) && skeleton(one).eq(skeleton(other))
 }

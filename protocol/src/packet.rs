@@ -31,7 +31,7 @@ impl<const N: usize> Writer<N> {
         append(&mut self.0, bytes)
     }
 
-    /// `None` for a frame with a 29-bit identifier: no packet carries those.
+    /// Appends a frame; `None` for a frame with a 29-bit identifier, which no packet carries.
     pub(crate) fn frame(&mut self, frame: &Frame) -> Option<()> {
         let [low, high] = frame.standard_id()?.to_le_bytes();
         self.put(&[low, high, frame.data().len() as u8])?;

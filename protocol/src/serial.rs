@@ -83,7 +83,7 @@ pub enum Reset {
     Pin,
     /// The independent watchdog: the control loop had stopped.
     Watchdog,
-    /// By software: a debugger.
+    /// Reset by software: a debugger.
     Software,
 }
 
@@ -106,7 +106,7 @@ pub enum BusState {
     /// Error active: no fault.
     #[default]
     Active,
-    /// No node acknowledges: alone on the bus, or the others have no power.
+    /// Missing acknowledgements: the controller is alone on the bus, or the other nodes have no power.
     NotAcknowledged,
     /// Error passive: 128 errors or more.
     Passive,
@@ -115,7 +115,7 @@ pub enum BusState {
 }
 
 impl<'a> Packet<'a> {
-    /// As bytes for the line.
+    /// Encodes the packet as bytes for the line.
     pub fn encode(&self) -> Option<Line> {
         let mut packet = Writer::default();
         match self {
@@ -147,7 +147,7 @@ impl<'a> Packet<'a> {
         packet.finish()
     }
 
-    /// From a packet of a [`Deframer`].
+    /// Decodes a packet of a [`Deframer`].
     pub fn decode(packet: &'a [u8]) -> Option<Self> {
         let mut rest = Reader(packet);
         let [kind] = rest.take()?;

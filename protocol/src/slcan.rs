@@ -1,4 +1,4 @@
-//! SLCAN, Lawicel's protocol: CAN frames as lines of text, as cheap adapters and Linux's `slcand` speak it.
+//! SLCAN, Lawicel's protocol: CAN frames as lines of text, for cheap adapters and Linux's `slcand`.
 //!
 //! Source: Lawicel AB, "CANUSB manual" (command set of the CAN232). A line ends with a carriage return;
 //! `t1232AABB` is a frame with an identifier of 11 bits, two bytes of data, `T` one of 29 bits. An
@@ -43,7 +43,7 @@ pub fn bitrate_digit(bitrate: u32) -> Option<u8> {
 }
 
 impl Message {
-    /// As a line; `None` for [`Message::Other`] and for a digit that is none.
+    /// Encodes the message as a line; `None` for [`Message::Other`] and for an invalid digit.
     pub fn encode(&self) -> Option<Line> {
         let mut line = Line::new();
         match self {
@@ -146,7 +146,7 @@ fn parse(line: &[u8]) -> Option<Message> {
     }
 }
 
-/// Identifier, bytes and their number of a frame whose identifier has so many digits.
+/// Identifier, bytes and their number of a frame whose identifier has `id_digits` digits.
 fn frame(text: &[u8], id_digits: usize) -> Option<(u32, [u8; 8], usize)> {
     let (id, rest) = text.split_at_checked(id_digits)?;
     let (len, rest) = rest.split_at_checked(1)?;
@@ -180,7 +180,7 @@ mod tests {
         Message::Frame(Frame::standard(id, data).unwrap())
     }
 
-    /// Examples of the manual, and what `slcand -o -s8` sends first.
+    /// Examples of the manual, and the first bytes of `slcand -o -s8`.
     #[test]
     fn lines_of_the_manual() {
         assert_eq!(read(b"t10021133\r"), [standard(0x100, &[0x11, 0x33])]);

@@ -1,5 +1,5 @@
-//! Text that others wrote: names in libraries, files and messages. Which characters are safe to print, and the form in
-//! which the others are shown.
+//! Text of other people: names in libraries, files and messages. Defines the characters that are safe to print, and the printed
+//! form of the others.
 //!
 //! A terminal obeys control characters, and formatting characters reorder or hide what stands beside them; a name with
 //! either can pass for another. For hosts: a controller prints nothing.
@@ -7,8 +7,8 @@
 use core::fmt::{self, Write};
 use core::str::FromStr;
 
-/// Whether a character changes how a terminal shows others: control characters, line and paragraph separators, marks of
-/// direction, and characters without width.
+/// True for characters that change how a terminal shows others: control characters, line and paragraph separators, direction
+/// marks, and characters without width.
 pub fn is_hidden(c: char) -> bool {
     c.is_control()
         || matches!(c,
@@ -16,7 +16,7 @@ pub fn is_hidden(c: char) -> bool {
             | '\u{2060}'..='\u{206F}' | '\u{FEFF}' | '\u{FFF9}'..='\u{FFFB}' | '\u{E0000}'..='\u{E0FFF}')
 }
 
-/// Whether a printed name can be distinguished from others: not empty, no hidden characters, no space at its ends.
+/// True if a printed name can be distinguished from others: not empty, no hidden characters, no space at its ends.
 pub fn is_plain_name(name: &str) -> bool {
     !name.is_empty() && name.trim() == name && !name.contains(is_hidden)
 }
@@ -29,7 +29,7 @@ pub struct Shown<'a>(pub &'a str);
 #[derive(Clone, Copy, Debug)]
 pub struct ShownLines<'a>(pub &'a str);
 
-/// Most characters of an [`Excerpt`], besides the dots for what is left out.
+/// Most characters of an [`Excerpt`], besides the dots for omitted text.
 const EXCERPT_MAX: usize = 100;
 /// Characters of an [`Excerpt`] before the place that it is about.
 const EXCERPT_BEFORE: usize = 40;
@@ -130,7 +130,7 @@ impl<T: Copy + PartialOrd + Into<f64> + FromStr> fmt::Display for Limit<T> {
     }
 }
 
-/// `value` and so many steps of its fifth digit, without zeros at the end; `None` below 1e-9, and from 100,000 on, where
+/// `value` changed by `steps` steps of its fifth digit, without zeros at the end. `None` below 1e-9, and from 100,000 on, where
 /// more digits stand before the point.
 fn digits(value: f64, steps: f64) -> Option<heapless::String<32>> {
     let size = value.abs();

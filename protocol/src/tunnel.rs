@@ -65,32 +65,32 @@ pub enum Input {
 pub struct Buses(u16);
 
 impl Buses {
-    /// With the link.
+    /// Adds the link.
     pub fn with_link(self) -> Self {
         Self(self.0 | 1)
     }
 
-    /// With an actuator bus; those from [`MAX_ACTUATOR_BUSES`] on do not exist.
+    /// Adds an actuator bus; numbers from [`MAX_ACTUATOR_BUSES`] on are ignored.
     pub fn with_actuator(self, bus: u8) -> Self {
         if bus < MAX_ACTUATOR_BUSES { Self(self.0 | 2 << bus) } else { self }
     }
 
-    /// Those of `self` that are not in `other`.
+    /// Buses of `self` that are not in `other`.
     pub fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 
-    /// Whether the link is one.
+    /// True if the link is in the set.
     pub fn link(self) -> bool {
         self.0 & 1 != 0
     }
 
-    /// Whether an actuator bus is one.
+    /// True if the actuator bus is in the set.
     pub fn actuator(self, bus: u8) -> bool {
         bus < MAX_ACTUATOR_BUSES && self.0 & (2 << bus) != 0
     }
 
-    /// Whether there is none.
+    /// True if the set is empty.
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }
@@ -99,7 +99,7 @@ impl Buses {
 /// Answer of the board.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// Its identity.
+    /// Identity of the board.
     Hello(Hello),
     /// Frames that the controller sends.
     Stepped(Stepped),
@@ -134,11 +134,11 @@ pub struct Figures {
     pub periods: u32,
     /// The longest tick alone.
     pub worst_tick: u32,
-    /// All ticks.
+    /// Sum of all ticks.
     pub all_ticks: u64,
     /// The longest period: the tick, every actuator's feedback and every frame for a bus.
     pub worst_period: u32,
-    /// All periods.
+    /// Sum of all periods.
     pub all_periods: u64,
     /// Deepest stack while the board started, bytes.
     pub start_stack_bytes: u32,
@@ -147,7 +147,7 @@ pub struct Figures {
 }
 
 impl Request {
-    /// As bytes for the line.
+    /// Encodes the request as bytes for the line.
     pub fn encode(&self, sequence: u8) -> Option<Line> {
         let mut packet = Writer::default();
         match self {
@@ -171,7 +171,7 @@ impl Request {
         packet.finish()
     }
 
-    /// From a packet of a [`Deframer`], with its sequence number.
+    /// Decodes a packet of a [`Deframer`], with its sequence number.
     pub fn decode(packet: &[u8]) -> Option<(u8, Self)> {
         let mut rest = Reader(packet);
         let [kind, sequence] = rest.take()?;
@@ -200,7 +200,7 @@ impl Request {
 }
 
 impl Answer {
-    /// As bytes for the line.
+    /// Encodes the answer as bytes for the line.
     pub fn encode(&self, sequence: u8) -> Option<Line> {
         let mut packet = Writer::default();
         match self {
@@ -239,7 +239,7 @@ impl Answer {
         packet.finish()
     }
 
-    /// From a packet of a [`Deframer`], with its sequence number.
+    /// Decodes a packet of a [`Deframer`], with its sequence number.
     pub fn decode(packet: &[u8]) -> Option<(u8, Self)> {
         let mut rest = Reader(packet);
         let [kind, sequence] = rest.take()?;

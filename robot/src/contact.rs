@@ -114,23 +114,23 @@ impl Contact {
         self.capabilities().axis_in_link
     }
 
-    /// Whether the contact point can move along the ground without slip: every wheel and blade, welded
-    /// wheels included. Such a contact has tilt, yaw and spin.
+    /// True if the contact point can move along the ground without slip: every wheel and blade, welded wheels included. Such a
+    /// contact has tilt, yaw and spin.
     pub fn rolls(&self) -> bool {
         self.axis_in_link().is_some()
     }
 
-    /// Whether the wheel is fixed to its link, so that it rolls only as the link turns.
+    /// True if the wheel is fixed to its link, so that it rolls only as the link turns.
     pub fn rolls_with_link(&self) -> bool {
         self.rolls() && self.actuator().is_none() && self.drag().is_none()
     }
 
-    /// Whether it is a wheel that turns freely on its axle; blades are none.
+    /// True if the contact is a wheel that turns freely on its axle; false for blades.
     pub fn freewheels(&self) -> bool {
         self.drag().is_some() && self.blade_length_m().is_none()
     }
 
-    /// Whether a wheel turns against its link, by a motor or freely.
+    /// True if a wheel turns against its link, by a motor or freely.
     pub fn spins(&self) -> bool {
         self.actuator().is_some() || self.freewheels()
     }

@@ -88,8 +88,8 @@ pub struct EndEffector {
     pub friction_coefficient: f64,
     /// Kind of contact.
     pub contact: Contact,
-    /// What a foot is made of, if it is soft: a ball of `radius_m` about its centre. Its mass is part of its link's. Plans know nothing of it,
-    /// the simulated world does.
+    /// Material of a soft foot: a ball of `radius_m` about its centre. Its mass is part of the mass of its link. The simulated
+    /// world uses it; plans do not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub soft: Option<SoftMaterial>,
 }
@@ -117,8 +117,8 @@ impl SoftMaterial {
         4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3) * self.density_kg_m3
     }
 
-    /// Mass, kg, and inertia about its centre, kg·m², of the ball of few elements that the simulated world has for it: a part of its
-    /// link, in the link's axes.
+    /// Mass, kg, and inertia about its centre, kg·m², of the ball of few elements that the simulated world has for it: a part
+    /// of its link, in the link's axes.
     pub fn simulated(&self, radius_m: f64) -> (f64, Matrix3<f64>) {
         let [mass, on_axis, across] = UNIT_FOOT;
         let mass_kg = mass * self.density_kg_m3 * radius_m.powi(3);

@@ -15,7 +15,7 @@ struct PoseFields {
     orientation_wxyz: [f64; 4],
 }
 
-/// For `#[serde(with)]`.
+/// Serialises a pose, for `#[serde(with)]`.
 pub fn serialize<S: Serializer>(pose: &Isometry3<f64>, serializer: S) -> Result<S::Ok, S::Error> {
     let q = pose.rotation.quaternion();
     let fields = PoseFields {
@@ -25,7 +25,7 @@ pub fn serialize<S: Serializer>(pose: &Isometry3<f64>, serializer: S) -> Result<
     fields.serialize(serializer)
 }
 
-/// For `#[serde(with)]`.
+/// Deserialises a pose, for `#[serde(with)]`.
 ///
 /// # Errors
 /// Missing fields, and an `orientation_wxyz` that is no unit quaternion.

@@ -14,7 +14,7 @@ pub const DEFAULT_CLEARANCE_MARGIN_M: f64 = 0.01;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
-    /// All points within `radius_m` of a line segment; of a single point, where both ends are the same.
+    /// Points within `radius_m` of a line segment; of a single point if both ends are the same.
     Capsule {
         /// First end of the segment, in the link frame, m.
         from_in_link_m: Vector3<f64>,

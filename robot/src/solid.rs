@@ -5,9 +5,9 @@ use nalgebra::Vector3;
 /// A homogeneous part of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solid {
-    /// Its centre in the link frame, m.
+    /// Centre in the link frame, m.
     pub center_in_link_m: Vector3<f64>,
-    /// Its form, along the axes of the link.
+    /// Form, along the axes of the link.
     pub form: Form,
 }
 

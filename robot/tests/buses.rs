@@ -1,4 +1,4 @@
-//! What robot files say of actuator buses, and every mistake in that.
+//! Actuator buses in robot files, and each mistake in them.
 
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::cybergear::CyberGear;
@@ -72,7 +72,7 @@ fn bus(number: u8, lines: &str) -> Bus {
     read(number, lines).unwrap().buses[&number]
 }
 
-/// One fault, at the line that begins with `at`, with these words.
+/// Asserts a single fault, at the line that begins with `at`, with these words.
 #[track_caller]
 fn assert_fault(number: u8, lines: &str, at: &str, message: &str, help: &str) {
     let text = format!("{ROBOT}\n[[bus]]\nnumber = {number}\n{lines}");
@@ -342,7 +342,7 @@ fn numbers_that_no_drive_can_be_set_to_are_refused_from_json_too() {
     }
 }
 
-/// What a controller would find out by the silence of a drive, and its self test does not look at.
+/// Faults that a controller would only notice by a silent drive, and that its self-test does not check.
 #[test]
 fn what_an_actuator_cannot_be_told_is_found_at_the_motor() {
     // The limits of the data sheet, above what the bus can say.

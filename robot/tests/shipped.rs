@@ -48,7 +48,7 @@ fn contacts_in_body(robot: &Robot) -> Vec<Vector3<f64>> {
     robot.end_effectors.iter().map(contact).collect()
 }
 
-/// Every shipped robot with its numbers of joints, end effectors and channels, and the mass to expect, kg.
+/// Shipped robots, each with its numbers of joints, end effectors and channels, and the expected mass, kg.
 fn all() -> Vec<(Robot, [usize; 3], std::ops::Range<f64>)> {
     macro_rules! shipped {
         ($($name:literal: $counts:expr, $mass:expr;)*) => {

@@ -108,7 +108,7 @@ mod tests {
     use std::fs;
     use std::path::Path;
 
-    /// What stands in the folders of the checkout is shipped, all of it.
+    /// Files in the folders of the checkout are all shipped.
     #[test]
     fn no_robot_and_no_motion_is_left_out() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -28,7 +28,7 @@ pub enum TxPolicy {
     /// A newer frame replaces a pending one of the same id: for setpoints and feedback, of which only the latest is
     /// of use.
     Latest,
-    /// Every frame is kept, up to a limit of pending frames: for streams such as ISO-TP.
+    /// Keeps all frames, up to a limit of pending frames: for streams such as ISO-TP.
     Queue {
         /// Limit of pending frames.
         depth: usize,
@@ -137,7 +137,7 @@ struct Flight {
     end: SimTime,
 }
 
-/// One bus.
+/// CAN bus in virtual time.
 #[derive(Debug)]
 pub struct CanBus {
     bit_ns: u64,
@@ -145,7 +145,7 @@ pub struct CanBus {
     /// Instant at which the bus became idle, or will be after the frame in flight and its intermission.
     idle_from: SimTime,
     in_flight: Option<Flight>,
-    /// Whether no node acknowledges, so that the controller keeps repeating its frame.
+    /// True if no node acknowledges, so that the controller repeats its frame.
     disconnected: bool,
     statistics: BusStatistics,
 }

@@ -13,32 +13,32 @@ impl SimTime {
     /// The start of every simulation.
     pub const ZERO: Self = Self(0);
 
-    /// From whole nanoseconds.
+    /// Creates a time from whole nanoseconds.
     pub const fn from_ns(ns: u64) -> Self {
         Self(ns)
     }
 
-    /// From whole microseconds.
+    /// Creates a time from whole microseconds.
     pub const fn from_us(us: u64) -> Self {
         Self(us * 1_000)
     }
 
-    /// From whole milliseconds.
+    /// Creates a time from whole milliseconds.
     pub const fn from_ms(ms: u64) -> Self {
         Self(ms * 1_000_000)
     }
 
-    /// In whole nanoseconds.
+    /// Returns whole nanoseconds.
     pub const fn as_ns(self) -> u64 {
         self.0
     }
 
-    /// In whole microseconds, rounded down: the controller's clock.
+    /// Returns whole microseconds, rounded down: the controller's clock.
     pub const fn as_us(self) -> u64 {
         self.0 / 1_000
     }
 
-    /// In seconds.
+    /// Returns seconds.
     pub fn as_s(self) -> f64 {
         self.0 as f64 * 1e-9
     }

@@ -52,7 +52,8 @@ pub trait Core {
         let _ = (now_us, up_in_body);
     }
 
-    /// Passes what an IMU measures in body axes: angular velocity, rad/s, and specific force, m/s². A controller without an IMU ignores it.
+    /// Passes what an IMU measures in body axes: angular velocity, rad/s, and specific force, m/s². A controller without an IMU
+    /// ignores it.
     fn on_imu(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
         let _ = (gyro_rad_s, force_m_s2);
     }
@@ -62,8 +63,7 @@ pub trait Core {
         let _ = contacts;
     }
 
-    /// What the latest setpoint of a channel was offset by in place of a torque, rad or rad/s; 0 where the controller does
-    /// not tell.
+    /// Offset of a channel's latest setpoint in place of a torque, rad or rad/s; 0 if the controller does not report it.
     fn torque_offset(&self, channel: usize) -> f32 {
         let _ = channel;
         0.0
@@ -108,7 +108,7 @@ pub struct Local {
     controller: Controller<SimStore, SimParameters>,
     buses: Buses,
     settings: Settings,
-    /// With the count of boots before this process.
+    /// Link key, with the number of boots before this process.
     link_key: Option<(LinkKey, u32)>,
     library_key: Option<VerifyingKey>,
     boots: SimBoots,
@@ -121,7 +121,7 @@ impl Local {
         Self::booting(config, buses, settings, (store::blank(), store::blank_parameters()))
     }
 
-    /// As [`Self::new`], with a library active as if it had been flashed and activated.
+    /// Creates a controller like [`Self::new`], with a library active as if it had been flashed and activated.
     ///
     /// # Panics
     /// The library does not fit into the simulated flash.
@@ -157,8 +157,8 @@ impl Local {
         self.keeper = Some(keeper);
     }
 
-    /// From here on, and after power cycles, the controller obeys only hosts with this key. `boots_before` is the count of boots of
-    /// controllers with the key before this process: none of their sessions begins again.
+    /// Requires hosts to have this key, from here on and after power cycles. `boots_before` is the number of boots of controllers
+    /// with the key before this process: none of their sessions begins again.
     pub fn insist_on(&mut self, key: LinkKey, boots_before: u32) {
         let boot = self.boots.count().ok().and_then(|boot| boot.checked_add(boots_before));
         self.controller.insist_on(key.clone(), boot);

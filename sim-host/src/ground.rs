@@ -36,7 +36,7 @@ const PICKED_UP_S: f64 = 3.0;
 /// A fall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fall {
-    /// When it was seen.
+    /// Instant at which it was detected.
     pub at: SimTime,
     /// Tilt and height.
     pub how: world::Fall,
@@ -55,22 +55,22 @@ pub struct Grounded {
     /// Torque-speed lines in channel order: stall torque, N·m, and no-load speed, rad/s.
     lines: Vec<(f64, f64)>,
     falls: Vec<Fall>,
-    /// It has fallen since the hoist let go of it.
+    /// True if the robot has fallen since the hoist let go of it.
     has_fallen: bool,
     /// Last instant at which a motor had torque.
     torque_at: SimTime,
     /// Pushes, from the start of the simulation on.
     shoves: Vec<Shove>,
-    /// Of the clip that is being played.
+    /// Travel during the clip that is being played.
     travel: Option<Travel>,
-    /// Of the clips before, which were not taken yet.
+    /// Travels during earlier clips, which were not taken yet.
     travels: Vec<Travel>,
     imu: Imu,
     /// Time of the world at its last sample, s.
     sampled_s: f64,
 }
 
-/// What the sensors of a body measure.
+/// Sample of the sensors of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodySample {
     /// The IMU.
@@ -125,12 +125,12 @@ impl Grounded {
         &self.falls
     }
 
-    /// Whether the robot has fallen since the hoist let go of it.
+    /// True if the robot has fallen since the hoist let go of it.
     pub fn has_fallen(&self) -> bool {
         self.has_fallen
     }
 
-    /// Whether the hoist holds the body.
+    /// True if the hoist holds the body.
     pub fn is_held(&self) -> bool {
         self.hoist.is_some()
     }
@@ -164,7 +164,7 @@ impl Grounded {
         std::mem::take(&mut self.travels)
     }
 
-    /// Hears which clip the robot plays. For the first one the hoist lets go.
+    /// Sets the clip that the robot plays. The hoist lets go at the first clip.
     pub fn on_playing(&mut self, now: SimTime, clip: Option<ClipId>) {
         if clip.is_some() && matches!(self.lets_go, LetsGo::WhenItPlays) {
             self.hoist = None;

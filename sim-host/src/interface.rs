@@ -23,9 +23,9 @@ pub struct PacketEntry {
     pub at_us: u64,
     /// The line.
     pub interface: Interface,
-    /// Whether the controller sent it.
+    /// True if the controller sent the packet.
     pub from_controller: bool,
-    /// Its bytes.
+    /// Bytes of the packet.
     pub bytes: Vec<u8>,
 }
 

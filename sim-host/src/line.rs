@@ -1,10 +1,9 @@
 //! A half-duplex serial line in virtual time: controller and servos take turns, every byte takes its ten bits.
 //!
 //! Like [`crate::bus::CanBus`] the line is pulled: [`SerialLine::next_event`] is the instant of the next event, and
-//! [`SerialLine::advance`] handles it and returns a packet that has ended, which the caller hands to the other side.
-//! Servos that answer one question speak one after the other, each after its return delay
-//! ([`rollwalk_drives::Answer`]); who waits for a servo that says nothing waits for ever, so those behind it are silent
-//! too. A new packet of the controller makes servos forget what they were about to answer.
+//! [`SerialLine::advance`] handles it and returns a packet that has ended, which the caller passes to the other side. Servos that
+//! answer the same question send one after the other, each after its return delay ([`rollwalk_drives::Answer`]). If a servo stays
+//! silent, those behind it stay silent, too. A new packet of the controller cancels pending answers.
 //!
 //! No node listens before it talks. Where two talk at once, every byte that overlaps another is damaged.
 
@@ -15,7 +14,7 @@ use std::collections::BTreeMap;
 /// Start bit, eight data bits, stop bit.
 const BITS_PER_BYTE: u64 = 10;
 
-/// Who speaks.
+/// Sender on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Speaker {
     /// The controller.
@@ -29,9 +28,9 @@ pub enum Speaker {
 pub struct Heard {
     /// End of its last stop bit.
     pub at: SimTime,
-    /// Whose it is.
+    /// Sender of the packet.
     pub from: Speaker,
-    /// Its bytes, some of them perhaps damaged.
+    /// Bytes of the packet, some of them perhaps damaged.
     pub bytes: Vec<u8>,
 }
 
@@ -61,20 +60,20 @@ struct Turns {
     /// The place whose turn it is, and when it began.
     next: usize,
     since: SimTime,
-    /// What has been answered so far.
+    /// Bytes that have been answered so far.
     said: Vec<u8>,
     answers: BTreeMap<usize, (usize, Answer)>,
 }
 
 impl Turns {
-    /// When the next servo speaks; `None` while one speaks that it waits for.
+    /// Instant at which the next servo speaks; `None` while it waits for another one that speaks.
     fn next_start(&self) -> Option<SimTime> {
         let (_, answer) = self.answers.get(&self.next)?;
         Some(self.since + SimTime::from_us(answer.delay_us))
     }
 }
 
-/// One line.
+/// Half-duplex serial line.
 #[derive(Clone, Debug)]
 pub struct SerialLine {
     baud: u64,
@@ -103,7 +102,7 @@ impl SerialLine {
         self.statistics
     }
 
-    /// Whether the controller's last packet has left.
+    /// True if the controller's last packet has left.
     pub fn is_free(&self) -> bool {
         self.talks.iter().all(|talk| talk.from != Speaker::Controller)
     }
@@ -113,14 +112,14 @@ impl SerialLine {
         self.talk(now, Speaker::Controller, packet.to_vec());
     }
 
-    /// What servos answer, by channel, to a packet that has just been heard. They forget what they were about to answer
-    /// before. Of the drives behind one adapter each has its answer.
+    /// Sets the answers of servos, by channel, to a packet that has just crossed the line. Earlier answers that are still pending
+    /// are dropped. Drives behind one adapter have an answer each.
     pub fn answer(&mut self, now: SimTime, answers: impl IntoIterator<Item = (usize, Answer)>) {
         let answers = answers.into_iter().map(|(channel, said)| (said.turn, (channel, said)));
         self.turns = Turns { since: now, answers: answers.collect(), ..Turns::default() };
     }
 
-    /// A servo loses its power, or is cut off: what it says ends here.
+    /// Silences a servo that loses its power or is cut off: its packet ends here.
     pub fn silence(&mut self, channel: usize) {
         self.talks.retain(|talk| talk.from != Speaker::Servo(channel));
         self.turns.answers.retain(|_, (of, _)| *of != channel);
@@ -190,7 +189,7 @@ impl SerialLine {
         talk.start + self.duration(talk.bytes.len())
     }
 
-    /// So many bytes on the line.
+    /// Duration of this many bytes on the line.
     fn duration(&self, bytes: usize) -> SimTime {
         SimTime::from_ns(bytes as u64 * BITS_PER_BYTE * 1_000_000_000 / self.baud)
     }

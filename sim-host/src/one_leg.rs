@@ -122,7 +122,7 @@ fn spin(up: bool) -> Vec<f32> {
     (0..=40).flat_map(ramp).collect()
 }
 
-/// Between rest and [`SWING`]: half a second that swells, or ebbs, to the loop's amplitude and phase.
+/// Transition between rest and [`SWING`]: a second that swells, or ebbs, to the loop's amplitude and phase.
 fn swell(up: bool) -> Vec<f32> {
     let frame = |k: i32| {
         let u = if up { k } else { 60 - k } as f32 / 60.0;

@@ -16,7 +16,7 @@
 use rollwalk_drives::{Law, Shaft};
 use rollwalk_robot::Actuator;
 
-/// One motor with its load.
+/// Motor with its load.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plant {
     armature_kg_m2: f64,
@@ -33,7 +33,7 @@ pub struct Plant {
     pub speed_rad_s: f64,
     /// Torque of the motor over the last step, N·m.
     pub torque_nm: f64,
-    /// Whether the control law required more torque than the motor has.
+    /// True if the control law required more torque than the motor has.
     pub torque_limited: bool,
 }
 

@@ -12,7 +12,7 @@ use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::ClipId;
 use std::collections::BTreeMap;
 
-/// One control period in which a library was played.
+/// Control period in which a library was played.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TickRecord {
     /// Start of the period, which is the instant that its setpoints belong to, µs.
@@ -24,8 +24,8 @@ pub struct TickRecord {
     /// Setpoints that were in force at the end of the period, in channel order: rad for a joint,
     /// rad/s for a wheel. NaN for a channel without one, as on buses with torque setpoints.
     pub commanded: Vec<f32>,
-    /// What the setpoints of this period were offset by in place of torques, in the same units: drives without a field for a
-    /// torque get it by their own gain.
+    /// Offsets of the setpoints of this period in place of torques, in the same units. Drives without a field for a torque get it
+    /// through their own gain.
     pub torque_offsets: Vec<f32>,
     /// State of the motors at `time_us`, in the same units: true values, not feedback frames.
     pub measured: Vec<f32>,
@@ -44,7 +44,7 @@ impl TickRecord {
 /// Follows the setpoints on the actuator buses and keeps a record of each period.
 #[derive(Clone, Debug)]
 pub struct Recorder {
-    /// Whether a channel takes setpoints of position or speed.
+    /// True for channels that take setpoints of position or speed.
     takes_setpoints: Vec<bool>,
     in_force: Vec<f32>,
     fresh: Vec<bool>,
@@ -115,9 +115,9 @@ impl Recorder {
 /// Worst difference between meant and measured values over the periods of a clip.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrackingError {
-    /// Of a joint, rad.
+    /// Error of a joint, rad.
     pub joint_rad: f64,
-    /// Of a wheel, rad/s.
+    /// Error of a wheel, rad/s.
     pub wheel_rad_s: f64,
 }
 

@@ -14,7 +14,7 @@ use rollwalk_protocol::config::Channel;
 /// Longest time without a setpoint before an enabled servo of the Rollwalk profile switches its torque off.
 pub const WATCHDOG: SimTime = SimTime::from_us(rollwalk::WATCHDOG_US);
 
-/// One servo or wheel drive.
+/// Servo or wheel drive.
 #[derive(Clone, Debug)]
 pub struct Servo {
     drive: Drive,
@@ -39,7 +39,7 @@ impl Servo {
         self.drive.cut_power();
     }
 
-    /// Whether it gives torque for a setpoint.
+    /// True if the servo gives torque for a setpoint.
     pub fn is_driving(&self) -> bool {
         self.drive.law(&self.plant.shaft()).is_some()
     }
@@ -85,7 +85,7 @@ impl Servo {
         self.drive.on_time(now.as_us());
     }
 
-    /// What the motor does at present: the law of its drive, or friction.
+    /// Present law of the motor: that of its drive, or friction.
     pub fn law(&self) -> Law {
         self.drive.law(&self.plant.shaft()).unwrap_or(self.friction)
     }

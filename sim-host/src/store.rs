@@ -34,7 +34,7 @@ pub fn blank_parameters() -> SimParameters {
     FlashParameters::mount(RamFlash::new(vec![0xFF; 12 << 10])).expect("three erase units")
 }
 
-/// Both stores after a power cycle, the library's with this key.
+/// Mounts both stores after a power cycle, the library's with this key.
 pub fn mounted_again(
     (library, parameters): (SimStore, SimParameters),
     key: Option<VerifyingKey>,

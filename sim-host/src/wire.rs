@@ -17,7 +17,7 @@ pub struct Wire {
     pub controller: NodeId,
     /// Time since which no node acknowledges; `None` while nodes do.
     pub alone_since: Option<SimTime>,
-    /// Whether the controller is bus-off.
+    /// True if the controller is bus-off.
     pub off: bool,
 }
 
@@ -28,7 +28,7 @@ impl Wire {
         Self { bus, controller, alone_since: None, off: false }
     }
 
-    /// Whether the controller's transmit buffer of `depth` frames has room.
+    /// True if the controller's transmit buffer of `depth` frames has room.
     pub fn is_free(&self, depth: usize) -> bool {
         !self.off && self.bus.pending(self.controller) < depth.min(MAX_DEPTH)
     }
@@ -89,9 +89,9 @@ impl ActuatorBus {
 pub struct ActuatorLine {
     pub line: SerialLine,
     pub channels: Vec<usize>,
-    /// What the servos have heard and is no whole packet yet.
+    /// Bytes that the servos have received and that do not make a whole packet yet.
     pub received: Vec<u8>,
-    /// Whether the line is cut between controller and servos.
+    /// True if the line is cut between controller and servos.
     pub is_cut: bool,
 }
 

@@ -1,7 +1,8 @@
-//! Whether a motion of a library is the plan that the page shows, so that a robot which plays it can be seen beside the plan.
+//! Comparison of the shown plan with a motion of a library. If they agree, a robot that plays the motion is shown beside the
+//! plan.
 //!
-//! A name alone proves nothing: the motion may have been edited since the library was built. So the frames of the library are
-//! compared with those that a library built from the shown plan would have.
+//! Equal names are not enough: the motion may have been edited since the library was built. The frames of the library are
+//! therefore compared with those that a library built from the shown plan would have.
 
 use crate::documents::Documents;
 use crate::library::name_of;

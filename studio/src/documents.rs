@@ -1,8 +1,8 @@
 //! Documents of a project: which text a path means, and texts to a validated robot and motion.
 //!
-//! A page knows files by the paths with which they were opened, which need not be those that documents name each other by: a motion
-//! file that was dropped alone says `../robots/agilebot.toml`. So a name means, in this order, the file at that path, the only
-//! file of that base name, and the same among the files that ship.
+//! A page knows files by the paths with which they were opened, which need not be those that documents name each other by: a
+//! motion file that was dropped alone says `../robots/agilebot.toml`. So a name means, in this order, the file at that path,
+//! the only file of that base name, and the same among the files that ship.
 
 use crate::messages::{Answer, Fault, File};
 use rollwalk_planner::motion::Motion;

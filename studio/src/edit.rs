@@ -1,7 +1,7 @@
 //! Edits of documents: a text with one thing changed, its comments and its order as they were.
 //!
-//! An edit needs a text that is TOML, and nothing more, so that it can also lead out of a document with faults. Edits of footfalls
-//! are the exception: they need to know the footfalls. The session validates what comes of an edit.
+//! An edit needs a text that is TOML, and nothing more, so that it can also lead out of a document with faults. Edits of
+//! footfalls are the exception: they need to know the footfalls. The session validates what comes of an edit.
 
 mod choreography;
 mod everywhere;
@@ -15,15 +15,15 @@ use rollwalk_planner::motion::Motion;
 use rollwalk_robot::Robot;
 use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
 
-/// What edits of a document may need to know: the documents as they were before, if they are valid.
+/// Context of an edit: the documents before it, if they are valid.
 pub struct Known<'k> {
     pub robot: &'k Robot,
     /// The motion that is worked on.
     pub motion: &'k Motion,
 }
 
-/// The text of a document after an edit. `known` is asked by edits of what the motion is, `parameters`, which are those of the
-/// robot that the text describes, by edits of one.
+/// Returns the text of a document after an edit. Edits that depend on robot or motion call `known`. Edits of a robot parameter
+/// call `parameters`, which returns the parameters of the robot in the text.
 ///
 /// # Errors
 /// The text is no TOML, or the edit does not fit it.

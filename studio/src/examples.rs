@@ -3,7 +3,7 @@
 use crate::messages::{Listed, Of};
 use toml_edit::Document;
 
-/// All robots, motions, libraries and designs that ship.
+/// Returns all shipped robots, motions, libraries and designs.
 pub fn listed() -> Vec<Listed> {
     rollwalk_shipped::FILES.iter().filter_map(|&(path, text)| entry(path, text)).collect()
 }

@@ -9,7 +9,7 @@ use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_robot::Robot;
 use toml_edit::{Document, Item, Table};
 
-/// How long first transitions take, s.
+/// Shortest duration of new transitions, s.
 const TRANSITION_S: f64 = 1.2;
 /// Time for each step of feet and what else no motor rolls, s.
 const STEP_S: f64 = 0.4;
@@ -148,7 +148,7 @@ pub fn begun(documents: &Documents<'_>, motion: &str) -> Result<Vec<File>, Answe
     Ok(added)
 }
 
-/// Whether a motion can be SAFE.
+/// True if a motion can be SAFE.
 fn stands(motion: &Motion, robot: &Robot) -> bool {
     let goal = &motion.goal;
     let still = [goal.forward_m, goal.left_m, goal.turn_rad];

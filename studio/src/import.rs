@@ -133,7 +133,7 @@ fn motion_file(
     }
 }
 
-/// Whether the planner finds a motion in [`TRIED`] iterations: a user should see the robot move first, and no failed plan.
+/// True if the planner finds a motion in [`TRIED`] iterations. The first motion that a user sees must not be a failed plan.
 fn can(robot: &Robot, file: &File) -> bool {
     let Ok(motion) = Motion::from_toml(&file.path, &file.text, robot) else { return false };
     let settings = Settings { iterations: TRIED, ..Settings::default() };

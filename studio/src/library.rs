@@ -70,7 +70,7 @@ pub fn build(
     Ok((done, built.map_or_else(Vec::new, |built| built.bytes)))
 }
 
-/// What a library file calls the motion of a motion file; `None` if it has faults, or does not name that file.
+/// Name of a motion file's motion in a library file; `None` if the library file has faults, or does not name the motion file.
 pub fn name_of(
     documents: &Documents<'_>,
     library: &str,
@@ -87,7 +87,7 @@ pub fn name_of(
     file.motions.into_iter().find(|item| is_meant(&item.source)).map(|item| item.name)
 }
 
-/// What is wrong with a library file, or with what it names.
+/// Faults of a library file and of the files that it names.
 pub fn faults_of(documents: &Documents<'_>, path: &str) -> Result<Vec<Fault>, Answer> {
     match read(documents, path) {
         Ok(_) => Ok(Vec::new()),
@@ -96,7 +96,7 @@ pub fn faults_of(documents: &Documents<'_>, path: &str) -> Result<Vec<Fault>, An
     }
 }
 
-/// Reads a library file and what it names.
+/// Reads a library file and the files that it names.
 fn read(documents: &Documents<'_>, path: &str) -> Result<Contents, Answer> {
     let Found { path, text } =
         documents.find(path).ok_or_else(|| missing("library file", path, ""))?;

@@ -1,4 +1,4 @@
-//! What page and engine say to each other: JSON, tagged by `kind`. Frames: world, z up; units m, rad, N, N·m, s.
+//! Messages between page and engine: JSON, tagged by `kind`. Frames: world, z up; units m, rad, N, N·m, s.
 //!
 //! Every request has a number, `seq`, which its answers repeat: any count of `progress`, then one `done`, `faults` or `error`.
 
@@ -30,15 +30,15 @@ pub struct Request {
     pub wanted: Wanted,
 }
 
-/// What a page wants.
+/// Request of a page.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Wanted {
     /// Names and titles of the shipped files.
     Examples,
-    /// The text of one of them.
+    /// Text of one of them.
     Example {
-        /// Its path, as in [`Listed::path`].
+        /// Path, as in [`Listed::path`].
         path: String,
     },
     /// Makes documents of a URDF.
@@ -74,14 +74,14 @@ pub enum Wanted {
         files: Vec<File>,
         /// Path of the motion file among them.
         motion: String,
-        /// Where the solve starts.
+        /// Start of the solve.
         from: From,
         /// Most iterations of a step while something is dragged; without, the plan is made in full.
         iterations: Option<usize>,
         /// Rate of the frames, Hz.
         frames_hz: f64,
     },
-    /// What the shown plan is worth.
+    /// Reports on the shown plan.
     Report,
     /// The shown plan as a file.
     PlanJson,
@@ -97,7 +97,8 @@ pub enum Wanted {
     Solution,
     /// Goes on from the bytes of `solution`, which come with the request.
     Resume,
-    /// How the robot's parameters change what a good plan is judged by; the plan is the bytes of `solution`, which come with the request.
+    /// Computes slopes of a good plan's quantities with respect to the robot's parameters. The request carries the bytes of
+    /// `solution`.
     Slopes {
         files: Vec<File>,
         /// Path of the motion file among them.
@@ -133,7 +134,7 @@ pub enum Wanted {
     Robot {
         /// Time by the page's clock, µs.
         now_us: u64,
-        /// What is wanted of it.
+        /// Request to the robot.
         #[serde(flatten)]
         wanted: robot::Wanted,
     },
@@ -147,21 +148,21 @@ pub enum TableForm {
     Json,
 }
 
-/// Where a solve starts.
+/// Start of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum From {
-    /// From the starts that the planner knows.
+    /// Starts that the planner builds itself.
     Scratch,
-    /// The starts that the planner knows; where none leads to a plan, the last good one.
+    /// Starts that the planner builds itself; if none leads to a plan, the last good plan.
     Good,
-    /// From the plan file whose bytes come with the request.
+    /// Plan file in the bytes of the request.
     Plan,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct File {
-    /// Its path, with `/` between folders.
+    /// Path, with `/` between folders.
     pub path: String,
     pub text: String,
 }
@@ -181,12 +182,12 @@ pub struct Told<'a> {
 pub enum Answer {
     /// An iteration of a solve.
     Progress {
-        /// Its number, from 1.
+        /// Number of the iteration, from 1.
         iteration: usize,
         /// Worst constraint residual as a fraction of its tolerance.
         worst_level: f64,
         worst_constraint: &'static str,
-        /// What is being planned.
+        /// Subject of the plan.
         what: String,
         /// Outcome of the first start, once that has found the request infeasible.
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -201,7 +202,7 @@ pub enum Answer {
     /// The request cannot be served.
     Error {
         message: String,
-        /// What would be right.
+        /// Advice on what is valid.
         help: String,
     },
 }
@@ -210,74 +211,74 @@ pub enum Answer {
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub enum Done {
-    /// Of `examples`.
+    /// Result of `examples`.
     Examples { examples: Vec<Listed> },
-    /// Of `example`, `plan_json`, `export` and `animation`.
+    /// Result of `example`, `plan_json`, `export` and `animation`.
     Text { text: String },
-    /// Of `import`.
+    /// Result of `import`.
     Imported {
         /// A first motion, the robot file and the side file.
         files: Vec<File>,
         /// Path of the motion file among them.
         motion: String,
-        /// What was assumed or changed, each with its place in the URDF.
+        /// Assumptions and changes, each with its place in the URDF.
         warnings: Vec<String>,
     },
-    /// Of `begin`.
+    /// Result of `begin`.
     Begun {
         /// The motion file.
         file: File,
     },
-    /// Of `open`.
+    /// Result of `open`.
     Opened(Box<Opened>),
-    /// Of `amend`.
+    /// Result of `amend`.
     Amended {
         /// The text after the edit.
         text: String,
         /// Faults that the documents have with it.
         faults: Vec<Fault>,
     },
-    /// Of `robot`; its bytes are to be sent.
+    /// Result of `robot`; the bytes of the answer are to be sent.
     Robot {
-        /// What the page shows; none after the end of the connection.
+        /// State for the page; none after the end of the connection.
         view: Option<Box<RobotView>>,
     },
-    /// Of `plan`; its bytes are the frames.
+    /// Result of `plan`; the bytes of the answer are the frames.
     Planned {
         #[serde(flatten)]
         opened: Box<Opened>,
         /// Outcome of the solve.
         solve: Solve,
-        /// What the frames are.
+        /// Layout of the frames.
         frames: FramesHeader,
-        /// Whether all constraints hold, at the samples and as the motion is played.
+        /// True if all constraints hold, at the samples and between them as the motion is played.
         converged: bool,
-        /// Whether the plan is the start of plans to come.
+        /// True if later plans start from this plan.
         good: bool,
     },
-    /// Of `report`.
+    /// Result of `report`.
     Reported {
-        /// What the plan is worth, in words.
+        /// Report in words.
         words: String,
-        /// Whether it may be played.
+        /// True if the plan may be played.
         consistent: bool,
         /// The report, as `rollwalk report --json` has it.
         #[serde(flatten)]
         report: Report,
     },
-    /// Of `slopes`.
+    /// Result of `slopes`.
     Slopes {
-        /// What plans are judged by, as far as the motion has it.
+        /// Quantities of design files that the motion has.
         quantities: Vec<SlopesOf>,
     },
-    /// Of `graph`.
+    /// Result of `graph`.
     Graph(Graph),
-    /// Of `new_library`: the library file, and a motion that stands if there was none.
+    /// Result of `new_library`: the library file, and a standing motion if there was none.
     NewLibrary {
         /// Documents to be added.
         files: Vec<File>,
     },
-    /// Of `library`; its bytes are the library, unless a plan does not hold.
+    /// Result of `library`; the bytes of the answer are the library, unless a plan does not hold.
     Library {
         /// Motions, in the order of the file.
         nodes: Vec<Node>,
@@ -290,9 +291,9 @@ pub enum Done {
         /// Plans that do not hold, because of which there is no library.
         failures: Vec<String>,
     },
-    /// Of `compare`.
+    /// Result of `compare`.
     Compared(Compared),
-    /// Of `solution` and `resume`.
+    /// Result of `solution` and `resume`.
     Kept {},
 }
 
@@ -311,24 +312,24 @@ impl Answer {
 
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Listed {
-    /// Its path in the checkout.
+    /// Path in the checkout.
     pub path: &'static str,
     pub of: Of,
     pub name: String,
-    /// What its first lines say of it.
+    /// Title from the first lines of the file.
     pub title: String,
     /// Path of the robot file that it names.
     pub robot: Option<String>,
 }
 
-/// What a shipped file describes.
+/// Subject of a shipped file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Of {
     Robot,
     Motion,
     Library,
-    /// What may change about a robot.
+    /// Variable parameters of a robot.
     Design,
 }
 
@@ -339,13 +340,13 @@ pub struct Fault {
     pub message: String,
     /// Short note at the text.
     pub label: String,
-    /// What would be right.
+    /// Advice on what is valid.
     pub help: String,
     /// Line, from 1.
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// Where the text begins and ends, in bytes of UTF-8.
+    /// Start and end of the text, in bytes of UTF-8.
     pub span: [usize; 2],
 }
 

@@ -1,7 +1,7 @@
-//! What a robot looks like: its links with their parts, wheels that turn as bodies of their own, feet and blades.
+//! Drawing of a robot: links with their parts, turning wheels as separate bodies, feet and blades.
 //!
-//! A link whose file gives neither parts nor shapes, as those of many imported robots, is drawn by its bones: from its frame to
-//! the joints and end effectors that it carries.
+//! A link without parts and shapes, as in many imported robots, is drawn by its bones: from its frame to the joints and end
+//! effectors that it carries.
 
 use crate::messages::{Body, EndEffector, Form, Joint, Parameter, Role, Scene, Shape};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -14,7 +14,7 @@ const WHEEL_WIDTH: f64 = 0.4;
 const BLADE: [f64; 2] = [0.03, 0.12];
 /// Radius of a bone, as a multiple of its length.
 const BONE: f64 = 0.08;
-/// How far a part may be off a wheel's centre and axis and be that wheel, m and rad.
+/// Tolerance within which a part's centre and axis coincide with those of a wheel, m and rad.
 const SAME: f64 = 1e-3;
 
 /// End effectors with a wheel that turns on its link, in order.

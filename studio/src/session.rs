@@ -22,7 +22,7 @@ use serde::Deserialize;
 use std::cell::LazyCell;
 use std::ops::ControlFlow;
 
-/// Where answers go: JSON and bytes, of which most answers have none. Breaks off a solve.
+/// Sink of answers: JSON and bytes; most answers have no bytes. Can stop a solve.
 pub type Tell<'t> = dyn FnMut(&str, &[u8]) -> ControlFlow<()> + 't;
 
 /// Sees iterations, and once the plan of a first start that has failed. Breaks off a solve.
@@ -48,7 +48,7 @@ pub struct Session {
     good: Option<Solution>,
     /// A drag that began at it.
     drag: Option<Drag>,
-    /// What the page shows.
+    /// Plan that the page shows.
     shown: Option<Plan>,
     /// The robot that the page talks to.
     connection: Option<Connection>,
@@ -66,7 +66,7 @@ impl Session {
         let request: Request = match serde_json::from_str(json) {
             Ok(request) => request,
             Err(why) => {
-                // Who asked is told, if the number at least can be read.
+                // The answer goes to the request's number, if at least that is readable.
                 let seq = serde_json::from_str(json).map_or(0, |Numbered { seq }| seq);
                 let help = "requests are those of studio/src/messages.rs";
                 let _ = say(tell, seq, &error(format!("not a request: {why}"), help), &[]);
@@ -253,8 +253,8 @@ impl Session {
         (planned, bytes)
     }
 
-    /// Plans a step of a drag from the one before it, not refined; all else from scratch, so that documents have one plan, which is also that of
-    /// a library, whatever was edited before. Where that finds none, the plan at hand may lead to one.
+    /// Plans a step of a drag from the one before it, not refined; all else from scratch, so that documents have one plan,
+    /// which is also that of a library, whatever was edited before. Where that finds none, the plan at hand may lead to one.
     fn solve(
         &mut self,
         robot: &Robot,

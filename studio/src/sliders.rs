@@ -17,7 +17,7 @@ const LIMBS: [&str; 6] = ["front_left", "front_right", "rear_left", "rear_right"
 /// A slider, and what it changes.
 #[derive(Clone, Debug)]
 pub struct Slider {
-    /// What the page sees.
+    /// Parameter for the page.
     pub shown: Parameter,
     pub(crate) place: Place,
 }
@@ -163,7 +163,7 @@ fn slider(place: Place, driven: &[String], robot: &mut RobotText) -> Option<Slid
     Some(Slider { shown, place })
 }
 
-/// As people call it: `thigh length`, `xm430 torque limit`.
+/// Name for people: `thigh length`, `xm430 torque limit`.
 fn label(place: &Place, driven: &[String]) -> String {
     let template = place.template.as_deref().unwrap_or("robot");
     let part = plain(&place.name, template);

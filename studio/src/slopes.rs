@@ -1,5 +1,5 @@
-//! What each slider does to a plan: derivatives of all quantities of design files by all parameters of the robot, the motion
-//! planned anew (thesis 2.5.1).
+//! Effect of each slider on a plan: derivatives of all quantities of design files with respect to all parameters of the robot,
+//! with the motion replanned (thesis 2.5.1).
 
 use crate::documents::{Documents, Found, Project, faults};
 use crate::messages::{Answer, Slope, SlopesOf};

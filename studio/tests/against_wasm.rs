@@ -66,7 +66,7 @@ fn plan(answer: &Value) -> Plan {
     Plan::from_json("plan", answer["text"].as_str().unwrap()).unwrap()
 }
 
-/// What the environment says of where the engine is.
+/// Path of the WebAssembly engine, from the environment.
 fn engine() -> String {
     env::var("STUDIO_WASM").expect("STUDIO_WASM names the engine")
 }

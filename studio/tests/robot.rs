@@ -103,14 +103,14 @@ fn a_damaged_library_is_refused_before_anything_is_sent() {
     assert!(page.sent.is_empty());
 }
 
-/// What the page sees of a standard gamepad whose buttons of these numbers are down.
+/// State of a standard gamepad with the buttons of these numbers pressed, as a browser reports it.
 fn pad(down: &[usize]) -> Value {
     let buttons: Vec<_> = (0..17).map(|index| f32::from(u8::from(down.contains(&index)))).collect();
     json!({ "id": "Xbox 360 Controller (STANDARD GAMEPAD)", "buttons": buttons, "axes": [0, 0, 0, 0] })
 }
 
 impl Page {
-    /// Ticks for some time while the page sees the same; the last view.
+    /// Ticks for some time with the same input; returns the last view.
     fn pass(&mut self, seconds: f64, tick: &Value) -> Value {
         let mut view = Value::Null;
         for _ in 0..(seconds * 60.0) as usize {

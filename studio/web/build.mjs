@@ -23,7 +23,7 @@ const common = {
   write: false,
 };
 
-/** What the page uses of three.js, by the imports in its sources. */
+/** Entry with the parts of three.js that the page's sources import. */
 async function threeEntry() {
   const names = new Set();
   const addons = new Map();

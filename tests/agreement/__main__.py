@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Agreement of verdicts on requests that nobody tuned for: what `rollwalk plan` says, and what MuJoCo finds.
+"""Agreement of verdicts on requests without tuning: verdict of `rollwalk plan`, and result in MuJoCo.
 
     python3 tests/agreement ROLLWALK -o FOLDER [--robots FOLDER] [--drawn COUNT] [--seed SEED] [--shipped]
 

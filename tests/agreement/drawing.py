@@ -1,4 +1,4 @@
-"""Requests of motions that nobody tuned for: on imported robots, and random ones on those that ship with Rollwalk.
+"""Requests of motions without tuning: on imported robots, and random ones on the shipped robots.
 
 All lengths and times scale with the height of the robot's body, as they do for real animals (Froude number).
 """
@@ -34,7 +34,7 @@ class Request:
     text: str
 
     def key(self):
-        """Its name among all."""
+        """Unique name of the request."""
         return f"{self.robot.name}/{self.name}"
 
 

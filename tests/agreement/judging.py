@@ -1,4 +1,4 @@
-"""One request: its plan with its verdict, and what MuJoCo makes of the plan."""
+"""Judgement of one request: the plan with its verdict, and the result of the plan in MuJoCo."""
 
 from dataclasses import replace
 import json
@@ -95,7 +95,8 @@ def replayed(plan, robot, time_constant_s):
 
 
 def _comes_there(cycles):
-    """Whether periods, goals in parts of the planned ones, hold: by the rules of the simulator (docs/solver.md, Simulated)."""
+    """True if the motion holds by the rules of the simulator (docs/solver.md, Simulated). `cycles` has the goals achieved in each
+    period, as fractions of the planned ones."""
     rest = cycles[1:] or cycles
     if any(abs(of - 1) > 0.05 for of in _mean(rest) + _mean(rest[-3:])):
         return False

@@ -25,7 +25,7 @@ class Motion:
         return [np.interp(time_s, self.times_s, of) for of in self.controls.T]
 
     def play(self, settle_s=1.0):
-        """Where the body goes: planned and played, as (forward m, left m, turn rad), and its lowest height against the plan's."""
+        """Planned and played displacement of the body, (forward m, left m, turn rad), and its lowest height as a fraction of the plan's."""
         model, data = self.model, mujoco.MjData(self.model)
         mujoco.mj_resetDataKeyframe(model, data, 0)
         # A motion that begins at rest settles first; a moving one begins as it is.

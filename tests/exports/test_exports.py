@@ -145,7 +145,7 @@ class Exports(unittest.TestCase):
 
 
 def is_free_wheel(model, body):
-    """Whether a body turns about a joint without a motor."""
+    """True if a body turns about a joint without a motor."""
     joint = model.body_jntadr[body]
     return joint > 0 and joint not in model.actuator_trnid[:, 0]
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Attacks a live simulated robot over its link, as any node of a bus could, and checks what its motors were told.
+"""Attacks a live simulated robot over its link, as any node of a bus could, and checks the commands to its motors.
 
     python3 tests/hostile --simulator target/debug/rollwalk-sim --library agilebot.rwl
 
-The client is written from docs/wire-format.md and shares no code with the project. Phases:
+The client is written from docs/formats/wire-format.md and shares no code with the project. Phases:
 
-1. disarmed: random, forged, replayed and cut frames; no motor may be told to move, and the library must stay
+1. disarmed: random, forged, replayed and cut frames; no motor may be commanded to move, and the library must stay
 2. hostile libraries: damaged copies must be refused; what is resealed and within all limits is played
 3. driven: the same frames while an operator arms and plays; setpoints must stay within the limits of the robot file
 4. emergency stops among them: no setpoint after one until the operator has cleared it

@@ -66,7 +66,7 @@ def heartbeat(client, rng):
 
 
 def replayed(client, rng):
-    """What was heard, again."""
+    """Replays a received frame."""
     # A copy: frames go on arriving in the reading thread.
     heard = [frame for frame in list(client.recent) if frame[0] & 0x70F not in FROM_CONTROLLER]
     return wire.of_frame(rng.choice(heard)) if heard else random_frame(client, rng)

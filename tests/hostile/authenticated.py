@@ -3,7 +3,7 @@
 
     python3 tests/hostile/authenticated.py --simulator target/debug/rollwalk-sim --library agilebot.rwl
 
-Host and attacker are written from docs/wire-format.md; the codes are those of Python's own HMAC. The attacker hears everything and
+Host and attacker are written from docs/formats/wire-format.md; the codes are those of Python's own HMAC. The attacker hears everything and
 has no key. It sends what `attacks.py` has, without emergency stops, and what it has heard with authenticators: again, mixed, with a bit
 flipped, cut, ahead of messages of its own. None of it may be obeyed: no command, parameter or transfer other than the host's is
 answered ok, the library stays, and the rules of `rules.py` hold. Exit code 1 when something was broken.
@@ -60,7 +60,7 @@ class Host(Client):
         expect(answer is not None and len(answer) == 17, f"no session: {answer}")
         number = int.from_bytes(answer[1:9], "little")
         tag = wire.session_code(self.key, number, self.session_nonce, wire.TO_HOST | self.node << 4)[:8]
-        expect(answer[9:] == tag, "the controller's proof is not that of docs/wire-format.md")
+        expect(answer[9:] == tag, "the controller's proof is not that of docs/formats/wire-format.md")
         self.number, self.counters = number, [0, 0]
 
     def proof(self, identifier, message):
@@ -182,7 +182,7 @@ class Attacker:
 
 
 def answers(client):
-    """What was answered ok so far."""
+    """Counts of commands, parameters and transfers answered with ok so far."""
     commands = collections.Counter({kind: n for (kind, result), n in client.acknowledgements.items() if result == OK})
     return commands, client.parameters[OK], sum(n for answer, n in client.answers.items() if answer[1:] == b"\0")
 

@@ -18,7 +18,7 @@ END_S = 20.0
 
 
 class Broken(Exception):
-    """What must not have happened."""
+    """Violated requirement of the test."""
 
 
 def expect(condition, what):

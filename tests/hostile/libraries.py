@@ -1,4 +1,4 @@
-"""Damaged and forged copies of a motion library (docs/motion-library.md)."""
+"""Damaged and forged copies of a motion library (docs/formats/motion-library.md)."""
 
 import struct
 
@@ -8,7 +8,7 @@ HEADER, FOOTER = 24, 24
 
 
 def resealed(library):
-    """With the lengths and checksums of header and footer made good. Blocks keep theirs."""
+    """Repairs the lengths and checksums of header and footer; those of the blocks stay."""
     data = bytearray(library)
     if len(data) < HEADER + FOOTER:
         return bytes(data)

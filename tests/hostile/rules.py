@@ -1,4 +1,4 @@
-"""What no frame on the link may bring about, checked in the simulator's log of all buses."""
+"""Effects that no frame on the link may have, checked in the simulator's log of all buses."""
 
 import math
 import re
@@ -10,7 +10,7 @@ LINE = re.compile(r"\((\d+\.\d+)\) (\S+) ([0-9A-F]{3})#([0-9A-F]*)")
 # States in which the motors may have torque (docs/playback-and-safety.md).
 TORQUE = {wire.STATES.index(state) for state in "Aligning Ready Playing Paused Returning Damped Streaming".split()}
 CONTROL, JOINT, WHEEL, JOINT_TORQUE, WHEEL_TORQUE = 0x080, 0x100, 0x200, 0x280, 0x300
-# A change of state is told by STATUS, which waits for the bus.
+# STATUS reports a change of state; the frame waits for the bus.
 STATUS_LATE_S = 0.1
 # The frame that switches a motor on is shorter than the answer that ARM was taken, and can be the first of both to be complete.
 ANSWER_LATE_S = 0.002
@@ -71,7 +71,7 @@ class Rules:
         self.torque_until = -math.inf
         self.state = None
         self.stopped = None
-        # Torque before it was told: broken, unless the answer that ARM was taken follows at once.
+        # Torque before STATUS reports it: broken, unless the acknowledgement of ARM follows at once.
         self.early = []
 
     def check(self, log):

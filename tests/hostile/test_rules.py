@@ -1,4 +1,4 @@
-"""The rules find what they are there to find, and the bytes are those of docs/wire-format.md."""
+"""The rules find what they are there to find, and the bytes are those of docs/formats/wire-format.md."""
 
 import pathlib
 import random
@@ -34,7 +34,7 @@ def broken(*frames):
 
 
 def joint_with_torque(torque_nm):
-    """At 0 rad without gains; of 128 mN·m on."""
+    """Set-point at 0 rad without gains, with a torque of at least 128 mN·m."""
     exponent = 1
     while round(torque_nm * 1e3) >> exponent - 1 >= 256:
         exponent += 1

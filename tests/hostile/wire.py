@@ -1,4 +1,4 @@
-"""The link of a controller, written from docs/wire-format.md alone: checksums, packets of the serial line, messages."""
+"""The link of a controller, written from docs/formats/wire-format.md alone: checksums, packets of the serial line, messages."""
 
 import hashlib
 import hmac

@@ -1,5 +1,5 @@
-//! One bad input of each kind through the command line: the exit code is 1, nothing is printed as a
-//! result, nothing is written, and the message names file, place and what would be right.
+//! Bad input of each kind through the command line. The exit code is 1, stdout is empty, no file is written, and the message
+//! names file, place and valid input.
 
 use crate::{desk, desk_with_shipped_files};
 use rollwalk_tests::program::{self, PLAYED};
@@ -100,7 +100,7 @@ fn a_malformed_robot_shows_file_line_and_field() {
         // A missing name is reported at the table that lacks it, one line above the wrong key.
         let place = if to.starts_with("nam ") { file_alone } else { &[place.as_str()] };
         outcome.fails(1, &[words, place].concat());
-        // Whoever uses the robot meets the same message.
+        // All commands that use the robot report the same message.
         desk.run(&["plan", "motions/walk.toml", "-o", "plan.json"]).fails(1, words);
         assert!(!desk.path("plan.json").exists());
     }

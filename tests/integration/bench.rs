@@ -219,7 +219,7 @@ fn table_3_3_finds_a_speed_that_holds() {
     assert!((rows[0]["top_speed_m_s"].as_f64().unwrap() - speed).abs() < 1e-3);
 }
 
-/// Bytes of the clips of a library as they were measured: see docs/motion-library.md. Both ways, so that neither a
+/// Bytes of the clips of a library as they were measured: see docs/measured/library-format.md. Both ways, so that neither a
 /// worse packing nor an accidental change of format goes unseen; plans differ a little between machines.
 #[test]
 fn library_format_keeps_what_was_measured_on_real_plans() {
@@ -304,7 +304,7 @@ fn shards_of_a_fault_campaign_come_to_the_files_of_the_whole() {
     let journal = desk.read_text("parts/fault-campaign.journal-2-of-3.jsonl");
     assert_eq!(journal.lines().count(), 2, "{journal}");
     run("parts", &["--shard", "1/3"]).succeeds_with(0, &["1 of 4"]);
-    // Whoever comes last does what is left, and writes the files.
+    // The last process does the rest, and writes the files.
     let merged = run("parts", &["--shard", "1/1", "--cores", "2"]).succeeds();
     assert_eq!(merged, whole);
     for file in ["fault-campaign.json", "fault-campaign.md"] {

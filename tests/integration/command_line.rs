@@ -1,4 +1,4 @@
-//! What holds for every subcommand: help, completions, exit codes, closed pipes.
+//! Requirements of all subcommands: help, completions, exit codes, closed pipes.
 
 use crate::{desk, desk_with_shipped_files};
 use rollwalk_tests::program::{PLANNED, Program};

@@ -8,7 +8,7 @@ use std::io::Write;
 use std::process::Stdio;
 use std::thread;
 
-/// What the controller of ANYmal's stand answers to lines.
+/// Runs the controller of ANYmal's stand on these input lines; returns its answers.
 fn answers(desk: &Desk, args: &[&str], lines: &[String]) -> Outcome {
     let mut command = desk.command(&[&["control", "stand.json"], args].concat());
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());

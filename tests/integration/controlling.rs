@@ -3,7 +3,7 @@
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, in_time, on};
 
-/// What the planner says of every motion.
+/// Word that the planner prints for each motion.
 const PLANNING: &str = "iterations";
 
 #[test]
@@ -28,7 +28,7 @@ fn what_cannot_be_controlled_is_refused_before_anything_is_sent() {
     alone.fails(1, &["no simulated robot"]);
 }
 
-/// On the ground, and home again; then with another library in its flash.
+/// Refusal of a robot that has another library; then a walk on the ground and the return to SAFE.
 #[test]
 fn in_real_time_a_robot_walks_in_closed_loop_and_is_disarmed() {
     let desk = desk_with_shipped_files();

@@ -26,7 +26,8 @@ fn what_cannot_be_driven_is_refused_before_anything_is_sent() {
     run(&["a.rwl", "--steer", "1:0,0,0"]).fails(2, &["--until"]);
 }
 
-/// Its wheels are fixed to its links, so that it needs a gait; and one that is stopped has to be cleared first.
+/// Refusals of LegBot, which needs a gait because its wheels are fixed to its links, and of a stopped robot, which must be
+/// cleared first.
 #[test]
 fn a_robot_that_cannot_be_steered_as_it_is_is_refused_at_once() {
     let desk = desk_with_library_file();
@@ -42,7 +43,7 @@ fn a_robot_that_cannot_be_steered_as_it_is_is_refused_at_once() {
         .fails(5, &["nothing was planned", "`rollwalk clear` it before it is armed"]);
 }
 
-/// On the ground, and home again.
+/// Steering on the ground, then the return to SAFE.
 #[test]
 fn in_real_time_a_robot_is_steered_by_a_list_and_disarmed() {
     let desk = desk_with_shipped_files();

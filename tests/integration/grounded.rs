@@ -43,7 +43,8 @@ fn terrain_and_pushes_are_given_to_a_plan() {
     desk.run(&["plan", "kerb.toml", "-o", "x.json"]).fails(1, &["kerb.toml is a terrain file"]);
 }
 
-/// Ctrl-C in the first of 10,000 rounds of a loop: the robot returns to SAFE and is disarmed, and the results say that it was interrupted.
+/// Ctrl-C in the first of 10,000 rounds of a loop: the robot returns to SAFE and is disarmed, and the results say that it was
+/// interrupted.
 #[test]
 fn ctrl_c_ends_the_tour_through_a_library() {
     let desk = desk_with_library_file();

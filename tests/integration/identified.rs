@@ -35,7 +35,8 @@ fn hidden_run(desk: &Desk, plan: &str) -> String {
     format!("{heading}\n{}", rows.collect::<String>())
 }
 
-/// What a real robot measures of it: encoders to 2 mrad, places to 2 mm, orientations to 2 mrad; no gains, no forces.
+/// Reduces a log to the measurements of a real robot: encoders to 2 mrad, positions to 2 mm, orientations to 2 mrad; no gains, no
+/// forces.
 fn measured(log: &str, seed: u64) -> String {
     let names: Vec<&str> = log.lines().next().unwrap().split(',').collect();
     let is_kept = |name: &&str| {

@@ -1,11 +1,11 @@
-//! Every shipped library file: all its motions and transitions converge, the library opens again, and the
-//! simulated robot plays it within the bounds of the demo.
+//! Shipped library files: all motions and transitions converge, the library opens again, and the simulated robot plays it within
+//! the bounds of the demo.
 
 use crate::desk_with_shipped_files;
 use rollwalk_tests::Desk;
 use serde_json::Value;
 
-/// Builds every shipped library, and lends its file and the output of the build.
+/// Builds each shipped library; calls `look` with its file and the output of the build.
 fn each_built(options: &[&str], mut look: impl FnMut(&Desk, &str, Value)) {
     let desk = desk_with_shipped_files();
     let folder = std::fs::read_dir(desk.path("motions")).unwrap();

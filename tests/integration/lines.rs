@@ -17,7 +17,7 @@ use std::process::Command;
 use std::thread::{self, sleep};
 use std::time::Duration;
 
-/// Without rights on any Unix.
+/// User without rights on any Unix.
 const NOBODY: u32 = 65534;
 
 /// The name of a device, for the programs under test to open, and the other end of its line.
@@ -45,7 +45,7 @@ fn heard(line: &mut TTYPort) -> Vec<u8> {
 pub fn cable(mut from: TTYPort, mut to: TTYPort) {
     thread::spawn(move || {
         loop {
-            // What nobody has open takes nothing.
+            // Bytes are lost while no program has the device open.
             let _ = to.write_all(&heard(&mut from));
         }
     });

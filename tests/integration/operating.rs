@@ -120,7 +120,7 @@ fn a_simulated_robot_keeps_its_library_and_loses_none() {
     in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
     run(&["flash", "second.rwl"]).succeeds();
     until("kept.rwl", &second);
-    // What was found may be somebody's only copy; what was flashed just now is not.
+    // The library found on the robot may be the only copy; the one that was just flashed is not.
     assert_eq!(has("kept.2.rwl"), first);
     run(&["flash", "first.rwl"]).succeeds();
     until("kept.rwl", &first);

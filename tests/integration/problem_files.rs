@@ -64,7 +64,7 @@ fn a_solve_that_ends_at_its_limit_asks_for_the_problem() {
     assert!(outcome.stderr.contains("--dump PROBLEM.json"), "{}", outcome.stderr);
     let outcome = desk.run(&[&args[..], &["--dump", "it.json"]].concat());
     assert!(outcome.stderr.contains("it.json has all that"), "{}", outcome.stderr);
-    // Where nothing went wrong nobody is asked to report it.
+    // Without a failure there is no request for a report.
     let outcome = desk.run(&args[..4]);
     assert!(outcome.code == 0 && !outcome.stderr.contains("--dump"), "{}", outcome.stderr);
 }

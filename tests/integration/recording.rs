@@ -1,4 +1,4 @@
-//! What `rollwalk monitor` records, however it ends.
+//! Recordings of `rollwalk monitor`, for all ways in which it ends.
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, command_on, desk_with_library_file, in_time, on};
@@ -27,7 +27,7 @@ fn record(desk: &Desk, bus: &str, name: &str) -> Program {
     monitor
 }
 
-/// Whether programs that are started from here hear of a terminal that hangs up: below `nohup` they ignore it.
+/// True if programs started from here receive SIGHUP when a terminal hangs up: below `nohup` they ignore it.
 fn hears_hang_ups() -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -1,4 +1,4 @@
-//! What good input gives: plans, reports, tables, plots and libraries through the command line.
+//! Results of good input through the command line: plans, reports, tables, plots and libraries.
 
 use crate::desk_with_shipped_files;
 use rollwalk_tests::program::{PLANNED, Program, within};

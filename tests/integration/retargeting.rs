@@ -23,7 +23,7 @@ fn a_plan_is_retargeted_to_soft_servos_and_played() {
     let costs: Vec<f64> =
         found["costs"].as_array().unwrap().iter().map(|cost| cost.as_f64().unwrap()).collect();
     assert!(costs.len() <= 4 && costs.windows(2).all(|pair| pair[1] < pair[0]), "{costs:?}");
-    // The motion is what it was; what the drives are told is not.
+    // The motion is unchanged; the commands to the drives are not.
     desk.run(&["simulate", "soft.json", "--no-feed-forward"])
         .succeeds_with(0, &["holds in simulation"]);
     desk.run(&["simulate", "soft.json", "--no-feed-forward", "--cycles", "8"]).succeeds();

@@ -168,7 +168,7 @@ fn a_controller_that_does_not_answer_is_5_and_ctrl_c_is_130() {
         outcome.fails(5, &["controller 9 does not answer"]);
     }
     drop(robot);
-    // Nobody at all: a socket that takes in and says nothing.
+    // A socket that accepts bytes and never answers.
     let path = desk.path("nobody.sock");
     let nobody = UnixListener::bind(&path).expect("a socket");
     nobody.set_nonblocking(true).expect("a socket");

@@ -14,22 +14,22 @@ use std::time::Duration;
 pub struct Robot(Option<Program>);
 
 impl Robot {
-    /// On a bus that hosts call the same.
+    /// Starts LegBot on a bus that has the same name for hosts.
     pub fn start(desk: &Desk, bus: &str) -> Self {
         Self::start_at(desk, bus, bus)
     }
 
-    /// At one end of a line, of which `host` is the other; ready when it answers.
+    /// Starts LegBot at one end of a line whose other end is `host`; returns when the robot answers.
     pub fn start_at(desk: &Desk, bus: &str, host: &str) -> Self {
         Self::run(desk, &["robots/legbot.toml"], bus, host)
     }
 
-    /// Another robot than LegBot, by its file, that cannot stand by itself.
+    /// Starts another robot than LegBot, from its file, on a stand.
     pub fn on_stand(desk: &Desk, robot: &str, bus: &str) -> Self {
         Self::run(desk, &[robot, "--on", "stand"], bus, bus)
     }
 
-    /// Another robot than LegBot, by its file, on the ground.
+    /// Starts another robot than LegBot, from its file, on the ground.
     pub fn on_ground(desk: &Desk, robot: &str, bus: &str) -> Self {
         Self::run(desk, &[robot], bus, bus)
     }
@@ -84,7 +84,7 @@ impl Robot {
 }
 
 impl Robot {
-    /// One that does not start with these arguments.
+    /// Outcome of a simulator that refuses these arguments.
     pub fn refuses(desk: &Desk, args: &[&str]) -> Outcome {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
         command.args(args).current_dir(desk.path("")).env("XDG_STATE_HOME", desk.path("state"));
@@ -136,7 +136,7 @@ pub fn once_more_when_late(command: impl Fn() -> Outcome, clear: impl Fn() -> Ou
     command()
 }
 
-/// Whether a fault of timing is in what a command says.
+/// True if a command reports a timing fault.
 fn is_late(stderr: &str) -> bool {
     // What a robot answers that has not heard its host in time.
     if stderr.contains("not possible while it is returning to SAFE") {

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Error, Message, WebSocket};
 
-/// What `rollwalk studio` says on the side.
+/// File with the error output of `rollwalk studio`.
 const SAID: &str = "studio.said";
 const LONG_US: u64 = LONG.as_micros() as u64;
 
@@ -153,7 +153,7 @@ fn a_robot_is_flashed_armed_played_and_stopped_through_the_studio() {
     session.wait_for_state(State::Playing, LONG_US).expect("it plays");
     session.estop().expect("it stops");
     session.wait_for_state(State::EStopped, LONG_US).expect("it has stopped");
-    // The robot's computer goes: page and terminal are told.
+    // The robot's computer goes away: page and terminal report it.
     robot.stop();
     let error = session.run_for(LONG_US).expect_err("there is no bus");
     assert!(error.to_string().contains("the simulated robot"), "{error}");

@@ -17,7 +17,7 @@ const S: u64 = 1_000_000;
 const WALK: u8 = 2;
 const WALK_CLIP: ClipId = ClipId(1);
 
-/// One protocol for each leg, over CAN.
+/// Buses of a robot with a different CAN protocol for each leg.
 const CAN: &str = r#"
 [[bus]]
 number = 1
@@ -172,7 +172,7 @@ fn drives_are_sent_the_torques_of_the_plan_and_the_share_that_is_set() {
     session.disarm().expect("the robot is at home");
 }
 
-/// In SAFE, where the robot carries its weight.
+/// Targets in SAFE, where the robot carries its weight.
 #[test]
 fn drives_without_a_field_for_torques_are_sent_targets_that_stand_for_them() {
     let (desk, robot) = desk_with("legbot", WITHOUT_TORQUE, &[]);

@@ -54,7 +54,7 @@ fn a_urdf_becomes_a_robot_that_trots() {
     );
     desk.run(&["robot", "import", "quad.urdf", "--template", "side.toml"]).succeeds();
     let side = desk.read("side.toml");
-    // What somebody may have filled in stays.
+    // Values that a user may have entered stay.
     desk.run(&["robot", "import", "quad.urdf", "--template", "side.toml"])
         .fails(1, &["side.toml exists already", "another name"]);
     assert_eq!(desk.read("side.toml"), side);

@@ -54,7 +54,7 @@ class Bench(unittest.TestCase):
 
     @classmethod
     def simulator_args(cls):
-        """What the simulator is given beside the robot and its bus."""
+        """Arguments of the simulator besides the robot and its bus."""
         return ()
 
     @classmethod

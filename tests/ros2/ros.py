@@ -36,7 +36,7 @@ class String(IdlStruct, typename="std_msgs::msg::dds_::String_"):
 
 @dataclasses.dataclass
 class Broken(IdlStruct, typename="std_msgs::msg::dds_::String_"):
-    """What calls itself a text, and is longer than its message."""
+    """Malformed string: its length exceeds the message."""
 
     length: uint32
 

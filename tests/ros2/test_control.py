@@ -1,4 +1,4 @@
-"""What `rollwalk robot export` writes for `ros2_control`, as a reader of YAML reads it.
+"""Output of `rollwalk robot export` for `ros2_control`, read by a YAML parser.
 
 Run by `cargo xtask nightly --only ros2`, which sets ROLLWALK to the program under test.
 """
@@ -27,7 +27,7 @@ class Control(unittest.TestCase):
                     self.check(file, pathlib.Path(folder))
 
     def check(self, file, folder):
-        """One robot: each motor has the one controller that commands its interface."""
+        """Checks a robot: each motor has the one controller that commands its interface."""
         urdf, yaml = folder / f"{file.stem}.urdf", folder / f"{file.stem}.yaml"
         for args in (["--ros2-control", "-o", urdf], ["-o", yaml]):
             subprocess.run([os.environ["ROLLWALK"], "robot", "export", file, *args], check=True, capture_output=True, timeout=60)

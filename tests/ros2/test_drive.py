@@ -1,6 +1,6 @@
 """`rollwalk-ros2` on a simulated AgileBot that is driven by velocities: how far it comes in its world, and when it stops.
 
-Run by `cargo xtask nightly --only ros2`, as test_node.py is. Where the robot is stands in the log of its world (docs/world-log.md), which the
+Run by `cargo xtask nightly --only ros2`, as test_node.py is. Where the robot is stands in the log of its world (docs/formats/world-log.md), which the
 node does not see.
 """
 
@@ -40,7 +40,7 @@ class World:
         self.names = None
 
     def read(self):
-        """All steps so far."""
+        """Reads new steps; returns all steps so far."""
         *lines, self.begun = (self.begun + self.log.read()).split("\n")
         rows = csv.reader(lines)
         self.names = self.names or next(rows, None)
@@ -213,7 +213,7 @@ def header(age_s):
 
 
 def way(one, other):
-    """Between the body's places at two steps, m."""
+    """Distance between the body's positions at two steps, m."""
     return math.hypot(other.x_m - one.x_m, other.y_m - one.y_m)
 
 

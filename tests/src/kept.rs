@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 impl Desk {
-    /// Makes a file by a command that ends in `-o NAME`, or copies it from a test that has run the same command of the same program
-    /// beside the same TOML files. What a test is not about is not simulated.
+    /// Makes a file by a command that ends in `-o NAME`, or copies it from a test that has run the same command of the same
+    /// program beside the same TOML files. What a test is not about is not simulated.
     ///
     /// # Panics
     /// The command fails.

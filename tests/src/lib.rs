@@ -29,14 +29,14 @@ pub struct Desk {
     binary: PathBuf,
 }
 
-/// How a command ended.
+/// Outcome of a command.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// The exit code; -1 when a signal ended it.
+    /// Exit code; -1 if a signal ended the command.
     pub code: i32,
-    /// What it printed as results.
+    /// Standard output: the results.
     pub stdout: String,
-    /// What it said on the side.
+    /// Error output: messages.
     pub stderr: String,
 }
 

@@ -14,7 +14,7 @@ pub const PLAYED: Duration = Duration::from_secs(180);
 /// Longest run of a command that plans.
 pub const PLANNED: Duration = Duration::from_secs(600);
 
-/// Between two looks at what is waited for.
+/// Interval between two polls of an awaited condition.
 const POLL: Duration = Duration::from_millis(5);
 
 /// Waits until there is a value.
@@ -86,7 +86,7 @@ impl Program {
         Self { child, name, said }
     }
 
-    /// Its standard input, if that is piped and was not taken before.
+    /// Standard input of the program, if it is piped and was not taken before.
     pub fn input(&mut self) -> Option<ChildStdin> {
         self.child.stdin.take()
     }
@@ -165,7 +165,7 @@ impl Program {
         }
     }
 
-    /// What it has printed.
+    /// Output so far.
     fn shown(&self) -> String {
         let state = self.said.state.lock().unwrap_or_else(PoisonError::into_inner);
         let [stdout, stderr] = [&state.stdout, &state.stderr].map(|s| String::from_utf8_lossy(s));

@@ -8,7 +8,7 @@ use std::num::NonZero;
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
-/// Nothing that comes within this is nothing that is there.
+/// Silence after which the terminal counts as empty.
 const POLL: Duration = Duration::from_millis(20);
 
 /// Longest reading of what has been printed before the screen is looked at: several redraws of a full-screen program,
@@ -22,7 +22,7 @@ pub struct Terminal {
     /// The terminal's device.
     pub device: String,
     screen: vt100::Parser,
-    /// As a shell has it: the device is open when the program has ended.
+    /// Open device of the terminal, as a shell holds it: the device stays open after the end of the program.
     _held: File,
 }
 
@@ -59,7 +59,7 @@ impl Terminal {
     /// # Panics
     /// It does not end within a minute.
     pub fn hang_up(mut self) -> Option<i32> {
-        // In its place one on which nobody says anything.
+        // A silent terminal takes its place.
         let (mut near, _far) = TTYPort::pair().expect("a pseudo terminal");
         near.set_timeout(POLL).expect("a timeout");
         // The last end that is not the program's.
@@ -67,12 +67,12 @@ impl Terminal {
         self.ends()
     }
 
-    /// Whether a full-screen program has the screen.
+    /// True if a full-screen program has the screen.
     pub fn is_taken(&self) -> bool {
         self.screen.screen().alternate_screen()
     }
 
-    /// What has been printed since comes to the screen; whether there was any.
+    /// Processes output that has arrived since the last call; returns true if there was any.
     fn read(&mut self) -> bool {
         let mut bytes = [0; 4096];
         match self.terminal.read(&mut bytes) {
@@ -128,7 +128,7 @@ impl Drop for Terminal {
     }
 }
 
-/// What `stty` says of a terminal, or does to it.
+/// Runs `stty` on a terminal; returns its output.
 ///
 /// # Panics
 /// It refuses.

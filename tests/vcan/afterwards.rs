@@ -13,11 +13,11 @@ use std::process::Command;
 fn decoded(log: &str, dbc: &str) -> Vec<Value> {
     let docs = checkout().join("docs");
     let output = Command::new("python3")
-        .arg(docs.join("decode_log.py"))
+        .arg(docs.join("formats/decode_log.py"))
         .args([results().join(log), docs.join(dbc)])
         .arg("--all")
         .output()
-        .expect("python3 runs docs/decode_log.py");
+        .expect("python3 runs docs/formats/decode_log.py");
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{log}: {errors}");
     lines(&String::from_utf8(output.stdout).expect("JSON"))

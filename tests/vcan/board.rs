@@ -64,7 +64,7 @@ fn join(what: &str) {
 #[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn a_cortex_m4_behind_slcand_plays_is_stopped_cleared_and_plays_again() {
     let (board, line) = Beside::board();
-    // QEMU drops what is said on a terminal that nobody has open, and looks only once a second.
+    // QEMU drops output for a terminal that no program has open, and checks that only once a second.
     let mut held = OpenOptions::new().read(true).write(true).open(&line).expect("its UART");
     assert_eq!(ask(&mut held, 'V'), "V1010");
     stand_and_stop(&format!("slcan:{line}"));

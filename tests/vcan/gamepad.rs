@@ -18,7 +18,7 @@ const PAUSE: KeyCode = KeyCode::BTN_NORTH;
 /// The cross; to the left it plays 3.
 const CROSS: AbsoluteAxisCode = AbsoluteAxisCode::ABS_HAT0X;
 
-/// As `gamepads/xbox.toml` expects it.
+/// Virtual gamepad with the inputs that `gamepads/xbox.toml` expects.
 struct Pad(VirtualDevice);
 
 impl Pad {
@@ -63,7 +63,7 @@ impl Pad {
     }
 }
 
-/// From disarmed, with nothing held, to motion 3.
+/// Plays motion 3, from the state disarmed with no button held.
 fn hold_and_play(pad: &mut Pad, console: &mut Terminal) {
     pad.key(DEADMAN, true);
     console.shows("deadman held");

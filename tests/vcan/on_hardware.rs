@@ -1,12 +1,12 @@
-//! On `can0` and `can1`: two cards on one bus, with a driver, a bitrate and a transmit queue as adapters have
-//! them. They are the virtual machine's; no machine is without.
+//! Tests on `can0` and `can1`: two emulated CAN cards of the virtual machine on one bus. They have a driver, a bitrate and a
+//! transmit queue like real adapters.
 
 use crate::bench::{Beside, desk, flash, library, log, rollwalk, run};
 use rollwalk_tests::Outcome;
 use std::thread::sleep;
 use std::time::Duration;
 
-/// What an error says to type, on a line of its own; without the superuser that tests are anyway.
+/// Runs the command that an error gives on a line of its own, without `sudo`: the tests run as the superuser.
 #[track_caller]
 fn type_what_it_says(outcome: &Outcome) {
     let line = outcome.stderr.lines().find_map(|line| line.split_once("help: sudo "));

@@ -133,7 +133,7 @@ fn a_bus_that_goes_stops_the_robot_and_one_that_comes_back_serves_again() {
     let outcome = send.outcome();
     run("ip", &["link", "set", "vcan2", "up"]);
     outcome.fails(5, &["an actuator bus is lost"]);
-    // Whoever looks at it clears, and it serves again: controller and motors.
+    // After a clear, controller and motors work again.
     on_link(&["clear"]).succeeds();
     on_link(&["send", "--arm", "stand"]).succeeds();
     drop(robot);
@@ -148,7 +148,7 @@ fn what_is_wrong_with_a_bus_is_said_with_what_to_type() {
     flash("can:lo").fails(1, &["`lo` is a network interface, but not for CAN"]);
     flash("vcan0").fails(2, &["`vcan0` is no bus"]);
     flash("serial:/dev/ttyUSB7").fails(1, &["no device `/dev/ttyUSB7`"]);
-    // Nobody there.
+    // No controller answers.
     flash("can:vcan0").fails(5, &["does not answer", "rollwalk discover --bus can:vcan0"]);
     rollwalk(&["discover", "--bus", "can:vcan0"]).fails(5, &["no controller answers on can:vcan0"]);
     run("ip", &["link", "set", "vcan1", "down"]);

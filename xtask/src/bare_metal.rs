@@ -66,7 +66,7 @@ pub fn build(target: &str) -> Result<Build, String> {
     Ok(Build { cargo, artefacts })
 }
 
-/// Whether the toolchain in use has a target's `core`; asks rustup to install it.
+/// True if the toolchain in use has a target's `core`, if need be after rustup has installed it.
 fn rustup_has(target: &str) -> bool {
     let installed = || {
         shell::output(&mut command("rustup", &["target", "list", "--installed"]))

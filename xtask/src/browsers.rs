@@ -1,7 +1,7 @@
 //! The studio's page: what is committed comes from its sources, and real browsers do with it what a user does.
 //!
-//! In `cargo xtask test` the page has the native engine of `rollwalk studio`, which is built in any case; in `nightly` it also has
-//! the engine as WebAssembly.
+//! In `cargo xtask test` the page has the native engine of `rollwalk studio`, which is built in any case; in `nightly` it also
+//! has the engine as WebAssembly.
 
 use crate::extent::Extent;
 use crate::{debian, shell, studio, workspace};
@@ -11,7 +11,8 @@ use std::process::Command;
 /// Browsers, Chromium first; and a display with WebGL for Firefox, which has none without one.
 const PACKAGES: [&str; 4] = ["chromium", "firefox-esr", "xvfb", "libgl1-mesa-dri"];
 
-/// Compares the committed page with its sources, and drives it in Chromium and Firefox; in brief drives it in Chromium, in one test.
+/// Compares the committed page with its sources, and drives it in Chromium and Firefox; in brief drives it in Chromium, in one
+/// test.
 ///
 /// # Errors
 /// What differs, what failed, or the command that installs what is missing.
@@ -32,7 +33,8 @@ pub fn check(extent: Extent) -> Result<(), String> {
     shell::run(&mut tests)
 }
 
-/// Drives robots in real time from the page, in brief a simulated one: a heartbeat that is late for want of a processor stops them.
+/// Drives robots in real time from the page, in brief a simulated one: a heartbeat that is late for want of a processor stops
+/// them.
 ///
 /// # Errors
 /// As [`check`].

@@ -3,8 +3,8 @@
 use crate::shell;
 use std::path::{Path, PathBuf};
 
-/// Revision that a working tree is compared with: where it left the main branch of the repository it was cloned from, else its own
-/// `main`; else only what is not committed yet counts.
+/// Revision that a working tree is compared with: where it left the main branch of the repository it was cloned from, else its
+/// own `main`; else only what is not committed yet counts.
 fn base() -> String {
     let left = |branch| git(&["merge-base", "HEAD", branch]).ok();
     left("origin/main").or_else(|| left("main")).unwrap_or_else(|| "HEAD".into())
@@ -22,8 +22,8 @@ pub fn files(since: Option<&str>) -> Result<Vec<PathBuf>, String> {
     Ok(changed.lines().chain(new.lines()).map(|file| root.join(file)).collect())
 }
 
-/// Whether one of the files is in one of the folders, or is one of the files, that `paths` names from the workspace root. `**/NAME` is
-/// a file of this name in any folder.
+/// True if one of the files is in one of `paths`: folders or files, relative to the workspace root. `**/NAME` is a file of this
+/// name in any folder.
 pub fn concern(files: &[PathBuf], paths: &[&str]) -> bool {
     let root = shell::workspace_root();
     let is_in = |file: &Path, path: &str| match path.strip_prefix("**/") {

@@ -11,7 +11,7 @@ pub struct TextFile {
     pub text: String,
 }
 
-/// Every text file that git does not ignore, in path order. Works without git, too.
+/// Reads all text files that git does not ignore, in path order. Works without git, too.
 ///
 /// # Errors
 /// The checkout cannot be listed.

@@ -1,4 +1,4 @@
-//! What is known of the crates that we use: advisories, licences, duplicates and sources, by the rules of `deny.toml`.
+//! Checks of the crates that we use: advisories, licences, duplicates and sources, by the rules of `deny.toml`.
 
 use crate::{shell, toolchain};
 

@@ -3,10 +3,11 @@
 /// Length of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// In `cargo xtask test` without a change in what the step checks: seconds that show that its programs still fit together.
+    /// Form in `cargo xtask test` without a change in what the step checks. Takes seconds; shows that the step's programs still
+    /// fit together.
     Brief,
-    /// In `cargo xtask test` after a change in what the step checks: minutes.
+    /// Form in `cargo xtask test` after a change in what the step checks. Takes minutes.
     Short,
-    /// In `cargo xtask nightly`: as long as it takes.
+    /// Form in `cargo xtask nightly`. Takes any time.
     Full,
 }

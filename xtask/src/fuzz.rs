@@ -39,7 +39,7 @@ pub enum Target {
     Slots,
     /// The memory for gains and limits in flash.
     Parameters,
-    /// Every actuator protocol.
+    /// Codecs of all actuator protocols.
     Actuators,
     /// Packets on serial lines.
     Deframer,
@@ -143,7 +143,7 @@ impl Fuzz {
             .ok_or_else(|| format!("fuzz target {name} ended without having run:\n{log}"))
     }
 
-    /// Whether the target ended without a finding, and the log of libFuzzer.
+    /// Runs a target; returns true if it ended without a finding, and the log of libFuzzer.
     fn start(&self, target: Target, seconds: u32) -> Result<(bool, String), String> {
         let name = target.name();
         let seeds = emptied(&self.folder.join("seeds").join(&name))?;

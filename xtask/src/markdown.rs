@@ -1,5 +1,5 @@
-//! What a Markdown page is to those that check pages and make a book of them: headings with their anchors, links, blocks
-//! of code and code spans, each with its place in the text.
+//! Parser of Markdown pages, for checks and for the book: headings with their anchors, links, blocks of code and code spans, each
+//! with its place in the text.
 
 use pulldown_cmark::{CodeBlockKind, Event, Options, Parser, Tag, TagEnd};
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ pub struct Page {
 pub struct Heading {
     /// 1 for the title, then deeper.
     pub level: usize,
-    /// What a link writes behind `#`, as git hosts and mdBook make it.
+    /// Anchor of the heading: text behind `#` in links, by the rules of git hosts and mdBook.
     pub anchor: String,
     /// Bytes of the heading in the page.
     pub place: Range<usize>,
@@ -31,9 +31,9 @@ pub struct Heading {
 pub struct Link {
     /// Line, counted from 1.
     pub line: usize,
-    /// Where it leads, as it is written.
+    /// Destination, as written.
     pub to: String,
-    /// Its text, without markup.
+    /// Text of the link, without markup.
     pub text: String,
     /// Bytes of the destination in the page; `None` where the page writes it elsewhere than behind the text.
     pub place: Option<Range<usize>>,
@@ -44,7 +44,7 @@ pub struct Link {
 pub struct Block {
     /// Line of its first line of code, counted from 1.
     pub line: usize,
-    /// What stands behind the fence: a language, and perhaps marks for tests.
+    /// Text behind the opening fence: a language, and optional marks for tests.
     pub info: String,
     /// Bytes of the marks, with the blank before them; empty without marks.
     pub marks: Range<usize>,

@@ -10,7 +10,7 @@ use std::time::Instant;
 /// Big-endian, while our formats are little-endian on every machine.
 const BIG_ENDIAN: &str = "s390x-unknown-linux-gnu";
 
-/// One call of `cargo miri test`.
+/// Call of `cargo miri test`.
 struct Run {
     name: &'static str,
     /// Arguments of `cargo miri test`.

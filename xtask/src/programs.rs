@@ -8,11 +8,13 @@ use std::time::Instant;
 
 /// The end-to-end tests, which run longest and wait most.
 const END_TO_END: &str = "integration";
-/// Those of them whose simulated robots have deadlines in real time, which other programs beside them would make them miss.
+/// End-to-end tests whose simulated robots have deadlines in real time. Other programs beside them would make them miss the
+/// deadlines.
 const REAL_TIME: &str = "::in_real_time_";
-/// Tests in real time at a time. With three of them on two cores streams of setpoints come too late, and are repeated.
+/// Number of tests in real time at a time. With three of them on two cores, setpoint streams arrive late and the tests are
+/// repeated.
 const REAL_TIME_THREADS: &str = "--test-threads=2";
-/// Other tests of [`END_TO_END`] at a time: most wait for robots that play in real time.
+/// Number of other tests of [`END_TO_END`] at a time: most wait for robots that play in real time.
 const END_TO_END_THREADS: &str = "--test-threads=4";
 
 /// Runs programs beside each other, without the tests that [`in_real_time`] runs.

@@ -39,11 +39,11 @@ pub fn path(name: &str, requirement: &str, imports: &str) -> Result<OsString, St
     env::join_paths(path).map_err(|error| error.to_string())
 }
 
-/// A Python of its own, with what was installed there and nothing else.
+/// Python environment with its own packages only.
 pub struct Environment(PathBuf);
 
 impl Environment {
-    /// In a new folder, with nothing but some packages, names with versions or files, and what they ask for.
+    /// Creates the environment in a new folder, with some packages (names with versions, or files) and their dependencies.
     ///
     /// # Errors
     /// What pip says, or the command that installs what is missing.

@@ -1,8 +1,9 @@
 //! `cargo xtask quick`: the check of a change while working on it. Formatting, house rules, lints of the whole workspace, and the
-//! tests of the changed crates. Dependent crates are linted with their tests, but these are left to `cargo xtask test`, and named.
+//! tests of the changed crates. Dependent crates are linted with their tests, but these are left to `cargo xtask test`, and
+//! named.
 //!
-//! Lints need no machine code, so a change low in the workspace does not compile all crates above it. The tests of one crate are built
-//! for that crate alone, with its own selection of features: its first build compiles dependencies once more.
+//! Lints need no machine code, so a change low in the workspace does not compile all crates above it. The tests of one crate
+//! are built for that crate alone, with its own selection of features: its first build compiles dependencies once more.
 
 use crate::steps::{Run, test};
 use crate::workspace::{self, Program};
@@ -23,7 +24,7 @@ const END_TO_END: &str = "tests/integration";
 /// Options of the command.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Revision that the working tree is compared with; by default, where this branch left `origin/main`.
+    /// Revision to compare the working tree with. The default is the commit at which this branch left `origin/main`.
     #[arg(long, value_name = "REV")]
     since: Option<String>,
 }
@@ -125,7 +126,8 @@ fn dependents<'a>(packages: &'a [Package], changed: &[&Package]) -> Vec<&'a Pack
     packages.iter().filter(is_left).collect()
 }
 
-/// Builds and runs the tests of some packages. Of the end-to-end tests it runs those in changed files, but for those in real time.
+/// Builds and runs the tests of some packages. Of the end-to-end tests it runs those in changed files, but for those in real
+/// time.
 fn run_tests(packages: &[&Package], files: &[PathBuf]) -> Result<(), String> {
     if packages.is_empty() {
         return Ok(());

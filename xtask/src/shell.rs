@@ -84,7 +84,7 @@ fn answer(command: &mut Command) -> Result<Output, String> {
     }
 }
 
-/// As [`said`], with what it says besides on the terminal when it succeeds.
+/// Returns the output like [`said`]; on success also copies the error output to the terminal.
 ///
 /// # Errors
 /// Its error output, when it does not exit with 0.

@@ -6,9 +6,9 @@ use crate::{shell, workspace};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// As `apps/python/pyproject.toml` has it.
+/// Requirement of `apps/python/pyproject.toml`.
 const MATURIN: &str = "maturin==1.16.0";
-/// Compares stubs with what is there (`stubtest`).
+/// Checker of type stubs against the package (`stubtest`).
 const MYPY: &str = "mypy==2.4.1";
 
 /// Builds the wheel, installs it, and tests it against the command line.

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-/// Every package, and the features that are off by default.
+/// Arguments that select all packages, and the features that are off by default.
 const SELECTION: [&str; 3] =
     ["--workspace", "--features", "rollwalk-firmware/authenticated,rollwalk-firmware/ed25519"];
 /// Packages on which no other depends, with many dependencies of their own.
@@ -18,7 +18,7 @@ const COSTLY: [&str; 4] = ["--exclude", "rollwalk-ros2", "--exclude", "rollwalk-
 /// Folders of [`COSTLY`]. Without a change in one, `cargo xtask test` leaves those packages to `nightly`.
 pub const APART: [&str; 3] = ["apps/ros2", "apps/python", "apps/packaging/rollwalk_ros2"];
 
-/// Whether builds of this process have [`COSTLY`].
+/// True if the builds of this process include the packages of [`COSTLY`].
 static HAS_ALL: OnceLock<bool> = OnceLock::new();
 
 /// Selects every package for the builds of this process.
@@ -61,13 +61,13 @@ pub struct Program {
     pub folder: PathBuf,
     /// Name of its target: a crate, or a file of `tests/`.
     pub name: String,
-    /// Whether it runs tests.
+    /// True for a program that runs tests.
     pub is_test: bool,
     pub path: PathBuf,
 }
 
 impl Program {
-    /// Its name, and the folder that tells it from programs of the same name.
+    /// Name and folder; the folder distinguishes programs of the same name.
     pub fn shown(&self) -> String {
         let folder = self.folder.file_name().unwrap_or_default().to_string_lossy();
         format!("{folder}: {}", self.name)

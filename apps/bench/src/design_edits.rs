@@ -1,4 +1,4 @@
-//! What an edit of a robot costs against planning from scratch: edits, exact derivatives, and plans predicted by these.
+//! Cost of editing a robot against planning from scratch: edits, exact derivatives, and plans predicted by these.
 
 use crate::measure::{self, median};
 use crate::only::Only;
@@ -22,7 +22,7 @@ const HALF_M: f64 = 1e-5;
 /// Runs of which the one of the least CPU time is taken; those of derivatives are long, and run once.
 const RUNS: usize = 3;
 
-/// One motion, measured; CPU times in ms.
+/// Measurements of one motion; CPU times in ms.
 #[derive(Serialize)]
 struct Row {
     motion: String,
@@ -38,12 +38,12 @@ struct Row {
     cost_ratio: f64,
     /// The report of a plan: what a plan is worth as it is played, and how it grows without feedback.
     report_ms: f64,
-    /// To the optimum and its exact derivative; null where it has none.
+    /// CPU time of the optimum and its exact derivative; null without one.
     derived_ms: Option<f64>,
-    /// From where the optimum goes.
+    /// CPU time of the edit from the predicted plan.
     predicted_ms: Option<f64>,
     predicted_iterations: Option<usize>,
-    /// Whether all plans converged.
+    /// True if all plans converged.
     solved: bool,
 }
 

@@ -27,28 +27,28 @@ const HALT_S: f64 = 2.0;
 /// Seeds of a unit of the campaign: enough for its line in a journal to cost nothing.
 const SEEDS_OF_UNIT: u64 = 10;
 
-/// What carries the robot.
+/// Support of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum On {
-    /// One leg on a stand: fast, with every rule of the buses.
+    /// Single leg on a stand: fast, with every rule of the buses.
     Stand,
     /// AgileBot on the ground, level or sloping by up to 3 degrees: what the robot itself does, too.
     Ground,
 }
 
-/// What to run.
+/// Options of the fault campaign.
 #[derive(clap::Args)]
 pub struct Args {
     /// Runs of each scenario at each loss [default: 20, or 1 with --seed].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     seeds: Option<u64>,
-    /// Only this scenario; may be given several times.
+    /// Name of a scenario to run [default: all]; may be given several times.
     #[arg(long, value_name = "NAME", value_parser = scenario)]
     scenario: Vec<Scenario>,
-    /// What carries the robot.
+    /// Support of the robot.
     #[arg(long, value_name = "SUPPORT", value_enum, default_value_t = On::Stand)]
     on: On,
-    /// Only this loss, in percent of the link's frames; may be given several times.
+    /// Loss to run, in percent of the link's frames [default: all losses of each scenario]; may be given several times.
     #[arg(long, value_name = "PERCENT", value_parser = loss)]
     loss: Vec<u16>,
     /// First seed [default: 0]. A single run (one scenario, one loss, one seed) writes no file but that of --log.
@@ -67,7 +67,7 @@ fn scenario(text: &str) -> Result<Scenario, String> {
     })
 }
 
-/// Of a thousand frames.
+/// Parses a loss in percent; returns it in frames of a thousand.
 fn loss(text: &str) -> Result<u16, String> {
     let percent: Option<f64> = text.parse().ok();
     match percent.map(|percent| (10.0 * percent).round()) {
@@ -165,7 +165,7 @@ struct Runs {
     seeds: Range<u64>,
 }
 
-/// What a unit came to.
+/// Result of a unit.
 #[derive(Serialize, Deserialize)]
 struct Part {
     row: table::Row,
@@ -280,7 +280,7 @@ fn chosen(named: &[Scenario]) -> impl Iterator<Item = Scenario> {
     Scenario::ALL.into_iter().filter(|scenario| named.is_empty() || named.contains(scenario))
 }
 
-/// Which losses there are.
+/// Losses of the scenarios, a line for each.
 fn losses(named: &[Scenario]) -> String {
     let line = |scenario: Scenario| {
         let losses: Vec<_> = scenario.losses().iter().map(|&l| percent(l).to_string()).collect();
@@ -296,7 +296,7 @@ fn seeds(args: &Args) -> Range<u64> {
     first..first.saturating_add(seeds)
 }
 
-/// All runs that were asked for, in the order of the table.
+/// Runs that were asked for, in the order of the table.
 fn blocks(args: &Args) -> Vec<Runs> {
     let Range { start, end } = seeds(args);
     let mut blocks = Vec::new();

@@ -20,7 +20,7 @@ pub const MOTIONS: [&str; 2] =
 /// Part of its tolerance that the worst constraint is at most when all are met.
 const MET: f64 = 1.0;
 
-/// What to run.
+/// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
     /// Most iterations of the Newton methods; L-BFGS gets ten times as many.
@@ -30,7 +30,7 @@ pub struct Args {
     only: Only,
 }
 
-/// One method on one motion, measured.
+/// Measurements of one method on one motion.
 #[derive(Serialize)]
 struct Row {
     motion: String,

@@ -14,7 +14,7 @@ use serde::Serialize;
 pub const DESIGN: &str = "designs/agilebot_legs.toml";
 const GIVEN: &str = "front_thigh";
 const LONGER_M: f64 = 0.02;
-/// What the pitch may change by with the others following, and what it changes by at least without, degrees.
+/// Largest change of the pitch with the other parameters following, and least change without, degrees.
 const KEPT_DEG: f64 = 0.1;
 const BY_HAND_DEG: f64 = 1.0;
 

@@ -28,18 +28,18 @@ const HEIGHTS_M: [f64; 2] = [0.26, 0.3];
 /// Lengths of its thighs and shanks, and their bounds, m.
 const LEG_M: f64 = 0.1;
 const LEG_BOUNDS_M: [f64; 2] = [0.05, 0.18];
-/// How far wheels of 5 cm that are tilted by 45 degrees hang above the ground, m.
+/// Height above the ground at which wheels of 5 cm hang that are tilted by 45 degrees, m.
 const HANGS_M: f64 = 0.05 * (1.0 - FRAC_1_SQRT_2);
-/// What a repaired car's front height may be off by, m; its displacement, as a part; the walker's height, m.
+/// Tolerances of a repaired car's front height, m, and displacement, as a share, and of the walker's height, m.
 const OFF: [f64; 3] = [2e-5, 1e-3, 2e-3];
-/// Worst residual over its tolerance below which a design can do its motion but for what costs take.
+/// Residual-to-tolerance ratio up to which a design counts as feasible.
 const ABLE: f64 = 1.0;
-/// Most steps of a design until then; the thesis's car took as many.
+/// Most steps until a design is feasible; the thesis's car took as many.
 const STEPS: usize = 3;
 /// Iterations of the thesis's method.
 const THESIS_ITERATIONS: usize = 150;
 
-/// What to run.
+/// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -62,15 +62,15 @@ struct Row {
     thesis: Option<(f64, f64)>,
 }
 
-/// One repair.
+/// Measurements of one repair.
 #[derive(Serialize)]
 struct Case {
     name: String,
     parameters: Vec<String>,
-    /// What is asked for, m.
+    /// Requested displacement or height, m.
     asked_m: f64,
     rows: Vec<Row>,
-    /// What the original design falls short of.
+    /// Culprits in the diagnosis of the original design.
     blamed: Vec<String>,
     outcome: String,
     values: Vec<f64>,
@@ -247,7 +247,7 @@ fn as_the_thesis(robot: &Robot, motion: &Motion) -> Option<(f64, f64)> {
     (!interrupt::requested()).then(|| (plan.solve.energy, displacement_m(&plan)))
 }
 
-/// How far the centre of mass gets, m.
+/// Displacement of the centre of mass along x, m.
 fn displacement_m(plan: &Plan) -> f64 {
     let at = |sample: Option<&rollwalk_planner::plan::Sample>| sample.map_or(0.0, |s| s.com_m[0]);
     at(plan.samples.last()) - at(plan.samples.first())

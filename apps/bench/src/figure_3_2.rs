@@ -17,7 +17,7 @@ const STARTS: [(&str, Start); 3] = [
     ("warm start, literal", Start::Warm(WarmStart { literal: true })),
 ];
 
-/// One start of one gait, measured.
+/// Measurements of one start of one gait.
 #[derive(Serialize)]
 struct Row {
     gait: String,

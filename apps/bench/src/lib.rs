@@ -76,7 +76,7 @@ pub enum Benchmark {
     /// Size of the shipped motion libraries, in bytes a second, against raw f32, postcard and zstd.
     #[command(name = "library-format")]
     LibraryFormat(only::Only),
-    /// What an edit of a robot costs against planning from scratch.
+    /// Cost of editing a robot against planning from scratch.
     #[command(name = "design-edits")]
     DesignEdits(only::Only),
     /// Requests beyond what robots can do: whether the numbers that their diagnoses suggest work.
@@ -90,13 +90,13 @@ pub enum Benchmark {
 
 /// A benchmark that is to be run.
 pub enum Work<'a> {
-    /// As a whole; it comes to nothing if it is interrupted before it has found anything.
+    /// Work as a whole; without result if it is interrupted before it has found anything.
     Whole(Box<dyn FnOnce() -> Outcome + 'a>),
-    /// In units, of which others may do some.
+    /// Work in units, some of which other processes may do.
     Split(Box<dyn Split + 'a>),
 }
 
-/// What a benchmark comes to.
+/// Result of a benchmark.
 pub type Outcome = miette::Result<Option<Findings>>;
 
 impl Benchmark {
@@ -139,7 +139,7 @@ fn unless_interrupted() -> ControlFlow<()> {
     if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
-/// What a benchmark found.
+/// Findings of a benchmark.
 pub struct Findings {
     /// Text and tables, for people.
     pub blocks: Vec<Block>,
@@ -149,9 +149,9 @@ pub struct Findings {
     pub charts: Vec<(String, String)>,
     /// A log that the options ask for, and where to write it.
     pub log: Option<(PathBuf, Vec<u8>)>,
-    /// What went wrong, and how to repeat it.
+    /// Failures, and how to repeat them.
     pub failures: Vec<String>,
-    /// Whether it found what it should.
+    /// Verdict on the findings.
     pub verdict: Verdict,
 }
 
@@ -159,7 +159,7 @@ pub struct Findings {
 pub struct Record {
     /// Stem of the Markdown and the JSON file.
     pub name: &'static str,
-    /// Every number, as JSON.
+    /// Numbers of the benchmark as JSON.
     pub json: String,
 }
 
@@ -174,10 +174,10 @@ pub enum Block {
 /// A table of cells; the first row has the titles.
 pub type Table = Vec<Vec<String>>;
 
-/// How a benchmark ended.
+/// Verdict on a benchmark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It found what it should.
+    /// Findings as expected.
     Passed,
     /// A plan did not converge, or a file is larger than it should be.
     NotConverged,

@@ -17,7 +17,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// Whether the plan meets its constraints.
+    /// True if the plan meets its constraints.
     pub fn solved(&self) -> bool {
         self.plan().solve.status == Status::Converged
     }
@@ -69,8 +69,7 @@ pub fn goal_times(motion: &Motion, factor: f64) -> Motion {
     Motion { goal, ..motion.clone() }
 }
 
-/// How far the plan's displacement and turn are from its goal, as a part of the goal; of goals that
-/// are not 0.
+/// Largest difference of the plan's displacement and turn from its goal, as a share of the goal; goals of 0 are left out.
 pub fn goal_error(plan: &Plan) -> f64 {
     let Goal { forward_m, left_m, turn_rad } = plan.motion.goal;
     let asked = [forward_m, left_m, turn_rad];

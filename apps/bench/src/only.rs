@@ -3,16 +3,16 @@
 use miette::miette;
 use std::path::Path;
 
-/// Which rows to run.
+/// Selection of rows.
 #[derive(clap::Args)]
 pub struct Only {
-    /// Only the row with this name; if there is none, all rows whose names contain it.
+    /// Name of the only row to run; if there is none, all rows whose names contain it [default: all rows].
     #[arg(long, value_name = "NAME")]
     only: Option<String>,
 }
 
 impl Only {
-    /// Its words on the command line.
+    /// Words of this option on the command line.
     pub fn words(&self) -> Vec<String> {
         self.only.iter().flat_map(|only| ["--only".to_owned(), only.clone()]).collect()
     }

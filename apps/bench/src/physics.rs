@@ -1,4 +1,5 @@
-//! `bench physics`: runs the experiments of the thesis's differentiable simulator (ch. 4) and compares their numbers with the thesis's.
+//! `bench physics`: runs the experiments of the thesis's differentiable simulator (ch. 4) and compares their numbers with the
+//! thesis's.
 
 use crate::experiments::{ALL, Chart, Experiment, Outcome, Watch};
 use crate::{Block, Findings, Verdict, table};
@@ -24,13 +25,13 @@ fn list() -> String {
     format!("Experiments:\n{}", ALL.iter().map(line).collect::<Vec<_>>().join("\n"))
 }
 
-/// What an experiment found, and its CPU time.
+/// Results of an experiment, and its CPU time.
 #[derive(Serialize)]
 struct Row {
     experiment: &'static str,
     source: &'static str,
     cpu_s: f64,
-    /// Whether all that is asked holds.
+    /// True if all requirements hold.
     holds: bool,
     #[serde(flatten)]
     outcome: Outcome,

@@ -11,7 +11,7 @@ const SAMPLES: [usize; 7] = [12, 24, 48, 72, 96, 120, 240];
 /// Samples in one stride: longer motions repeat it.
 const STRIDE: usize = 12;
 
-/// What to run.
+/// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
     /// Numbers of samples, multiples of 12.
@@ -27,7 +27,7 @@ fn whole_strides(text: &str) -> Result<usize, String> {
     }
 }
 
-/// One number of samples, measured.
+/// Measurements with one number of samples.
 #[derive(Serialize)]
 struct Row {
     samples: usize,

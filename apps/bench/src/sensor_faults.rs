@@ -21,7 +21,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
-/// Number of motions, the first ones of the benchmark of tracking: their robots stay on their feet in closed loop with noisy sensors.
+/// Number of motions, the first ones of the benchmark of tracking: their robots stay on their feet in closed loop with noisy
+/// sensors.
 const COUNT: usize = 12;
 const KINDS: [(&str, SensorFaultKind); 16] = [
     ("no IMU", NoImu),
@@ -46,11 +47,11 @@ const PHASES: u32 = 4;
 const CYCLES: usize = 6;
 /// Falls that are known: of gaits on two feet with a bias that nothing contradicts for long (docs/tracking.md).
 const FALLS: u32 = 3;
-/// How long before its end the speed of a run is taken, s, and the largest of one that is at rest, m/s.
+/// Time before its end at which the speed of a run is taken, s, and largest speed of a robot at rest, m/s.
 const REST_S: f64 = 0.1;
 const REST_M_S: f64 = 0.02;
 
-/// What to run.
+/// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -64,12 +65,12 @@ struct Row {
     outcomes: Vec<Counts>,
 }
 
-/// What became of runs with a fault.
+/// Outcomes of runs with a fault.
 #[derive(Default, Serialize, Deserialize)]
 struct Counts {
     /// Tracked to the end.
     went_on: u32,
-    /// At rest on its feet.
+    /// Stopped, at rest on its feet.
     stopped: u32,
     /// Stopped, on its feet, and not at rest.
     moves: u32,

@@ -16,16 +16,16 @@ pub trait Split: Sync {
         Vec::new()
     }
     fn units(&self) -> usize;
-    /// What units are called.
+    /// Name of the units in messages.
     fn units_name(&self) -> &'static str;
-    /// Whether it measures times, so that units must not disturb each other.
+    /// True if it measures times, so that units must not disturb each other.
     fn is_timed(&self) -> bool;
     /// Computes a unit; `None` after an interrupt.
     ///
     /// # Errors
     /// An input that cannot be used, or what the computation reports.
     fn unit(&self, index: usize) -> miette::Result<Option<Value>>;
-    /// What units came to, by their numbers: all of them, or those that there are after an interrupt.
+    /// Findings from the results of units, by number: of all units, or of those done before an interrupt.
     ///
     /// # Errors
     /// They are not of this benchmark.
@@ -34,7 +34,7 @@ pub trait Split: Sync {
 
 /// Computes a row of something; `None` after an interrupt.
 pub type Row<'a, T, R> = dyn Fn(&T) -> miette::Result<Option<R>> + Sync + 'a;
-/// What rows come to.
+/// Findings of rows.
 pub type Found<'a, R> = dyn Fn(&[R]) -> Findings + Sync + 'a;
 
 /// A benchmark of which each unit is a row.
@@ -45,11 +45,11 @@ pub struct Rows<'a, T, R> {
     pub inputs: Vec<String>,
     /// [`Split::is_timed`].
     pub is_timed: bool,
-    /// What there is a row of.
+    /// Inputs of the rows.
     pub rows: Vec<T>,
-    /// How a row is computed.
+    /// Computation of a row.
     pub row: Box<Row<'a, T, R>>,
-    /// What rows come to.
+    /// Findings of rows.
     pub findings: Box<Found<'a, R>>,
 }
 

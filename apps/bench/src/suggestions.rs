@@ -12,7 +12,7 @@ use rollwalk_robot::Robot;
 use rollwalk_terminal::{interrupt, output};
 use serde::{Deserialize, Serialize};
 
-/// What a case asks for: the change, and the smallest and largest number that it is made with.
+/// Change of a motion or robot, by a number.
 #[derive(Clone, Copy, Debug)]
 enum Change {
     /// Goals and targets, times a number.
@@ -168,7 +168,7 @@ const LITTLE: f64 = 0.04;
 /// Bisections in which such a request is sought.
 const BISECTIONS: usize = 7;
 
-/// What to run.
+/// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
     /// Make the requests miss by little, and compare the time that takes with that of a request that is just possible.
@@ -180,7 +180,7 @@ pub struct Args {
     /// Seed of the numbers that requests are made with.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Only requests whose names contain this, such as `walk` or `sideways`.
+    /// Part of the names of the requests to run, such as `walk` or `sideways` [default: all requests].
     #[arg(long, value_name = "NAME")]
     only: Option<String>,
 }
@@ -194,7 +194,7 @@ struct Tried {
     works: bool,
 }
 
-/// One request.
+/// Result of one request.
 #[derive(Serialize, Deserialize)]
 struct Row {
     request: String,
@@ -265,7 +265,7 @@ impl Asked {
     }
 }
 
-/// Those that are asked for, with their numbers, which do not depend on which they are.
+/// Selected requests with their numbers, which do not depend on the selection.
 fn requests(args: &Args) -> Vec<Asked> {
     let mut random = fastrand::Rng::with_seed(args.seed);
     let mut all = Vec::new();
@@ -293,7 +293,7 @@ struct Request {
 #[derive(Serialize)]
 struct Near {
     request: String,
-    /// Their numbers, iterations and CPU times.
+    /// Numbers, iterations and CPU times of both.
     number: [f64; 2],
     iterations: [usize; 2],
     cpu_s: [f64; 2],
@@ -382,7 +382,7 @@ fn near_findings(rows: &[Near]) -> Findings {
     Findings::new("suggestions-near", blocks, &rows)
 }
 
-/// How many of the numbers work, in words, and whether nine of ten do.
+/// Number of suggestions that work, in words, and true if at least nine of ten do.
 fn tally<'a>(tried: impl Iterator<Item = &'a Tried> + Clone) -> (String, bool) {
     let works = tried.clone().filter(|tried| tried.works).count();
     let all = tried.count();

@@ -32,7 +32,7 @@ pub const ROWS: &[(&str, Option<f64>)] = &[
     ("motions/table_2_1/dinobot_skating.toml", Some(11.0)),
 ];
 
-/// What to run.
+/// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
     /// Starts of each motion.
@@ -42,7 +42,7 @@ pub struct Args {
     only: Only,
 }
 
-/// One row, measured.
+/// Measurements of one row.
 #[derive(Serialize)]
 struct Row {
     motion: String,

@@ -16,7 +16,7 @@ pub const ROWS: [(&str, usize, [f64; 2]); 4] = [
     ("motions/swizzlebot5_forward.toml", 5, [0.68, 23.93]),
 ];
 
-/// What to run.
+/// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
     /// Starts of each motion; the one of least energy counts, since strokes have several minima.
@@ -26,7 +26,7 @@ pub struct Args {
     only: Only,
 }
 
-/// One robot, measured. Means are null if no seed is solved.
+/// Measurements of one robot. Means are null if no seed is solved.
 #[derive(Serialize, Deserialize)]
 struct Row {
     motors_a_leg: usize,

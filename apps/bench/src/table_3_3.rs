@@ -35,7 +35,7 @@ const FINEST: f64 = 1.02;
 /// Seeds to try from nothing where planning again from the last speed fails.
 const SEEDS: u64 = 2;
 
-/// What to run.
+/// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
     /// Maximum number of speeds to try for each motion; few give a quick lower bound.
@@ -45,7 +45,7 @@ pub struct Args {
     only: Only,
 }
 
-/// One motion, measured.
+/// Result of one motion.
 #[derive(Serialize, Deserialize)]
 struct Row {
     motion: String,
@@ -114,8 +114,8 @@ fn refined(motion: Motion) -> Motion {
     Motion { stance, ..motion }
 }
 
-/// Whether a run solved its motion, also between the samples: limits of the motors, and slip. Servos that are to hold it
-/// would ask for more ([`Report::judgement`]); the table bounds the model.
+/// True if a run solved its motion, also between the samples: limits of the motors, and slip. [`Report::judgement`] is stricter,
+/// because servos have to hold the motion; the table bounds the model.
 fn holds(run: &Run) -> bool {
     let report = Report::new(run.plan());
     let of_motors = [Family::JointLimit, Family::JointSpeed, Family::WheelMotorSpeed];

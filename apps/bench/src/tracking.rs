@@ -1,5 +1,5 @@
-//! Compares controllers (servos, feed-forward, closed loop) on plans in simulated worlds that match the plan, and in worlds with other masses,
-//! friction, delay, noise or slope (docs/tracking.md).
+//! Compares controllers (servos, feed-forward, closed loop) on plans in simulated worlds that match the plan, and in worlds
+//! with other masses, friction, delay, noise or slope (docs/tracking.md).
 
 use crate::only::Only;
 use crate::split::{Rows, Split};
@@ -44,7 +44,7 @@ const CONTROLS: [(&str, Control); 4] = [
 ];
 /// Steps of the world and ticks of the controller per second, the same for all.
 pub const RATE_HZ: u32 = 500;
-/// How long a push is, s; the largest, as a part of the robot's weight; and how exactly the largest that is survived is found.
+/// Duration of a push, s; largest push, as a share of the robot's weight; and resolution of the largest push that is survived.
 const PUSH_S: f64 = 0.1;
 const PUSH_MOST: f64 = 1.6;
 const PUSH_STEP: f64 = 0.1;
@@ -77,7 +77,7 @@ fn worlds() -> [World; 9] {
     ]
 }
 
-/// What to run.
+/// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
     /// Motion files of your own, in place of the shipped ones.
@@ -99,7 +99,7 @@ struct Row {
     motion: String,
     robot: String,
     control: String,
-    /// In every world.
+    /// Runs in every world.
     runs: Vec<Played>,
     /// Largest push that is survived, as a part of the weight, for every phase and direction.
     pushes: Vec<f64>,

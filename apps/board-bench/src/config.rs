@@ -42,7 +42,7 @@ pub fn module(name: &str, robot: &Robot) -> Result<String, String> {
     let rest = write!(
         code,
         "    RobotConfig {{ robot: {:#010x}, channels: Vec::from_array(CHANNELS) }}\n}}\n\n\
-         /// Its actuator buses, by number{}",
+         /// Actuator buses, by number{}",
         config.robot,
         if buses.is_empty() {
             ": all of the Rollwalk profile at 1 Mbit/s.\n\
@@ -71,7 +71,7 @@ pub fn module(name: &str, robot: &Robot) -> Result<String, String> {
     Ok(code)
 }
 
-/// What follows the rows, up to the body of `config`.
+/// Code between the rows and the body of `config`.
 const CHANNEL_FN: &str = "];
 
 const fn channel(

@@ -41,7 +41,7 @@ impl<T: Read + Write> Remote<T> {
         self.steps
     }
 
-    /// What the steps cost.
+    /// Run time and stack usage of the steps.
     ///
     /// # Errors
     /// The line failed, or the board answered something else.

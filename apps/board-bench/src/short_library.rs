@@ -7,9 +7,9 @@ use std::f32::consts::TAU;
 
 /// Frames of the bend after its first, at 60 Hz.
 const BEND_FRAMES: u16 = 30;
-/// How far joints bend, rad.
+/// Bend of the joints, rad.
 const BEND_RAD: f32 = 0.15;
-/// How fast wheels turn in the middle of it, rad/s.
+/// Speed of the wheels in the middle of the bend, rad/s.
 const ROLL_RAD_S: f32 = 2.0;
 /// Frames of a transition, in which nothing moves.
 const STILL_FRAMES: usize = 6;

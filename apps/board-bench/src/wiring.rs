@@ -1,4 +1,4 @@
-//! Where a robot's buses are connected to a board, and robots that a board has not the ports for.
+//! Connections of a robot's buses to a board; robots for which the board has too few ports are refused.
 
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::hal::ports::{Transport, assigned};
@@ -13,14 +13,14 @@ use std::ops::RangeInclusive;
 pub struct Port {
     /// Name of the peripheral.
     name: &'static str,
-    /// Its pins, and what belongs between them and the bus.
+    /// Pins, and parts between them and the bus.
     pins: &'static str,
 }
 
-/// What a board offers to a robot.
+/// Connections that a board offers to a robot.
 #[derive(Debug)]
 pub struct Board {
-    /// As the command line names it.
+    /// Name on the command line.
     name: &'static str,
     /// Ports for actuator buses on CAN, in the order in which they are assigned.
     can: &'static [Port],
@@ -28,21 +28,21 @@ pub struct Board {
     serial: &'static [Port],
     /// Bits per second of its serial lines.
     serial_rates: RangeInclusive<u32>,
-    /// Whether its CAN ports carry 29-bit identifiers.
+    /// True if its CAN ports carry 29-bit identifiers.
     long_identifiers: bool,
-    /// The servos are in the image, which knows those of the Rollwalk profile.
+    /// True if the image contains simulated servos, which have the Rollwalk profile.
     own_servos: bool,
     /// The other pins: a name and a place each.
     others: &'static [[&'static str; 2]],
 }
 
-/// In the emulator, all buses are on the UART.
+/// Ports of the emulator, in which all buses are on the UART.
 const UART: [Port; 4] = {
     const PORT: Port = Port { name: "UART 0", pins: "emulated" };
     [PORT; 4]
 };
 
-/// All boards with an image.
+/// Boards with an image.
 static BOARDS: [Board; 4] = [
     Board {
         name: "mps2-an386",
@@ -121,7 +121,7 @@ impl Board {
     }
 }
 
-/// How the robot from the file `name` is connected to a board: a line for each bus, and the motors on it.
+/// Describes the connections of the robot from the file `name` to a board: a line for each bus, and the motors on it.
 ///
 /// # Errors
 /// The first bus that the board has no port for, or that no controller can drive.
@@ -166,7 +166,7 @@ pub fn describe(name: &str, robot: &Robot, board: &Board) -> Result<String, Stri
     Ok(text)
 }
 
-/// What the board has instead of another port.
+/// Error for a missing port, with the ports that the board has.
 fn no_port(board: &Board, transport: Transport) -> String {
     let kind = match transport {
         Transport::Can => "on CAN",
@@ -177,7 +177,7 @@ fn no_port(board: &Board, transport: Transport) -> String {
     format!("{} has no port left for it; its ports for actuators {kind}: {offered}", board.name)
 }
 
-/// Whether a port of the board can be this bus.
+/// Checks that a port of the board can be this bus.
 fn check(board: &Board, bus: &Bus) -> Result<(), String> {
     let name = board.name;
     let rates = &board.serial_rates;

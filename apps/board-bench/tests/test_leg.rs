@@ -32,7 +32,7 @@ pub fn config() -> RobotConfig {
     RobotConfig { robot: 0xecd65bc8, channels: Vec::from_array(CHANNELS) }
 }
 
-/// Its actuator buses, by number, in postcard; buses that are not named speak the Rollwalk profile:
+/// Actuator buses, by number, in postcard; buses that are not named speak the Rollwalk profile:
 ///
 /// - 0: AK80-9, 1000000 bit/s
 /// - 1: ODrive, 1000000 bit/s

@@ -20,12 +20,12 @@ pub struct Design {
     designed: Designed,
 }
 
-/// What may change about a robot.
+/// Parameter of a robot in a design.
 #[pyclass(frozen, get_all, module = "rollwalk")]
 pub struct Parameter {
-    /// Its name in the design file.
+    /// Name in the design file.
     name: String,
-    /// What the robot file has, in `unit`.
+    /// Value of the robot file, in `unit`.
     value: f64,
     /// Least value, in `unit`.
     min: f64,
@@ -43,27 +43,27 @@ impl Parameter {
     }
 }
 
-/// How the optimal plan of a motion changes with the P parameters of a design.
+/// Derivatives of a motion's optimal plan with respect to the P parameters of a design.
 ///
 /// Objectives are those of `[goal]` in design files: `plan_cost`, `peak_joint_speed` (rad/s), `joint_torque` (root mean square,
-/// N·m), `peak_joint_torque` (N·m), `power` (W), `cost_of_transport`. Features are those of `rollwalk design keep`, at each of the
-/// plan's S samples: `pitch`, `tilt`, `joints` (rad), `height`, `body`, `feet` (m).
+/// N·m), `peak_joint_torque` (N·m), `power` (W), `cost_of_transport`. Features are those of `rollwalk design keep`, at each of
+/// the plan's S samples: `pitch`, `tilt`, `joints` (rad), `height`, `body`, `feet` (m).
 #[pyclass(frozen, get_all, module = "rollwalk")]
 pub struct Gradients {
     /// Plan of the motion at these values of the parameters.
     plan: Py<Plan>,
     /// Names of the parameters, the last axis of all derivatives.
     parameter_names: Vec<String>,
-    /// By name of the objective: its value at the optimum, in its unit.
+    /// Values at the optimum by name of the objective, in its unit.
     objectives: HashMap<&'static str, f64>,
-    /// By name of the objective: its derivatives, per unit of each parameter, shape (P,). An objective that the motion has not, such
-    /// as the cost of transport of one that goes nowhere, is left out.
+    /// Derivatives by name of the objective, per unit of each parameter, shape (P,). An objective that the motion does not have,
+    /// such as the cost of transport of one that goes nowhere, is left out.
     gradients: HashMap<&'static str, Py<PyArray1<f64>>>,
-    /// By name of the feature: its values at the optimum, shape (F,): sample after sample, all numbers of each.
+    /// Values at the optimum by name of the feature, shape (F,): sample after sample, all numbers of each.
     features: HashMap<&'static str, Py<PyArray1<f64>>>,
-    /// By name of the feature: its derivatives ∂feature/∂parameter, shape (F, P).
+    /// Derivatives ∂feature/∂parameter by name of the feature, shape (F, P).
     jacobians: HashMap<&'static str, Py<PyArray2<f64>>>,
-    /// Whether the derivatives are estimates with the curvature of Gauss and Newton: no optimum near the plan was found at which the
+    /// True if the derivatives are estimates with the Gauss-Newton curvature: no optimum near the plan was found at which the
     /// second derivatives are positive.
     estimated: bool,
 }
@@ -74,7 +74,7 @@ struct Numbers {
     objectives: Vec<(Objective, f64, Vec<f64>)>,
     /// Values, and changes with each parameter.
     features: Vec<(Feature, Vec<f64>, Vec<Vec<f64>>)>,
-    /// Whether the derivatives are estimates.
+    /// True if the derivatives are estimates.
     estimated: bool,
 }
 
@@ -105,7 +105,7 @@ impl Design {
         &self.designed.file.name
     }
 
-    /// What may change, in the order of all derivatives.
+    /// Parameters, in the order of all derivatives.
     #[getter]
     fn parameters(&self) -> Vec<Parameter> {
         let all = self.designed.file.parameters.iter().zip(self.designed.original());
@@ -244,7 +244,7 @@ impl Design {
     }
 }
 
-/// What names stand for.
+/// Values that names stand for.
 fn named<T: Copy>(what: &str, names: &[String], known: &[(&'static str, T)]) -> PyResult<Vec<T>> {
     let find = |name: &String| {
         let found = known.iter().find(|(known, _)| known == name).map(|(_, value)| *value);

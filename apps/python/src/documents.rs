@@ -18,7 +18,7 @@ use std::sync::Arc;
 /// Most bytes of a file: that of a plan with the most samples of a robot with the most joints has a third of it.
 const BYTES_MAX: u64 = 32 << 20;
 
-/// Where files come from.
+/// Source of files.
 #[derive(Clone, Copy)]
 pub enum Source {
     /// The file system.

@@ -1,4 +1,5 @@
-//! Exceptions: their classes are in `rollwalk/_errors.py`, their words are those of the command line. Those of plans are in `plan`.
+//! Exceptions: their classes are in `rollwalk/_errors.py`, their words are those of the command line. Those of plans are in
+//! `plan`.
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
 use pyo3::exceptions::PyOSError;
@@ -10,7 +11,7 @@ use std::path::Path;
 
 import_exception!(rollwalk._errors, RollwalkError);
 
-/// What is wrong with an input, as the command line shows it on a terminal without colours: message, place, help.
+/// Error for a wrong input, as the command line shows it on a terminal without colours: message, place, help.
 pub fn wrong(diagnostic: impl Diagnostic) -> PyErr {
     let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor());
     let handler = handler.with_links(false).with_wrap_lines(false);
@@ -21,12 +22,12 @@ pub fn wrong(diagnostic: impl Diagnostic) -> PyErr {
     refused(format!("\n{}", ShownLines(text.trim_end())))
 }
 
-/// What cannot be done, in one sentence.
+/// Error for a request that cannot be met, in one sentence.
 pub fn refused(reason: impl Display) -> PyErr {
     RollwalkError::new_err(reason.to_string())
 }
 
-/// What the operating system refuses, as the built-in exception for it, such as `FileNotFoundError`.
+/// Error of the operating system, as the built-in exception for it, such as `FileNotFoundError`.
 pub fn refused_by_system(action: &str, path: &Path, error: &io::Error) -> PyErr {
     match error.raw_os_error() {
         Some(code) => {

@@ -1,7 +1,8 @@
 //! `rollwalk` for Python: robots, motions, plans, libraries, designs and runs as objects, numbers as NumPy arrays.
 //!
-//! A front end beside the command line, on the same crates and with no logic of its own. The package `apps/python/python/rollwalk`
-//! re-exports these classes and functions, and defines the exceptions and the type stubs. `docs/python.md` is its tutorial.
+//! A front end beside the command line, on the same crates and with no logic of its own. The package
+//! `apps/python/python/rollwalk` re-exports these classes and functions, and defines the exceptions and the type stubs.
+//! `docs/python.md` is its tutorial.
 //!
 //! | module | is |
 //! |---|---|

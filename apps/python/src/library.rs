@@ -43,12 +43,12 @@ pub fn build_library(
     }
 }
 
-/// What came of building.
+/// Result of building.
 enum Built {
     Library(Vec<u8>),
     /// Plans that are not consistent.
     Failed(Vec<Plan>),
-    /// Why there is no library.
+    /// Reason for which there is no library.
     Refused(String),
 }
 

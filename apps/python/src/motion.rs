@@ -11,7 +11,7 @@ use rollwalk_robot as robot;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What a robot is to do: footfalls, goal, duration, as a motion file describes it.
+/// Motion of a robot, as a motion file describes it: footfalls, goal, duration.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Motion {
     /// The robot.
@@ -79,20 +79,20 @@ impl Motion {
         self.inner.duration_s
     }
 
-    /// What its ends are: `periodic` or `at_rest`.
+    /// Kind of the motion's ends: `periodic` or `at_rest`.
     #[getter]
     fn ends(&self) -> String {
         self.inner.ends.to_string()
     }
 
-    /// Where the motion goes: forward, m, to the left, m, and turned to the left, rad; `None` where it has no goal.
+    /// Goal of the motion: forward, m, to the left, m, and turned to the left, rad; `None` where it has no goal.
     #[getter]
     fn goal(&self) -> (Option<f64>, Option<f64>, Option<f64>) {
         let motion::Goal { forward_m, left_m, turn_rad } = self.inner.goal;
         (forward_m, left_m, turn_rad)
     }
 
-    /// Whether each end effector stands at each sample, shape (S, E).
+    /// True for each end effector in stance at each sample, shape (S, E).
     #[getter]
     fn stance(&self, py: Python<'_>) -> Py<PyArray2<bool>> {
         let stance = &self.inner.stance;

@@ -20,7 +20,7 @@ use std::thread;
 import_exception!(rollwalk._errors, NotConsistent);
 import_exception!(rollwalk._errors, Infeasible);
 
-/// How far a solve is: what progress callbacks get.
+/// Progress of a solve, as callbacks get it.
 #[pyclass(frozen, get_all, module = "rollwalk")]
 pub struct Progress {
     /// Name of the motion that is planned.
@@ -46,7 +46,7 @@ impl Progress {
 }
 
 impl Progress {
-    /// Of an iteration of the solve of a motion.
+    /// Progress of an iteration of a motion's solve.
     pub fn of(motion: &str, state: &planner::Progress) -> Self {
         Self {
             motion: motion.to_owned(),
@@ -58,10 +58,10 @@ impl Progress {
     }
 }
 
-/// Why a request cannot be met: the constraints that contradict each other.
+/// Diagnosis of a request that cannot be met: the constraints that contradict each other.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Diagnosis {
-    /// How strong the evidence is: `contradiction`, `far_off` or `stuck`.
+    /// Strength of the evidence: `contradiction`, `far_off` or `stuck`.
     #[pyo3(get)]
     verdict: &'static str,
     culprits: Vec<planned::Culprit>,
@@ -69,7 +69,7 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// Of a plan.
+    /// Converts the diagnosis of a plan.
     pub fn of(diagnosis: &planned::Diagnosis) -> Self {
         Self {
             verdict: match diagnosis.verdict {
@@ -105,22 +105,22 @@ pub struct Culprit {
     /// End effector, joint or direction that it is about; `None` for the whole robot.
     #[pyo3(get)]
     subject: Option<String>,
-    /// When it pulls, first and last time, s.
+    /// First and last time at which the constraint contributes to the violation, s.
     #[pyo3(get)]
     time_s: (f64, f64),
-    /// Its largest residual, in `unit`.
+    /// Largest residual, in `unit`.
     #[pyo3(get)]
     worst: f64,
     /// Unit of `worst`, `given` and `would_do`; a `duration_s` is in s whatever this says.
     #[pyo3(get)]
     unit: String,
-    /// Its part of the violation, 0 to 1.
+    /// Share of the violation, 0 to 1.
     #[pyo3(get)]
     share: f64,
-    /// Field of the motion or robot file that says how much, where it is one number.
+    /// Field of the motion or robot file that sets the constraint, where it is one number.
     #[pyo3(get)]
     field: Option<String>,
-    /// That number.
+    /// Number in that field.
     #[pyo3(get)]
     given: Option<f64>,
     /// A number with which a plan was found, all else as it is.
@@ -166,7 +166,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Of a validated plan.
+    /// Wraps a validated plan.
     pub fn of(plan: planned::Plan) -> Self {
         Self { inner: plan }
     }
@@ -248,7 +248,7 @@ impl Plan {
         self.inner.motion.duration_s
     }
 
-    /// How the solve ended: `converged`, `fails as played`, `infeasible`, `stalled`, `iteration limit reached`, `interrupted`.
+    /// Status of the solve: `converged`, `fails as played`, `infeasible`, `stalled`, `iteration limit reached`, `interrupted`.
     #[getter]
     fn status(&self) -> String {
         self.inner.solve.status.to_string()
@@ -266,7 +266,7 @@ impl Plan {
         self.inner.solve.energy
     }
 
-    /// Where the motion comes: forward, m, to the left, m, and turned to the left, rad; of its period if it repeats.
+    /// Displacement by the motion: forward, m, to the left, m, and turned to the left, rad; of its period if it repeats.
     #[getter]
     fn reached(&self) -> (f64, f64, f64) {
         self.inner.reached().into()

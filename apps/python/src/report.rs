@@ -1,14 +1,14 @@
-//! What plans are worth.
+//! Reports on plans.
 
 use pyo3::prelude::*;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::report as reported;
 
-/// Every residual of a plan, recomputed from its numbers: what `rollwalk report` says.
+/// Residuals of a plan, recomputed from its numbers as by `rollwalk report`.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Report {
     rows: Vec<reported::Row>,
-    /// Whether the plan is consistent: every residual is within its tolerance, or the motion says that it needs feedback.
+    /// True if the plan is consistent: every residual is within its tolerance, or the motion is marked as needing feedback.
     #[pyo3(get)]
     consistent: bool,
     /// The verdict in words, with the residual that decides.
@@ -18,7 +18,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Of a validated plan.
+    /// Report on a validated plan.
     pub fn of(plan: &Plan) -> Self {
         let report = reported::Report::new(plan);
         Self {
@@ -52,7 +52,7 @@ pub struct Residual {
     /// Number of its equation in the thesis, or a description.
     #[pyo3(get)]
     equation: &'static str,
-    /// When it is evaluated: `at the samples`, `as played, 60 Hz`, `as played, 500 Hz`.
+    /// Times of evaluation: `at the samples`, `as played, 60 Hz`, `as played, 500 Hz`.
     #[pyo3(get)]
     grid: String,
     /// Worst value, in `unit`. Of limits the excess, 0 within the limit.
@@ -61,16 +61,16 @@ pub struct Residual {
     /// Unit of `worst` and `tolerance`.
     #[pyo3(get)]
     unit: &'static str,
-    /// Up to which motions hold in an independent simulator; `None` for residuals without one.
+    /// Bound up to which motions hold in an independent simulator; `None` for residuals without one.
     #[pyo3(get)]
     tolerance: Option<f64>,
-    /// When it is worst, s; `None` if it is 0 everywhere.
+    /// Time of the worst value, s; `None` if it is 0 everywhere.
     #[pyo3(get)]
     time_s: Option<f64>,
     /// Joint, end effector or links that it belongs to.
     #[pyo3(get)]
     subject: Option<String>,
-    /// Whether it is within its tolerance.
+    /// True if the residual is within its tolerance.
     #[pyo3(get)]
     holds: bool,
     words: String,

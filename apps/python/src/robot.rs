@@ -22,7 +22,7 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// Of a validated robot.
+    /// Wraps a validated robot.
     pub fn of(robot: robot::Robot) -> Self {
         Self { inner: Arc::new(robot) }
     }

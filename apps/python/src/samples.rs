@@ -38,7 +38,7 @@ pub struct Samples {
     joint_speed_rad_s: Py<PyArray2<f64>>,
     /// Torques of the joints' motors that the motion takes, N·m, shape (T, J).
     joint_torque_nm: Py<PyArray2<f64>>,
-    /// Whether each end effector stands, shape (T, E).
+    /// True for each end effector in stance, shape (T, E).
     contact: Py<PyArray2<bool>>,
     /// Contact point of each end effector, of wheels the lowest point of the rim, m, shape (T, E, 3).
     contact_point_m: Py<PyArray3<f64>>,
@@ -52,15 +52,15 @@ pub struct Samples {
     motor_torque_nm: Py<PyArray2<f64>>,
 }
 
-/// Columns of a table, one after the other in the order of docs/plan-format.md: what names begin with is not certain, because no two
-/// columns have one name.
+/// Columns of a table, one after the other in the order of docs/formats/plan-format.md: what names begin with is not certain,
+/// because no two columns have one name.
 struct Columns<'t> {
     table: &'t Table,
     next: usize,
 }
 
 impl Columns<'_> {
-    /// Where the next columns are, which end like this.
+    /// Indices of the next columns, whose names end like this.
     fn next<const N: usize>(&mut self, endings: [&str; N]) -> [usize; N] {
         endings.map(|ending| {
             let column = self.next;
@@ -72,7 +72,7 @@ impl Columns<'_> {
 }
 
 impl Samples {
-    /// Of a validated plan.
+    /// Samples of a validated plan.
     pub fn of(py: Python<'_>, plan: &Plan, rate_hz: f64) -> PyResult<Self> {
         let rate = Rate::new(rate_hz).map_err(refused)?;
         let table = py.detach(|| Table::new(plan, rate));

@@ -14,13 +14,13 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
-/// What can be asked for: steps of the world per second, periods, masses over the planned ones and coefficients of friction.
+/// Ranges of the arguments: steps of the world per second, periods, masses over the planned ones and coefficients of friction.
 const RATES_HZ: RangeInclusive<u32> = 30..=10_000;
 const CYCLES: RangeInclusive<u32> = 1..=10_000;
 const RATIOS: RangeInclusive<f64> = 0.01..=10.0;
 
-/// What became of a plan on the simulated ground, at N steps, of J joints and E end effectors. World frame, z up; the robot begins
-/// at the origin.
+/// Simulation of a plan on the ground, at N steps, of J joints and E end effectors. World frame, z up; the robot begins at the
+/// origin.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Simulation {
     outcome: Outcome,
@@ -85,13 +85,13 @@ impl Step {
 
 #[pymethods]
 impl Simulation {
-    /// Whether the robot stayed on its feet and came, on the mean of its periods, to 0.95 to 1.05 of every goal.
+    /// True if the robot stayed on its feet and reached, on the mean of its periods, 95 % to 105 % of every goal.
     #[getter]
     fn holds(&self) -> bool {
         self.outcome.holds()
     }
 
-    /// When the robot fell, s; `None` if it did not.
+    /// Time of the fall, s; `None` without a fall.
     #[getter]
     fn fell_at_s(&self) -> Option<f64> {
         self.outcome.fell_at_s
@@ -110,7 +110,7 @@ impl Simulation {
         matrix(py, [ways.len(), 3], |cycle, of| ways[cycle][of])
     }
 
-    /// By how much each way misses the planned one, m, m, rad, shape (C, 3).
+    /// Difference of each way from the planned one, m, m, rad, shape (C, 3).
     #[getter]
     fn drift(&self, py: Python<'_>) -> Py<PyArray2<f64>> {
         let planned = self.outcome.planned.way.values();
@@ -162,11 +162,10 @@ impl Simulation {
 /// :param tracking: let a controller of the whole body track the plan: it sees the robot at each step.
 /// :param rate_hz: steps of the simulation per second, 30 to 10,000; 480 if it is `None`, 500 with `tracking`.
 /// :param mass_ratio: masses of the simulated robot over those of the plan's, 0.01 to 10.
-/// :param friction: coefficient of friction of all feet, wheels and blades, 0.01 to 10; those of the plan's robot if it is `None`.
-/// :param terrain: a terrain file (TOML); level ground without.
-/// :param progress: called with the share that is done, 0 to 1, at most ten times a second. What it raises ends the run.
-/// :raises RollwalkError: a number out of its range, a wrong terrain file, or a step of the world without a solution.
-/// :raises KeyboardInterrupt: Ctrl-C, within a step.
+/// :param friction: coefficient of friction of all feet, wheels and blades, 0.01 to 10; those of the plan's robot if it is
+/// `None`. :param terrain: a terrain file (TOML); level ground without. :param progress: called with the share that is done, 0
+/// to 1, at most ten times a second. What it raises ends the run. :raises RollwalkError: a number out of its range, a wrong
+/// terrain file, or a step of the world without a solution. :raises KeyboardInterrupt: Ctrl-C, within a step.
 #[pyfunction]
 #[pyo3(signature = (
     plan, *, cycles = 5, feed_forward = true, tracking = false, rate_hz = None,
@@ -230,7 +229,7 @@ pub fn simulate(
     })
 }
 
-/// That a number is in its range.
+/// Refuses a number outside its range.
 fn within<T: PartialOrd + Display>(
     name: &str,
     value: T,

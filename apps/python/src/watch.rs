@@ -12,10 +12,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-/// Between two looks for signals, and two calls of the callback.
+/// Interval between checks for signals, and between calls of the callback.
 const TICK: Duration = Duration::from_millis(100);
 
-/// What the work and who waits for it say to each other.
+/// State shared by the work and the thread that waits for it.
 pub struct Watch<P> {
     stop: AtomicBool,
     /// The latest state, until the callback has seen it.
@@ -23,13 +23,13 @@ pub struct Watch<P> {
 }
 
 impl<P> Watch<P> {
-    /// Notes how far the work is; whether it goes on.
+    /// Stores the state of the work; breaks if the work shall stop.
     pub fn at(&self, state: P) -> ControlFlow<()> {
         *self.latest() = Some(state);
         if self.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    /// Whether the work shall stop.
+    /// True if the work shall stop.
     pub fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }

@@ -39,7 +39,7 @@ struct Waiting {
     since_us: u64,
 }
 
-/// What answers a call.
+/// Event that answers a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
     /// A message about the intent with this number.
@@ -56,7 +56,7 @@ enum Outcome {
 pub struct Bridge<'a> {
     operated: Operated<'a>,
     link: &'a LinkArgs,
-    /// Why ROS can no longer be reached.
+    /// Reason for which ROS can no longer be reached.
     lost: Option<Lost>,
     graph: Graph,
     bus: String,
@@ -107,8 +107,8 @@ impl<'a> Bridge<'a> {
         }
     }
 
-    /// Serves until a signal asks the process to end, or ROS is lost; the robot has then returned to SAFE and is disarmed, or there
-    /// is no contact with it.
+    /// Serves until a signal asks the process to end, or ROS is lost; the robot has then returned to SAFE and is disarmed, or
+    /// there is no contact with it.
     pub fn run(&mut self) -> Exit {
         loop {
             let heard = self.operated.heard();
@@ -313,7 +313,7 @@ impl<'a> Bridge<'a> {
         self.waiting.push(Waiting { call, outcome, since_us: now_us });
     }
 
-    /// Whether the robot follows velocities, or is about to or to stop.
+    /// True if the robot follows velocities, is about to, or is about to stop.
     fn is_driven(&self) -> bool {
         self.driving.as_ref().is_some_and(|driving| driving.phase() != Phase::Off)
     }

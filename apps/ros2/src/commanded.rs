@@ -1,5 +1,5 @@
-//! The velocity that is commanded on `cmd_vel`: messages and the time in, steering out. A command counts until it is too old, so that
-//! a robot stops whose commands no longer come.
+//! The velocity that is commanded on `cmd_vel`: messages and the time in, steering out. A command counts until it is too old,
+//! so that a robot stops whose commands no longer come.
 
 use crate::messages::Twist;
 use rollwalk_pilot::{Fastest, Steering};
@@ -11,7 +11,7 @@ const SAID_AGAIN_US: u64 = 5_000_000;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Velocity {
     pub twist: Twist,
-    /// By its stamp, ns; 0 without one. It is negative where the sender's clock is ahead.
+    /// Age by its stamp, ns; 0 without one. It is negative where the sender's clock is ahead.
     pub age_ns: i64,
 }
 
@@ -21,12 +21,12 @@ pub struct Commanded {
     timeout_us: u64,
     /// The steering, and when it becomes too old, µs.
     last: Option<(Steering, u64)>,
-    /// When a refusal may be said again, µs.
+    /// Time from which a refusal may be reported again, µs.
     said_again_us: u64,
 }
 
 impl Commanded {
-    /// Nothing is commanded yet.
+    /// Begins without a command.
     pub fn new(fastest: Fastest, timeout_s: f64) -> Self {
         Self { fastest, timeout_us: (timeout_s * 1e6) as u64, last: None, said_again_us: 0 }
     }

@@ -1,4 +1,4 @@
-//! From what the host knows of a robot to messages of ROS: values in, messages out.
+//! Conversion of the host's view of a robot to messages of ROS: values in, messages out.
 
 use crate::messages::{DiagnosticArray, DiagnosticStatus, Header, JointState, KeyValue, Level};
 use rollwalk_host::actuators::Actuators;
@@ -56,7 +56,7 @@ pub fn motions(catalog: Option<&Catalog>) -> String {
     names.join("\n")
 }
 
-/// What diagnostics say of a robot.
+/// Inputs of the diagnostics of a robot.
 pub struct Diagnosed<'a> {
     /// State, faults and link.
     pub view: &'a View,

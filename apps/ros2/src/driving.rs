@@ -1,5 +1,5 @@
-//! A robot that is driven: the velocity that is commanded goes to the pilot, which plans and streams (`rollwalk_pilot`), between a call of
-//! `~/drive` and one that stops it.
+//! A robot that is driven: the velocity that is commanded goes to the pilot, which plans and streams (`rollwalk_pilot`),
+//! between a call of `~/drive` and one that stops it.
 
 use crate::commanded::{Commanded, Velocity};
 use rollwalk_host::describe::state_name;
@@ -16,7 +16,7 @@ pub struct Driving {
     commanded: Commanded,
     /// The library in whose SAFE pose the robot begins.
     library: u32,
-    /// When it was to stop because the node ends, µs.
+    /// Time at which the robot was ordered to stop because the node ends, µs.
     left_us: Option<u64>,
 }
 
@@ -34,7 +34,7 @@ impl Driving {
         }
     }
 
-    /// What the robot is about.
+    /// Phase of the pilot.
     pub fn phase(&self) -> Phase {
         self.steered.pilot.phase()
     }
@@ -79,7 +79,8 @@ impl Driving {
         self.steered.pilot.stop(now_us, after, operator);
     }
 
-    /// Stops a driven robot before the node ends. Returns whether it is about to; otherwise it is not driven, not heard, or does not stop.
+    /// Stops a driven robot before the node ends. Returns whether it is about to; otherwise it is not driven, not heard, or
+    /// does not stop.
     pub fn leave(&mut self, now_us: u64, operator: &mut Operator) -> bool {
         if self.phase() == Phase::Off || !operator.view(now_us).link.contact {
             return false;

@@ -1,4 +1,4 @@
-//! What ROS 2 says to a node by environment variables: the domain, how far it is seen, and how services look on the wire.
+//! Environment variables that ROS 2 gives a node: the domain, the range of discovery, and the mapping of services.
 
 use miette::miette;
 use ros2_client::ServiceMapping;
@@ -12,9 +12,9 @@ const DOMAIN_MAX: u16 = 232;
 pub struct Environment {
     /// `ROS_DOMAIN_ID`.
     pub domain: u16,
-    /// Only programs on this computer see the node: `ROS_AUTOMATIC_DISCOVERY_RANGE`, or `ROS_LOCALHOST_ONLY` before Iron.
+    /// True if only programs on this computer see the node: `ROS_AUTOMATIC_DISCOVERY_RANGE`, or `ROS_LOCALHOST_ONLY` before Iron.
     pub loopback: bool,
-    /// How services are mapped to DDS, by `RMW_IMPLEMENTATION`. DDS implementations differ in where the number of a request goes.
+    /// Mapping of services to DDS, by `RMW_IMPLEMENTATION`. DDS implementations differ in where the number of a request goes.
     pub mapping: ServiceMapping,
 }
 

@@ -48,8 +48,8 @@ pub enum Service {
 }
 
 impl Service {
-    /// In the order in which calls of one pass are handled, which is not known to be that of their arrival: what stops the robot is
-    /// last, so that nothing else takes its place.
+    /// Services in the order in which calls of one pass are handled, because the order of their arrival is not known. Calls that
+    /// stop the robot are last, so that nothing else takes their place.
     const ALL: [Self; 8] = [
         Self::Clear,
         Self::Arm,
@@ -123,7 +123,7 @@ pub struct Graph {
     motions: Latched,
     play: Subscription<String>,
     velocities: Option<Velocities>,
-    /// What velocities are commanded by, in words.
+    /// Type and topic of the velocity commands.
     followed: Option<String>,
     services: Vec<(Service, Server<TriggerRequest, TriggerResponse>)>,
 }
@@ -223,8 +223,8 @@ impl Graph {
         rosout!(self.node, level, "{text}");
     }
 
-    /// The newest motion to play that was published since the last call. As for calls, more than [`DEPTH`] messages wait for the next
-    /// one: heartbeats do, too.
+    /// The newest motion to play that was published since the last call. As for calls, more than [`DEPTH`] messages wait for
+    /// the next one: heartbeats do, too.
     ///
     /// # Errors
     /// As [`joint_states`](Self::joint_states).
@@ -255,7 +255,7 @@ impl Graph {
         })
     }
 
-    /// What velocities are commanded by, in words; `None` where none are followed.
+    /// Type and topic of the velocity commands; `None` where none are followed.
     pub fn followed(&self) -> Option<&str> {
         self.followed.as_deref()
     }
@@ -290,7 +290,8 @@ impl Graph {
         Ok(calls)
     }
 
-    /// The message that was read, if one had come. A malformed message is logged and dropped; any other error ends the node's use of DDS.
+    /// The message that was read, if one had come. A malformed message is logged and dropped; any other error ends the node's
+    /// use of DDS.
     fn read<T>(&self, outcome: ReadResult<Option<T>>, of: &str) -> Result<Option<T>, Lost> {
         match outcome {
             Ok(value) => Ok(value),
@@ -404,7 +405,7 @@ mod tests {
     use std::thread;
     use std::time::{Duration, Instant};
 
-    /// With the mapping of Fast DDS, which is that of ROS by default: `tests/ros2/` has the one of Cyclone DDS.
+    /// Tests the mapping of Fast DDS, which is that of ROS by default; `tests/ros2/` has the one of Cyclone DDS.
     #[test]
     fn a_call_is_answered_with_the_number_of_its_request() {
         // Ports of higher domains are among those that Linux gives away.

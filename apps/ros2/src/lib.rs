@@ -1,8 +1,9 @@
 //! `rollwalk-ros2`: a robot as a node of ROS 2, beside `rollwalk` and `rollwalk-sim` at the end of the data flow.
 //!
-//! The node is a host of the robot with messages and services for a screen and keys: joint states, URDF and diagnostics go out, the
-//! commands of an operator come in. The robot plays whole motions from its own library, and its firmware keeps all limits; so the
-//! node passes on which motion, not angles of joints. A robot that is driven by velocities follows plans that the node makes as it goes.
+//! The node is a host of the robot with messages and services for a screen and keys: joint states, URDF and diagnostics go out,
+//! the commands of an operator come in. The robot plays whole motions from its own library, and its firmware keeps all limits;
+//! so the node passes on which motion, not angles of joints. A robot that is driven by velocities follows plans that the node
+//! makes as it goes.
 //!
 //! The package for colcon, with its launch file, is in `apps/packaging/rollwalk_ros2/`.
 //!
@@ -47,8 +48,8 @@ use std::process::ExitCode;
 /// A robot as a node of ROS 2: joint states, URDF and diagnostics out, commands of an operator in.
 ///
 /// The node is the robot's only host: it sends the heartbeat that keeps an armed robot armed. It arms only when its service `arm`
-/// is called, and follows velocities only when its service `drive` is. Ctrl-C and SIGTERM return the robot to SAFE and disarm it; when the node ends in any other way, the robot
-/// does so by itself.
+/// is called, and follows velocities only when its service `drive` is. Ctrl-C and SIGTERM return the robot to SAFE and disarm
+/// it; when the node ends in any other way, the robot does so by itself.
 ///
 /// It needs no installation of ROS. ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and RMW_IMPLEMENTATION
 /// (rmw_fastrtps_cpp or rmw_cyclonedds_cpp) are followed, and after --ros-args what names the node and its topics.

@@ -1,4 +1,5 @@
-//! The messages of ROS 2 that the node speaks, field by field as their packages define them: their order is what goes over the wire.
+//! The messages of ROS 2 that the node speaks, field by field as their packages define them: their order is what goes over the
+//! wire.
 
 use ros2_client::Message;
 use ros2_client::builtin_interfaces::Time;
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// `std_msgs/Header`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// When the values were measured.
+    /// Time of the measurement.
     pub stamp: Time,
     /// Frame of the values; empty where they have none.
     pub frame_id: String,
@@ -47,7 +48,7 @@ pub struct Twist {
 /// `geometry_msgs/TwistStamped`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwistStamped {
-    /// When, and in which frame.
+    /// Time and frame of the velocity.
     pub header: Header,
     pub twist: Twist,
 }
@@ -62,7 +63,7 @@ pub struct DiagnosticArray {
 /// `diagnostic_msgs/DiagnosticStatus`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosticStatus {
-    /// How good it is.
+    /// Severity of the status.
     pub level: Level,
     /// The part, after the name of the node.
     pub name: String,
@@ -120,9 +121,9 @@ pub struct TriggerRequest {
 /// Answer of `std_srvs/Trigger`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TriggerResponse {
-    /// Whether it was done.
+    /// True if it was done.
     pub success: bool,
-    /// What was done, or why not.
+    /// Result, or the reason for a refusal.
     pub message: String,
 }
 

@@ -1,11 +1,12 @@
-//! Names of the node, its topics and its services: as they are by default, and as `--ros-args` changes them; and what else stands there.
+//! Names of the node, its topics and its services: as they are by default, and as `--ros-args` changes them; and what else
+//! stands there.
 
 use crate::parameters::Parameters;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use ros2_client::{Name, NodeName};
 use std::ffi::OsString;
 
-/// What follows `--ros-args` on a command line.
+/// Arguments after `--ros-args` on a command line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Names {
     pub node: NodeName,

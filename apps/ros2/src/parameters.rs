@@ -3,7 +3,8 @@
 use miette::miette;
 use std::ops::RangeInclusive;
 
-/// Times after which a velocity no longer counts, s: shorter than a publisher's jitter it would halt the robot between two commands.
+/// Times after which a velocity no longer counts, s: shorter than a publisher's jitter it would halt the robot between two
+/// commands.
 const TIMEOUT_S: RangeInclusive<f64> = 0.1..=10.0;
 
 /// The parameters, with the names and meanings that ros2_control's `diff_drive_controller` gives them.

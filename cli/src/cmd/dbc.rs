@@ -24,8 +24,8 @@ Examples:
   rollwalk dbc robots/agilebot.toml --bus 0 -o agilebot-bus0.dbc
   candump can0 | cantools decode agilebot.dbc
 
-docs/rollwalk.dbc and docs/rollwalk-actuators.dbc are made without a robot file; docs/decode_log.py
-decodes logs with them. The frames are described in docs/wire-format.md.")]
+docs/rollwalk.dbc and docs/rollwalk-actuators.dbc are made without a robot file; docs/formats/decode_log.py
+decodes logs with them. The frames are described in docs/formats/wire-format.md.")]
 pub struct Args {
     /// Robot file (TOML).
     #[arg(value_name = "ROBOT.toml")]
@@ -37,7 +37,7 @@ pub struct Args {
     #[arg(long, value_name = "NODE", default_value_t = 1, requires = "robot",
           value_parser = clap::value_parser!(u8).range(0..15))]
     node: u8,
-    /// Where to write it; printed without this option.
+    /// File to write; without this option the database is printed.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }

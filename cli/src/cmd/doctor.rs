@@ -173,7 +173,7 @@ fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Traffic, Vec<
     Ok((traffic, samples, listener))
 }
 
-/// Whether a request would not disturb another host's transfer; waits for a moment until such a transfer ends.
+/// True if a request would not disturb another host's transfer; waits up to [`listener::PAUSE_TIMEOUT_US`] for its end.
 fn may_ask(bus: &mut Interruptible, listener: Listener) -> bool {
     listener::find_pause(bus, listener, listener::PAUSE_TIMEOUT_US)
         .is_ok_and(|listener| listener.may_ask(bus.now_us()))

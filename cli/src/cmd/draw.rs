@@ -18,7 +18,7 @@ pub struct Args {
     /// Robot file (TOML).
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// Where to write the picture: .svg or .png.
+    /// Picture to write: .svg or .png.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }

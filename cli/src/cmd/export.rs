@@ -21,7 +21,7 @@ Examples:
   rollwalk export walk.plan.json -o walk.xml                       for MuJoCo, with controls that play it
   rollwalk export walk.plan.json --format ros -o walk.ros.json     a moveit_msgs/RobotTrajectory
 
-The columns of tables are described in docs/plan-format.md, the other formats in docs/exports.md.")]
+The columns of tables are described in docs/formats/plan-format.md, the other formats in docs/exports.md.")]
 pub struct Args {
     /// Plan (JSON).
     #[arg(value_name = "PLAN.json")]
@@ -32,7 +32,7 @@ pub struct Args {
     /// Format [default: that of the ending of FILE, else csv].
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// Where to write it: .csv, .json, .mcap, or .xml for MJCF.
+    /// File to write: .csv, .json, .mcap, or .xml for MJCF.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
@@ -52,7 +52,7 @@ enum Format {
 }
 
 impl Format {
-    /// All formats; the first with an ending is what the ending stands for.
+    /// Formats in the order of preference: an ending selects the first format that has it.
     const ALL: [Self; 5] = [Self::Csv, Self::Json, Self::Mcap, Self::Mjcf, Self::Ros];
 
     fn ending(self) -> &'static str {

@@ -59,7 +59,7 @@ enum Action {
 
 #[derive(clap::Args)]
 struct FeedForward {
-    /// From 0, no torques, to 1, those that were planned.
+    /// Share of the planned torques, from 0 (none) to 1 (all).
     #[arg(value_name = "SHARE", value_parser = share)]
     share: f32,
     #[command(flatten)]
@@ -309,12 +309,12 @@ fn set(args: &Set) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// So many values, in words.
+/// Number of values in words.
 fn values(count: usize) -> String {
     if count == 1 { "1 value".to_owned() } else { format!("{count} values") }
 }
 
-/// Whether a value was refused because the channel does not have the parameter, as wheels have no stiffness.
+/// True if a value was refused because the channel does not have the parameter, such as the stiffness of a wheel.
 fn has_none(error: &SessionError) -> bool {
     let SessionError::ParameterRefused { result, value, .. } = error else { return false };
     match result {
@@ -325,7 +325,7 @@ fn has_none(error: &SessionError) -> bool {
     }
 }
 
-/// Why a value is not allowed; `None` if that is not the reason. `what` names channel and value.
+/// Reason for which a value is not allowed; `None` for other errors. `what` names channel and value.
 fn refusal(error: &SessionError, what: &str, value: f32, unit: &str) -> Option<String> {
     let SessionError::ParameterRefused { result, value: limit, .. } = error else { return None };
     match result {

@@ -32,7 +32,7 @@ pub struct Args {
     /// The side file; `--template` writes one to begin with.
     #[arg(long, value_name = "SIDE.toml", requires = "output", conflicts_with = "template")]
     with: Option<PathBuf>,
-    /// Where to write the robot file.
+    /// Robot file to write.
     #[arg(short, long, value_name = "ROBOT.toml", requires = "with")]
     output: Option<PathBuf>,
     /// Write a first side file here, which must not exist yet.

@@ -36,7 +36,7 @@ mod studio;
 use orders::Order;
 use rollwalk_terminal::Exit;
 
-/// What to do.
+/// Commands of `rollwalk`.
 #[derive(clap::Subcommand)]
 pub enum Command {
     Demo(demo::Args),

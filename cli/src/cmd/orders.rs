@@ -31,7 +31,7 @@ pub enum Order {
     Return,
 }
 
-/// Of all orders.
+/// Arguments of every order.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]

@@ -27,10 +27,10 @@ const FINER: usize = 2;
 /// Optimise a motion and write the plan.
 ///
 /// The motion file names its robot. A plan is consistent if it meets every equation, at its samples and as played. A consistent
-/// plan is then simulated as the controller plays it, open loop: the motion holds in simulation if the robot stays on its feet and
-/// comes to 0.95 to 1.05 of its goals, on contacts of half, once and twice the usual stiffness. The exit code is 3 if either fails; the
-/// plan is written all the same, so that it can be examined. After Ctrl-C nothing is written, unless a plan had converged and was being
-/// refined.
+/// plan is then simulated as the controller plays it, open loop: the motion holds in simulation if the robot stays on its feet
+/// and comes to 0.95 to 1.05 of its goals, on contacts of half, once and twice the usual stiffness. The exit code is 3 if
+/// either fails; the plan is written all the same, so that it can be examined. After Ctrl-C nothing is written, unless a plan
+/// had converged and was being refined.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -47,7 +47,7 @@ pub struct Args {
     /// Motion file (TOML), or a problem file (JSON) that `--dump` wrote, to repeat that solve.
     #[arg(value_name = "MOTION.toml")]
     motion: PathBuf,
-    /// Where to write the plan.
+    /// Plan to write.
     #[arg(short, long, value_name = "PLAN.json")]
     output: PathBuf,
     /// Starting point of the optimisation.
@@ -90,7 +90,7 @@ pub struct Args {
 struct Outcome<'a> {
     #[serde(flatten)]
     solve: PlanOutcome<'a>,
-    /// By Ctrl-C, also where a plan had converged and was being refined.
+    /// True after Ctrl-C, even if the plan had converged and was being refined.
     interrupted: bool,
     judgement: Judgement,
     consistent: bool,
@@ -226,8 +226,8 @@ fn simulated(plan: &Plan) -> Option<Verdict> {
     verdict
 }
 
-/// A plan with more samples that holds in simulation where this one does not, its verdict, and the wall time of its solves, s: between
-/// samples that are far apart the body moves otherwise than planned.
+/// A plan with more samples that holds in simulation where this one does not, its verdict, and the wall time of its solves, s:
+/// between samples that are far apart the body moves otherwise than planned.
 fn refined(
     plan: &Plan,
     verdict: Verdict,

@@ -9,15 +9,15 @@ use std::path::PathBuf;
 /// Recompute every residual of a plan and print the worst of each, with place and unit.
 ///
 /// Nothing is taken from the optimiser: the equations are evaluated once more from the plan's own
-/// numbers, at its samples and between them, as servos will play it. The exit code is 3 if the plan is not consistent. Whether the
-/// motion holds in simulation, `rollwalk plan` and `rollwalk simulate` tell.
+/// numbers, at its samples and between them, as servos will play it. The exit code is 3 if the plan is not consistent. Whether
+/// the motion holds in simulation, `rollwalk plan` and `rollwalk simulate` tell.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk report walk.plan.json
   rollwalk report walk.plan.json --json | jq '.rows[] | select(.name == \"slip\")'
 
-The file format is described in docs/plan-format.md.")]
+The file format is described in docs/formats/plan-format.md.")]
 pub struct Args {
     /// Plan (JSON).
     #[arg(value_name = "PLAN.json")]

@@ -22,7 +22,7 @@ pub struct Args {
     /// Robot file (TOML).
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// Where to write it: .urdf, .xml for MJCF, or .yaml for controllers of ros2_control.
+    /// File to write: .urdf, .xml for MJCF, or .yaml for controllers of ros2_control.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Add a section for ros2_control to a URDF, with this plugin for the hardware; without a name one that plays the robot.

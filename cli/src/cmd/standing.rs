@@ -1,5 +1,5 @@
-//! How a robot stands in its nominal pose: heights, forces, torques against limits, sag, clearance; and what speaks
-//! against it, as warnings of `rollwalk robot check`.
+//! Standing of a robot in its nominal pose: heights, forces, torques against limits, sag and clearance, with the warnings of
+//! `rollwalk robot check`.
 
 use rollwalk_multibody::{Standing, Tree, doubts};
 use rollwalk_robot::Robot;
@@ -37,10 +37,10 @@ pub struct StandingReport {
 #[derive(Debug, Serialize)]
 struct Contact {
     name: String,
-    /// From the body's origin, forward and left, m, and above the ground, m.
+    /// Position forward and left of the body's origin, and above the ground, m.
     position_m: [f64; 3],
     force_n: f64,
-    /// How far the body sinks here as joints yield by torque / stiffness, m.
+    /// Sag of the body here as joints yield by torque / stiffness, m.
     sag_m: f64,
 }
 
@@ -65,7 +65,7 @@ struct Clearance {
 struct Height {
     link: String,
     height_m: f64,
-    /// What is right: the margin, or 0 for a link with a foot or wheel.
+    /// Least height that is right, m: the margin, or 0 for a link with a foot or wheel.
     least_m: f64,
 }
 
@@ -123,7 +123,7 @@ impl StandingReport {
         Some(report)
     }
 
-    /// What speaks against the robot.
+    /// Warnings about the robot.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

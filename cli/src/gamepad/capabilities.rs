@@ -9,14 +9,14 @@ pub(super) const BUTTONS: [KeyCode; 2] = [KeyCode::BTN_SOUTH, KeyCode::BTN_TRIGG
 /// Folder of input devices in sysfs.
 const FOLDER: &str = "/sys/class/input";
 
-/// Whether a device of `/dev/input` has the buttons of a gamepad; `None` if sysfs does not list it.
+/// True if a device of `/dev/input` has the buttons of a gamepad; `None` if sysfs does not list it.
 pub fn has_buttons(device: &Path) -> Option<bool> {
     let name = device.canonicalize().unwrap_or_else(|_| device.to_owned());
     let file = Path::new(FOLDER).join(name.file_name()?).join("device/capabilities/key");
     fs::read_to_string(file).ok().map(|keys| is_gamepad(&keys))
 }
 
-/// Whether these are the keys of a gamepad.
+/// True if these are the keys of a gamepad.
 fn is_gamepad(keys: &str) -> bool {
     BUTTONS.iter().any(|button| is_set(keys, usize::from(button.0)))
 }

@@ -21,7 +21,7 @@ const FOLDER: &str = "/dev/input";
 
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// How it is called.
+    /// Name of the device.
     pub name: String,
     pub path: PathBuf,
 }
@@ -76,7 +76,7 @@ fn listed(all: &[Found]) -> String {
     all.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// All readable gamepads, and one that is not readable. Keyboards are never readable, for good reason, and left out.
+/// Readable gamepads, and one that is not readable. Keyboards are never readable, on purpose, and left out.
 pub fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
     let (mut all, mut unreadable) = (Vec::new(), None);
     let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();

@@ -34,7 +34,7 @@ impl Gamepad {
         self.pad.words()
     }
 
-    /// How far an axis is pushed, 0 to 1; 0 while the deadman is not held.
+    /// Deflection of an axis, 0 to 1; 0 while the deadman is not held.
     pub fn pushed(&self, push: Push) -> f32 {
         self.pad.pushed(push)
     }

@@ -19,7 +19,7 @@ const CYCLES: u32 = 5;
 pub struct Simulation {
     /// Motions and transitions in the order in which they were played.
     clips: Vec<Clip>,
-    /// When the robot fell, s, and what it played.
+    /// Time of the fall, s, and the clip that played.
     fell: Option<(f64, String)>,
     /// Reason why the tour was cut short.
     stopped: Option<String>,

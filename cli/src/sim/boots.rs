@@ -1,5 +1,5 @@
-//! Count of the boots of simulated controllers with a link key, kept in the user's state folder. Numbers of sessions begin with it: a recorded
-//! session must not be one again after a restart.
+//! Count of the boots of simulated controllers with a link key, kept in the user's state folder. Numbers of sessions begin with
+//! it: a recorded session must not be one again after a restart.
 
 use directories::ProjectDirs;
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 /// Session that no controller offers: its tag names the key without telling it.
 const NO_SESSION: LinkSession = LinkSession { number: u64::MAX, nonce: 0 };
 
-/// Counts a boot of a controller with a key: a number above that of every boot before; `None` where there is no folder to keep it in.
+/// Counts a boot of a controller with a key: a number above that of every boot before; `None` where there is no folder to keep
+/// it in.
 ///
 /// # Errors
 /// The file is not what this function wrote, or the operating system refuses.

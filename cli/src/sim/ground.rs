@@ -1,11 +1,11 @@
-//! What `rollwalk-sim` says of the robot on the ground.
+//! Messages of `rollwalk-sim` about the robot on the ground.
 
 use rollwalk_protocol::library::NodeId;
 use rollwalk_sim_host::ground::{Grounded, Travel};
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_terminal::output::{self, fixed};
 
-/// Shortest motion of which something is said, s.
+/// Shortest motion that is reported, s.
 const SHORTEST_S: f64 = 0.2;
 
 /// Prints the way of each motion, falls, and what the hoist does, to stderr.

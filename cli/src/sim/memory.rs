@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 /// Interval at which the controller's library is compared with the file.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// What the controller has in its flash, and the file that has it too.
+/// Library in the controller's flash, and the file that has it too.
 pub struct Memory {
     path: PathBuf,
     output: Output,

@@ -30,7 +30,7 @@ assets! {
 }
 
 const PAGE: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../studio/dist/index.html"));
-/// What the page begins with, and after which it reads where its engine is.
+/// First element of the page's head. The elements that describe the engine follow it.
 const CHARSET: &str = "<meta charset=\"utf-8\">";
 
 /// A file of the page by its name.

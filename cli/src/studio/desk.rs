@@ -1,7 +1,8 @@
 //! The files that the studio was opened with, and what they name: read at the start, written when the user saves.
 //!
-//! Nothing else is read, and nothing else is written. Files may be a stranger's: what they name is opened if it is a document of ours, and written
-//! if it lies beside a file that the user named, or below. A file that another program has changed since is not overwritten.
+//! Nothing else is read, and nothing else is written. Files may be a stranger's: what they name is opened if it is a document
+//! of ours, and written if it lies beside a file that the user named, or below. A file that another program has changed since
+//! is not overwritten.
 
 mod edits;
 mod opening;

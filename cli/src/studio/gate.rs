@@ -1,13 +1,13 @@
-//! Who gets what: decided from the head of a request alone.
+//! Access of each request, decided from its head alone.
 //!
-//! A page of another site can make the user's browser send requests here. It can neither leave out nor choose `Origin`, and
-//! after rebinding its own name to 127.0.0.1 `Host` still has that name. Other programs on this computer can send anything; they
-//! do not know the token, and who could read it from this user's memory or browser needs no studio.
+//! A page of another site can make the user's browser send requests here. It can neither leave out nor choose `Origin`, and after
+//! rebinding its own name to 127.0.0.1 `Host` still has that name. Other programs on this computer can send anything, but do not
+//! have the token. A program that can read it from this user's memory or browser needs no studio.
 
 use super::assets::{self, Asset};
 use super::http::Head;
 
-/// What this server is called, and its token.
+/// Port and token of this server.
 pub struct Gate {
     pub port: u16,
     /// 32 hexadecimal digits.
@@ -30,12 +30,12 @@ pub enum Reply {
         /// `Sec-WebSocket-Key`.
         key: String,
     },
-    /// Nothing, with an HTTP status.
+    /// Refusal with an HTTP status.
     Refused(u16),
 }
 
 impl Gate {
-    /// Where the page is.
+    /// Address of the page.
     pub fn address(&self) -> String {
         format!("http://127.0.0.1:{}/?token={}", self.port, self.token)
     }
@@ -72,7 +72,7 @@ impl Gate {
         }
     }
 
-    /// Whether a query has the token; takes as long for any of its length.
+    /// True if a query has the token. The time depends only on the length of the query's token.
     fn knows_token(&self, query: &str) -> bool {
         let given = query.split('&').find_map(|pair| pair.strip_prefix("token="));
         let given = given.unwrap_or_default().as_bytes();

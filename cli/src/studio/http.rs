@@ -1,4 +1,4 @@
-//! As much of HTTP/1.1 as one page needs: the head of a GET, and an answer after which the connection is closed.
+//! Subset of HTTP/1.1 that one page needs: the head of a GET, and an answer after which the connection is closed.
 
 use super::assets::Asset;
 use std::io::{self, Read, Write};
@@ -25,7 +25,7 @@ pub struct Head {
     pub origin: Option<String>,
     /// `Sec-WebSocket-Key` of a request for a WebSocket.
     pub key: Option<String>,
-    /// What came after it.
+    /// Bytes received after the head.
     pub rest: Vec<u8>,
 }
 

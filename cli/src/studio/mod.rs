@@ -60,7 +60,7 @@ impl Server {
         Ok(Self { listener, shared: Arc::new(Shared { gate, desk, relay, pending, connections }) })
     }
 
-    /// Where the page is.
+    /// Address of the page.
     pub fn address(&self) -> String {
         self.shared.gate.address()
     }

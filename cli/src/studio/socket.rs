@@ -41,7 +41,7 @@ pub fn serve(stream: TcpStream, rest: Vec<u8>, desk: &Desk) {
 
 struct Line {
     socket: WebSocket<TcpStream>,
-    /// What came while a solve ran.
+    /// Messages received during a solve.
     waiting: VecDeque<Message>,
 }
 

@@ -12,12 +12,12 @@ use std::path::PathBuf;
 /// Interface that is proposed to a computer without one.
 const VIRTUAL: &str = "vcan0";
 
-/// What counts about a computer.
+/// Facts about a computer that matter for robots.
 #[derive(Clone, Debug)]
 pub struct System {
-    /// Why SocketCAN cannot be used.
+    /// Reason for which SocketCAN cannot be used.
     pub no_can: Option<OpenError>,
-    /// Whether the kernel has virtual CAN interfaces, loaded or to be loaded; `None` where its modules are not to be seen.
+    /// True if the kernel has virtual CAN interfaces, loaded or to be loaded; `None` where its modules are not visible.
     pub has_vcan: Option<bool>,
     pub interfaces: Vec<Interface>,
     /// Serial adapters and boards.
@@ -40,17 +40,17 @@ pub struct System {
 pub struct SerialDevice {
     /// `/dev/ttyUSB0`.
     pub path: String,
-    /// Whether this user may read and write it.
+    /// True if this user may read and write it.
     pub is_accessible: bool,
     /// Name of the group that may; its number if it has none.
     pub group: String,
-    /// How long it keeps bytes back, where that is a setting.
+    /// FTDI latency timer, if it has one.
     pub latency: Option<Latency>,
 }
 
 #[derive(Clone, Debug, Default)]
 pub struct User {
-    /// Whether all is permitted.
+    /// True if the user is root, who may do everything.
     pub is_root: bool,
     /// Groups of this login.
     pub groups: Vec<String>,
@@ -59,7 +59,7 @@ pub struct User {
 }
 
 impl User {
-    /// What gives access to what a group may use.
+    /// Advice that gives access to the devices of a group.
     fn enter(&self, group: &str) -> String {
         let has = |groups: &[String]| groups.iter().any(|one| one == group);
         if has(&self.joined) && !has(&self.groups) {
@@ -70,7 +70,7 @@ impl User {
     }
 }
 
-/// All findings, in the order in which they should be mended.
+/// Findings in the order in which they should be mended.
 pub fn diagnose(system: &System) -> Vec<Finding> {
     let parts =
         [can(system), serial_devices(system), priority(system), gamepads(system), tools(system)];

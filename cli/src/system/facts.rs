@@ -35,7 +35,7 @@ fn text(path: impl AsRef<Path>) -> String {
     fs::read_to_string(path).unwrap_or_default()
 }
 
-/// Whether the kernel has virtual CAN interfaces, as a part of it, as a loaded module, or as one that it would load.
+/// True if the kernel has virtual CAN interfaces, built in, loaded or to be loaded; `None` if its modules are not visible.
 fn has_vcan() -> Option<bool> {
     if Path::new("/sys/module/vcan").exists() {
         return Some(true);

@@ -1,4 +1,4 @@
-//! Whether this computer is ready for robots: CAN, serial devices, real-time priority, gamepads, and programs of others.
+//! Readiness of this computer for robots: CAN, serial devices, real-time priority, gamepads, and programs of others.
 //!
 //! | module | is |
 //! |---|---|
@@ -13,7 +13,7 @@ mod facts;
 use rollwalk_bus::priority;
 use rollwalk_host::doctor::{Finding, Gravity};
 
-/// All findings, in the order in which they should be mended.
+/// Findings in the order in which they should be mended.
 #[cfg(target_os = "linux")]
 pub fn findings() -> Vec<Finding> {
     diagnosis::diagnose(&facts::gather())

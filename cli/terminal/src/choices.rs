@@ -1,11 +1,11 @@
-//! How to solve, as the command line and problem files say it.
+//! Choices of a solve, on the command line and in problem files.
 
 use rollwalk_planner::start::{Start, WarmStart};
 use rollwalk_planner::{Method, Options};
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
 
-/// Where a solve can start.
+/// Starting point of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StartChoice {
@@ -34,7 +34,7 @@ impl From<StartChoice> for Start {
     }
 }
 
-/// How a solve can go.
+/// Optimisation method of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MethodChoice {
@@ -64,15 +64,15 @@ impl From<MethodChoice> for Method {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Choices {
-    /// Where it starts.
+    /// Starting point.
     pub start: StartChoice,
     /// Seed of everything random in the start.
     pub seed: u64,
-    /// How it minimises.
+    /// Optimisation method.
     pub method: MethodChoice,
     /// Most iterations of each start.
     pub iterations: NonZeroU32,
-    /// Whether the samples stay those of the motion file.
+    /// True if the samples stay those of the motion file.
     #[serde(default)]
     pub samples_fixed: bool,
 }

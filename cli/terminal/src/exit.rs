@@ -1,4 +1,4 @@
-//! How a run ends, as scripts see it.
+//! Results of runs, with exit codes for scripts.
 
 use rollwalk_planner::report::Judgement;
 use std::process::ExitCode;
@@ -25,7 +25,7 @@ pub(crate) fn help(exits: &[Exit]) -> String {
     text + "\n  130  interrupted: Ctrl-C, SIGTERM, SIGHUP"
 }
 
-/// How a run ended.
+/// Result of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
     /// Done; a plan holds.
@@ -43,7 +43,7 @@ pub enum Exit {
 }
 
 impl Exit {
-    /// Its number.
+    /// Exit code of the process.
     pub fn code(self) -> u8 {
         // 2 is clap's for a wrong command line, 130 what shells report for an interrupt.
         match self {

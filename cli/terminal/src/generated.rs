@@ -1,4 +1,4 @@
-//! What installations take from a command line: manual pages, and completions of shells.
+//! Files that installations generate from a command line: manual pages, and completions of shells.
 
 use crate::{files, output};
 use clap::Command;

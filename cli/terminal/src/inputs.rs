@@ -23,7 +23,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Where input files come from.
+/// Source of input files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// The file system; where it has nothing at a path, the shipped file of that path ([`files`]).
@@ -36,9 +36,9 @@ pub enum Source {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TextFile {
-    /// How messages name the file.
+    /// Name of the file in messages.
     pub path: String,
-    /// What it says; problem files have a string for each line, so that people can read them.
+    /// Content of the file; problem files have a string for each line, so that people can read them.
     #[serde(rename = "lines", with = "lines")]
     pub text: String,
 }
@@ -87,9 +87,9 @@ pub struct Library {
     pub robot: Robot,
     /// The library file itself.
     pub file: LibraryFile,
-    /// Its motions, in its order.
+    /// Motions in the order of the library file.
     pub motions: Vec<Motion>,
-    /// The plans of those that it names a plan of.
+    /// Plans of the motions for which the library file names one.
     pub plans: Vec<Option<Plan>>,
     /// Text of the library file.
     pub text: TextFile,
@@ -98,7 +98,7 @@ pub struct Library {
 }
 
 impl Library {
-    /// What is to be planned for it.
+    /// Planning request for the library.
     pub fn wanted(&self) -> Wanted<'_> {
         let Self { robot, file, motions, plans, .. } = self;
         Wanted { robot, file, motions, plans }
@@ -120,7 +120,7 @@ impl Beside<'_> {
     }
 }
 
-/// What a file says whose other file cannot be read.
+/// Context of an error in a file that another file names.
 fn names(path: &Path, named: &str) -> String {
     format!("{} names `{named}`", path.display())
 }

@@ -43,13 +43,13 @@ fn hang_up() -> Option<i32> {
     (ignored >> (SIGHUP - 1) & 1 == 0).then_some(SIGHUP)
 }
 
-/// Nothing says here whether it is ignored.
+/// Returns `None`: other systems do not report whether it is ignored.
 #[cfg(not(target_os = "linux"))]
 fn hang_up() -> Option<i32> {
     None
 }
 
-/// Whether the end was requested since [`listen`].
+/// True if the end was requested since [`listen`].
 pub fn requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }

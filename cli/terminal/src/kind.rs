@@ -47,7 +47,7 @@ pub enum Kind {
     PublicKey,
 }
 
-/// As messages name a file of the kind.
+/// Name of the kind in messages.
 impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -75,7 +75,7 @@ impl fmt::Display for Kind {
 }
 
 impl Kind {
-    /// What a text looks like by the words that only one kind has.
+    /// Kind of a text, by words that only one kind has.
     pub fn of(text: &str) -> Option<Self> {
         if text.trim_start().starts_with('{') {
             // A problem may carry a plan; the quotes of that are escaped.
@@ -99,7 +99,7 @@ impl Kind {
         mark.or_else(|| is_terrain().then_some(Self::Terrain))
     }
 
-    /// Whether a text that can be a motion or a problem is meant to be a problem.
+    /// True if a text that can be a motion or a problem is meant to be a problem.
     pub fn is_problem(text: &str) -> bool {
         text.trim_start().starts_with('{') && Self::of(text) != Some(Self::Plan)
     }
@@ -128,7 +128,7 @@ impl Kind {
         }
     }
 
-    /// What to type where such a file is missing.
+    /// Advice for a missing file of this kind.
     pub fn hint(self) -> &'static str {
         match self {
             Self::Robot => "give the path of a robot file, such as robots/agilebot.toml",
@@ -138,7 +138,7 @@ impl Kind {
             Self::Servos => {
                 "leave --servos out for the catalogue that ships; docs/design.md has the format"
             }
-            Self::Sweep => "docs/design-exploration.md shows how to write one",
+            Self::Sweep => "docs/design.md shows how to write one",
             Self::Plan => "make one with `rollwalk plan MOTION.toml -o PLAN.json`",
             Self::Problem => {
                 "make one with `rollwalk plan MOTION.toml -o PLAN.json --dump PROBLEM.json`"

@@ -48,8 +48,9 @@ pub fn end(outcome: miette::Result<Exit>) -> ExitCode {
     }
 }
 
-/// Command line with exit codes at the end of every long help, and negative numbers allowed as values. `exits` returns the codes that a
-/// command can have beside 0, 1, 2 and 130, by its name with those of the commands above it; a command with subcommands has theirs.
+/// Command line with exit codes at the end of every long help, and negative numbers allowed as values. `exits` returns the
+/// codes that a command can have beside 0, 1, 2 and 130, by its name with those of the commands above it; a command with
+/// subcommands has theirs.
 ///
 /// A negative number outside a range is then refused with the range, not as an unknown option.
 pub fn with_common_help(

@@ -81,7 +81,7 @@ struct Plain<'d> {
     cause: Option<Cause>,
 }
 
-/// What caused an error: its message, and what caused that.
+/// Cause of an error: its message, and its own cause.
 #[derive(Debug, Error)]
 #[error("{message}")]
 struct Cause {
@@ -192,7 +192,7 @@ pub struct Table {
     rows: Vec<Vec<String>>,
 }
 
-/// Of rows, the first of which has the titles.
+/// Table from rows; the first row has the titles.
 impl From<Vec<Vec<String>>> for Table {
     fn from(rows: Vec<Vec<String>>) -> Self {
         Self { rows }

@@ -72,7 +72,7 @@ impl Packed {
         Ok(Self { robot, file, index })
     }
 
-    /// What is in it.
+    /// Content of the library.
     pub fn library(&self) -> Library<'_> {
         Library::open(unsigned(&self.file), &self.index).expect("these bytes were validated")
     }

@@ -78,7 +78,7 @@ impl Plans {
         wanted.pack(motions, transitions).into_diagnostic()
     }
 
-    /// All plans with their times, motions first.
+    /// Plans with their times, motions first.
     pub fn all(&self) -> impl Iterator<Item = &Planned> {
         self.motions.iter().chain(self.transitions.iter().map(|transition| &transition.planned))
     }
@@ -121,7 +121,7 @@ pub fn optimise(robot: &Robot, motion: &Motion, options: &Options, watch: &Watch
 /// Solves with progress on stderr, until Ctrl-C.
 struct Watched {
     verbose: bool,
-    /// How long each plan took, in order.
+    /// Solve time of each plan, in order.
     took: Vec<Duration>,
 }
 
@@ -168,16 +168,16 @@ impl Solver for Watched {
     }
 }
 
-/// Optimises every motion of a library from its candidate starts; takes those as they are of which it names the plan. `None` after
-/// Ctrl-C.
+/// Optimises every motion of a library from its candidate starts; takes those as they are of which it names the plan. `None`
+/// after Ctrl-C.
 pub fn plan_motions(library: &Library, verbose: bool) -> Option<Vec<Planned>> {
     let mut solver = Watched::new(verbose);
     let plans = library.wanted().motions(&mut solver)?;
     Some(plans.into_iter().zip(solver.took).map(|(plan, took)| Planned { plan, took }).collect())
 }
 
-/// Optimises every motion and every transition; transitions only between motions that hold, because others have no physical start or
-/// end. `None` after Ctrl-C.
+/// Optimises every motion and every transition; transitions only between motions that hold, because others have no physical
+/// start or end. `None` after Ctrl-C.
 ///
 /// # Errors
 /// Motions that nothing can lead into or out of.

@@ -71,7 +71,7 @@ impl Problem {
         (self.program != PROGRAM).then_some(&*self.program)
     }
 
-    /// As readable JSON, by this program.
+    /// Readable JSON, marked as written by this program.
     pub fn to_json(&self) -> String {
         let own = Self { program: PROGRAM.to_owned(), ..self.clone() };
         // Only maps with non-string keys can fail to become JSON; a problem has no map.

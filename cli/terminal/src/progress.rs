@@ -1,4 +1,5 @@
-//! Progress on stderr: a spinner on a terminal, a line now and then where it is none, and with `-v` a table of every iteration of a solve.
+//! Progress on stderr: a spinner on a terminal, a line now and then where it is none, and with `-v` a table of every iteration
+//! of a solve.
 
 use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -39,7 +40,7 @@ impl Lines {
     }
 }
 
-/// One solve being watched.
+/// Progress display of a solve.
 pub struct Watch {
     bar: ProgressBar,
     lines: Lines,

@@ -1,5 +1,6 @@
-//! Steers a robot over its link: from a wanted velocity to a stream of setpoints, for the programs that steer, `rollwalk drive` and the
-//! node of ROS 2. It sits on the operator (`rollwalk_host::operator`) and the planner of horizons (`rollwalk_planner::receding`).
+//! Steers a robot over its link: from a wanted velocity to a stream of setpoints, for the programs that steer, `rollwalk drive`
+//! and the node of ROS 2. It sits on the operator (`rollwalk_host::operator`) and the planner of horizons
+//! (`rollwalk_planner::receding`).
 //!
 //! | module | is |
 //! |---|---|

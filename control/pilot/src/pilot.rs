@@ -1,8 +1,9 @@
-//! From the operator's steering to a stream of setpoints: when to arm, to plan and to stop, without clock, bus or planner.
+//! Pilot: turns the operator's steering into a stream of setpoints, and decides when to arm, to plan and to stop. Independent of
+//! clock, bus and planner.
 //!
 //! The planner thread plans one horizon at a time: [`Pilot::request`] asks for the next when few frames are left, and
-//! [`Pilot::on_stretch`] queues its frames; meanwhile the robot plays the horizon before. When a horizon violates a constraint, the
-//! pilot requests a stand on all feet until the planner returns an accepted one.
+//! [`Pilot::on_stretch`] queues its frames; meanwhile the robot plays the horizon before. When a horizon violates a constraint,
+//! the pilot requests a stand on all feet until the planner returns an accepted one.
 
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
 use rollwalk_host::stream::Target;
@@ -24,12 +25,12 @@ pub const ARM_AGAIN_US: u64 = 300_000;
 /// Timeout of a stop, µs: if the planner finds no plan to a stand by then, RETURN sends the robot to SAFE from its present pose.
 const STOPS_US: u64 = 10_000_000;
 
-/// What a horizon is to be planned for.
+/// Motion that a horizon is planned for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wanted {
     /// Velocity of the body.
     pub steering: Steering,
-    /// Whether in the gait; all end effectors stand otherwise.
+    /// True in the gait; all end effectors stand otherwise.
     pub walks: bool,
 }
 
@@ -45,40 +46,40 @@ impl Wanted {
 pub struct Request {
     /// Number of the course: a new one begins at rest in SAFE.
     pub course: u32,
-    /// What it is planned for.
+    /// Motion to plan.
     pub wanted: Wanted,
 }
 
-/// What follows when the robot has stopped and gone to SAFE.
+/// Action after the robot has stopped and gone to SAFE.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum After {
-    /// It stays there, with torque.
+    /// Stays there, with torque.
     Rest,
     Disarm,
     /// Torque goes off, and the program ends.
     Leave,
 }
 
-/// What the robot is about.
+/// Phase of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// It follows no stream.
+    /// Follows no stream.
     Off,
-    /// It is in SAFE, and a stream is being prepared.
+    /// Stays in SAFE while a stream is prepared.
     Beginning,
-    /// It follows the steering.
+    /// Follows the steering.
     Steered,
-    /// It stops, to go to SAFE.
+    /// Stops, to go to SAFE.
     Stopping,
-    /// It goes to SAFE.
+    /// Goes to SAFE.
     Homeward,
 }
 
-/// How the horizons went.
+/// Statistics of the horizons.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
     pub planned: u32,
-    /// Of these not accepted.
+    /// Number of planned horizons that were not accepted.
     pub rejected: u32,
     /// Planned velocity of the last stretch: along and to the left of the heading, m/s, and turning, rad/s.
     pub velocity: [f64; 3],
@@ -92,9 +93,9 @@ pub struct Pilot {
     wanted: Wanted,
     phase: Phase,
     after: After,
-    /// It stays in SAFE until [`rise`](Pilot::rise).
+    /// True if the robot stays in SAFE until [`rise`](Pilot::rise).
     rests: bool,
-    /// How often it arms by itself: feedback of actuators is missing just after power-on.
+    /// Remaining attempts to arm by itself: feedback of actuators is missing just after power-on.
     arms: u8,
     /// A command to end the stream came before the controller followed it.
     ends: bool,
@@ -102,7 +103,7 @@ pub struct Pilot {
     is_planning: bool,
     /// The last horizon was not accepted.
     is_unsure: bool,
-    /// It was said why none goes on.
+    /// True if the error of the planner was reported.
     has_said_why: bool,
     /// The first frames of a stream, before the controller follows it.
     first: Option<Vec<Vec<Target>>>,
@@ -139,12 +140,13 @@ impl Pilot {
         self.wanted = wanted;
     }
 
-    /// What it is steered to.
+    /// Motion that the robot is steered to.
     pub fn steered(&self) -> Wanted {
         self.wanted
     }
 
-    /// Stops the robot and sends it to SAFE. A robot that is not streaming has stopped already. To leave twice is to leave at once.
+    /// Stops the robot and sends it to SAFE. A robot that is not streaming has stopped already. To leave twice is to leave at
+    /// once.
     pub fn stop(&mut self, now_us: u64, after: After, operator: &mut Operator) {
         self.wanted = Wanted::default();
         self.rests = true;
@@ -177,17 +179,17 @@ impl Pilot {
         self.rests = false;
     }
 
-    /// What the robot is about.
+    /// Phase of the robot.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// Whether the robot is stopped for want of plans.
+    /// True if the robot is stopped for want of plans.
     pub fn is_unsure(&self) -> bool {
         self.is_unsure
     }
 
-    /// How the horizons went.
+    /// Statistics of the horizons.
     pub fn tally(&self) -> Tally {
         self.tally
     }
@@ -214,7 +216,7 @@ impl Pilot {
             Phase::Beginning if state != State::Ready => self.end(now_us, operator),
             Phase::Beginning => self.begin(now_us, operator),
             Phase::Steered | Phase::Stopping if !streams => {
-                // Whoever ended it: the robot does not set off again by itself.
+                // Streaming has ended, for any reason: the robot does not set off again by itself.
                 self.rests = true;
                 self.end(now_us, operator);
             }
@@ -231,7 +233,7 @@ impl Pilot {
         }
     }
 
-    /// Whether it is to arm by itself now.
+    /// True if the pilot is to arm the robot by itself now.
     fn may_arm(&self, now_us: u64, view: &View) -> bool {
         self.arms > 0 && now_us >= self.again_us && view.hello.is_some() && view.asking.is_none()
     }

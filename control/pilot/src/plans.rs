@@ -15,7 +15,7 @@ const LEAST_HORIZON_S: f64 = 1.0;
 /// Part of a horizon that is played, s: several frames of the gait, little beside the operator's reaction.
 const STRETCH_S: f64 = 0.15;
 
-/// What a course is made of.
+/// Robot and gait of a course.
 #[derive(Clone, Debug)]
 pub struct Route {
     pub robot: Robot,
@@ -99,7 +99,7 @@ impl Courses {
 /// A stretch that was planned, and how long that took.
 #[derive(Debug)]
 pub struct Planned {
-    /// What was asked for.
+    /// Request of the stretch.
     pub request: Request,
     pub stretch: Result<Stretch, CourseError>,
     /// Time that planning took.
@@ -109,7 +109,7 @@ pub struct Planned {
 #[derive(Debug)]
 pub struct Planner {
     pub requests: Sender<Request>,
-    /// Where stretches come from.
+    /// Receiver of the stretches.
     pub planned: Receiver<Planned>,
 }
 

@@ -14,7 +14,7 @@ pub const END_US: u64 = 15_000_000;
 pub struct Fastest {
     /// Along the heading and to its sides, m/s.
     pub speed_m_s: f64,
-    /// Of the heading, rad/s.
+    /// Turning rate of the heading, rad/s.
     pub turn_rad_s: f64,
 }
 
@@ -33,7 +33,7 @@ impl Fastest {
 /// A robot that is steered.
 #[derive(Debug)]
 pub struct Steered {
-    /// When to arm, to plan and to stop.
+    /// Pilot that decides when to arm, to plan and to stop.
     pub pilot: Pilot,
     planner: Planner,
     has_gait: bool,
@@ -51,7 +51,7 @@ impl Steered {
         self.pilot.steer(Wanted::of(steering, self.has_gait));
     }
 
-    /// Gives commands, takes plans and asks for plans; call often. `took` hears how long each plan took.
+    /// Gives commands, takes plans and requests plans; call often. Calls `took` with the planning time of each plan.
     pub fn turn(&mut self, now_us: u64, operator: &mut Operator, mut took: impl FnMut(Duration)) {
         self.pilot.look(now_us, operator);
         loop {

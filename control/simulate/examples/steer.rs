@@ -1,6 +1,5 @@
-//! Steered runs of a minute in the simulated world: falls, plans that are not accepted, velocities and latencies, as the table of
-//! `docs/receding-horizon.md`. `cargo run --release -p rollwalk-simulate --example steer -- FOLDER`, the folder with `robots` and
-//! `motions`.
+//! Steered runs of a minute in the simulated world: falls, plans that are not accepted, velocities and latencies.
+//! `cargo run --release -p rollwalk-simulate --example steer -- shipped`: the folder has `robots` and `motions`.
 
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::receding::{Gait, Horizon, HorizonOptions, Steering};

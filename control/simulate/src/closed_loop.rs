@@ -1,5 +1,5 @@
-//! Tracks a plan in closed loop: each tick takes the measured state or the readings of the sensors, and returns the setpoints of all motors until the next
-//! tick. The world may be ours or another's.
+//! Tracks a plan in closed loop: each tick takes the measured state or the readings of the sensors, and returns the setpoints
+//! of all motors until the next tick. The world may be ours or another's.
 //!
 //! [`crate::control`] asks it about the simulated world, `rollwalk control` for the simulators of others.
 
@@ -14,10 +14,10 @@ use rollwalk_tracking::estimator::Untrusted;
 use rollwalk_tracking::model::Costs;
 use rollwalk_tracking::{Gains, Reference};
 
-/// How the robot is brought back to the plan.
+/// Method that brings the robot back to the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feedback {
-    /// Each task by itself: centre of mass, body and wheels have their own gains.
+    /// Separate tasks: centre of mass, body and wheels have their own gains.
     Tasks,
     /// Gains of the plan's linear model, for all of them together.
     Gains,
@@ -39,8 +39,8 @@ pub(crate) struct Placed {
 }
 
 impl<'s, 'p> ClosedLoop<'s, 'p> {
-    /// `world_from_plan` says where the plan lies, in a world whose z is up. Gains are computed here, which takes up to
-    /// some tenths of a second.
+    /// `world_from_plan` places the plan in a world whose z is up. Gains are computed here, which takes up to some tenths of a
+    /// second.
     pub fn new(
         script: &'s Script<'p>,
         feedback: Feedback,
@@ -68,9 +68,10 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         self.follower.estimator.align(state)
     }
 
-    /// What the motors do in a tick between two times of the motion, periods counted on, s; `measured` is
-    /// its beginning. If the tracker has no setpoints, they get those of the plan with its torques; the reason comes beside them. After 0.1 s of
-    /// that in a motion the robot is brought to a stop: the plan goes on to the next moment at which all of its end effectors stand, or most, and ends there.
+    /// Control laws of the motors in a tick between two times of the motion, s, with periods counted on. `measured` is the
+    /// measurement at the beginning of the tick. If the tracker has no setpoints, the motors get the setpoints of the plan with
+    /// its torques, and the reason is returned beside them. After 0.1 s of that in a motion the robot is brought to a stop: the
+    /// plan continues to the next moment at which all or most of its end effectors stand, and ends there.
     pub fn tick(
         &mut self,
         [from_s, to_s]: [f64; 2],

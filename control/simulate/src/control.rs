@@ -1,4 +1,4 @@
-//! What turns a plan into what motors do: its setpoints to the servos, or a controller that sees the robot.
+//! Control of a plan: setpoints to the servos, or a controller with feedback from the robot.
 
 use crate::closed_loop::{ClosedLoop, Feedback, Measured, Timing, Untracked};
 use crate::mismatch::Mismatch;
@@ -9,12 +9,12 @@ use rollwalk_physics::World;
 use rollwalk_physics::motor::Law;
 use std::collections::VecDeque;
 
-/// How a plan is played.
+/// Method of playing a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
     /// Setpoints go to the servos, open loop.
     Servos,
-    /// With the planned torques on top.
+    /// Setpoints go to the servos with the planned torques as feed-forward.
     FeedForward,
     /// A controller of the whole body sees the state of the robot at each step ([`rollwalk_tracking`]).
     Tracking(Feedback),
@@ -31,7 +31,7 @@ impl Control {
     }
 }
 
-/// What the motors do, step by step.
+/// Controller that computes control laws of the motors, step by step.
 pub(crate) struct Controller<'s, 'p> {
     script: &'s Script<'p>,
     tracking: Option<Tracking<'s, 'p>>,
@@ -40,13 +40,13 @@ pub(crate) struct Controller<'s, 'p> {
     delay: usize,
     /// Steps in which the robot was not tracked, and the servos got the setpoints of the plan or of its stop.
     pub untracked: u32,
-    /// When the stop began, s.
+    /// Time at which the stop began, s.
     pub stopped_at_s: Option<f64>,
 }
 
 struct Tracking<'s, 'p> {
     closed_loop: ClosedLoop<'s, 'p>,
-    /// From which the state is estimated; `None` if it is known.
+    /// Sensors that the state is estimated from; `None` if the state is known.
     sensors: Option<SimulatedSensors>,
     step_s: f64,
 }
@@ -57,8 +57,8 @@ const CONTROL_HZ: f64 = 120.0;
 const SEED: u64 = 1;
 
 impl<'s, 'p> Controller<'s, 'p> {
-    /// For a world that stands where the plan begins. A controller that sees the state does so at the beginning of each step, and its
-    /// setpoints act after a delay, s, that it knows of.
+    /// Creates a controller for a world that stands where the plan begins. A controller with feedback reads the state at the
+    /// beginning of each step. Its setpoints act after a delay, s, that it takes into account.
     pub fn new(
         script: &'s Script<'p>,
         control: Control,
@@ -93,7 +93,8 @@ impl<'s, 'p> Controller<'s, 'p> {
         Self { script, on_their_way, delay, tracking, untracked: 0, stopped_at_s: None }
     }
 
-    /// What the motors do in a step between two times of the motion, periods counted on; the world is where it begins.
+    /// Control laws of the motors in a step between two times of the motion, periods counted on. The world is at the beginning of
+    /// the step.
     pub fn laws(&mut self, [from_s, to_s]: [f64; 2], world: &World) -> Vec<Law> {
         let Some(tracking) = &mut self.tracking else {
             // A controller sends the setpoints of a tick at its beginning, and drives hold them until the next one. Times are multiples

@@ -1,4 +1,4 @@
-//! What follows plans tick by tick, whichever plan it is: state estimation, tracking, and the stop that ends both.
+//! Follower of plans, tick by tick: state estimation, tracking, and the stop that ends both.
 //!
 //! [`crate::closed_loop`] has one for one plan, [`crate::sequence`] one for plans that follow each other.
 
@@ -18,7 +18,7 @@ pub(crate) struct Follower {
     servos: Vec<Law>,
     pub tracker: Tracker,
     pub estimator: Estimator,
-    /// Whether the robot has stumbled: its plan is played in open loop to the end.
+    /// True if the robot has stumbled: its plan is played in open loop to the end.
     stumbled: bool,
     /// Time without setpoints of the tracker, and the stop that ends it.
     lost: Absence,
@@ -29,14 +29,14 @@ pub(crate) struct Follower {
 pub(crate) struct Followed<'a, 'p> {
     pub script: &'a Script<'p>,
     pub body: &'a WholeBody,
-    /// Of a robot without contact switches: which end effectors stood by the plan when the rest was measured.
+    /// Planned stance of the end effectors when the other sensors were read, for a robot without contact switches.
     pub contacts: Option<&'a [bool]>,
-    /// Whether the motion is ended that cannot be tracked.
+    /// True if a motion that cannot be tracked is to be stopped.
     pub may_stop: bool,
 }
 
 impl Follower {
-    /// For the robot of a script, with turning wheels and rotors, without gains.
+    /// Creates a follower for the robot of a script, with turning wheels and rotors, without gains.
     pub fn new(script: &Script<'_>, tree: &Tree, timing: Timing) -> Self {
         let tracker = Tracker::new(tree.clone(), Weights::default(), timing.tick_s)
             .with_latency(timing.latency_s);
@@ -51,18 +51,18 @@ impl Follower {
         self.stumbled = false;
     }
 
-    /// What the motors do, a tick after the last one, of a robot that comes to rest for good.
+    /// Control laws of the motors, a tick after the last one, for a robot that is coming to rest for good; otherwise `None`.
     pub fn stopped(&mut self, script: &Script<'_>, tick_s: f64) -> Option<Vec<Law>> {
         self.stop.as_mut().map(|stop| stop.tick(script, tick_s))
     }
 
-    /// Whether it has come to rest for good.
+    /// True if the robot has come to rest for good.
     pub fn has_stopped(&self) -> bool {
         self.stop.is_some_and(|stop| stop.is_over())
     }
 
-    /// What the motors do until the next tick, with the reference of the moment at which setpoints act; those of the plan are of
-    /// `acts_s`, the end of the tick. `tick_s` is the time since the last tick.
+    /// Control laws of the motors until the next tick. `reference` is that of the moment at which setpoints act; setpoints of the
+    /// plan are those at `acts_s`, the end of the tick. `tick_s` is the time since the last tick.
     pub fn tick(
         &mut self,
         followed: &Followed<'_, '_>,

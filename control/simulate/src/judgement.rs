@@ -1,4 +1,4 @@
-//! Whether a robot came where its plan says: its way against the planned one.
+//! Judgement of a robot's way against the planned one.
 
 use rollwalk_physics::world::Way;
 use rollwalk_planner::plan::Plan;
@@ -7,7 +7,7 @@ use std::fmt;
 
 /// Achieved by planned: what counts as played.
 pub const BAND: [f64; 2] = [0.95, 1.05];
-/// What a motion may miss where it has no goal, over the whole motion or a period: m ahead and to the left, rad.
+/// Allowed deviations of a motion without a goal, over the whole motion or a period: m ahead and to the left, rad.
 const STAYS: [f64; 3] = [0.005, 0.005, 0.02];
 /// Deviation over the allowed one up to which a way is near the planned one.
 const LITTLE: f64 = 4.0;
@@ -18,12 +18,12 @@ pub struct PlannedWay {
     /// Planned way.
     #[serde(rename = "planned")]
     pub way: Way,
-    /// Which of its values are goals: those of the motion's that are large enough to be divided by.
+    /// Goals among the values: true for goals of the motion that are large enough to divide by.
     pub goals: [bool; 3],
 }
 
 impl PlannedWay {
-    /// Of a validated plan.
+    /// Planned way of a validated plan.
     pub fn new(plan: &Plan) -> Self {
         let goal = &plan.motion.goal;
         let (wanted, way) =
@@ -53,7 +53,8 @@ impl PlannedWay {
         (one.values()[of] - other.values()[of]).abs() / self.allowed(of)
     }
 
-    /// Greatest deviation of a way from the plan's, over the one that is allowed, of what is judged: of the goals, if there are any.
+    /// Greatest deviation of a way from the plan's, over the one that is allowed, of what is judged: of the goals, if there are
+    /// any.
     pub(crate) fn miss(&self, achieved: &Way) -> f64 {
         let judged = |of: &usize| self.goals[*of] || !self.goals.contains(&true);
         let parts = (0..3).filter(judged).map(|of| self.part(achieved, &self.way, of));
@@ -68,8 +69,8 @@ impl PlannedWay {
         }
     }
 
-    /// Where a way is not the planned one: the goal that it misses most, 0.95 to 1.05 of it allowed; of a plan without any, the
-    /// component that is furthest off, 5 mm and 0.02 rad allowed.
+    /// Component in which a way is not the planned one: the goal with the largest deviation, with 0.95 to 1.05 of it allowed. For
+    /// a plan without goals it is the component with the largest deviation, with 5 mm and 0.02 rad allowed.
     pub fn astray(&self, achieved: &Way) -> Option<Astray> {
         let has_goals = self.goals.contains(&true);
         let of = |of: usize| {
@@ -99,7 +100,7 @@ const COMPONENTS: [Component; 3] = [Component::Forward, Component::Left, Compone
 pub enum Component {
     /// Ahead, m.
     Forward,
-    /// To the left, m.
+    /// Leftward, m.
     Left,
     /// About the vertical, rad.
     Turn,
@@ -108,9 +109,9 @@ pub enum Component {
 /// A component of a way that is not the planned one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Astray {
-    /// Which.
+    /// Component that deviates.
     pub component: Component,
-    /// Whether the motion has a goal for it.
+    /// True if the motion has a goal for the component.
     #[serde(skip)]
     pub is_goal: bool,
     /// Planned, m or rad.
@@ -123,7 +124,7 @@ pub struct Astray {
 }
 
 impl Astray {
-    /// Whether it is near the planned one.
+    /// True if the achieved value is near the planned one.
     pub(crate) fn is_little(&self) -> bool {
         self.part < LITTLE
     }

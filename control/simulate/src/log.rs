@@ -1,5 +1,5 @@
 //! A run as a table: at every step where the robot is, what its drives were commanded, what its motors did, and what the
-//! ground did to it. Format: `docs/world-log.md`.
+//! ground did to it. Format: `docs/formats/world-log.md`.
 //!
 //! The caller that steps a world writes it, with a bus or without.
 
@@ -11,16 +11,16 @@ use rollwalk_robot::document::Excerpt;
 use rollwalk_robot::{Channel, Robot};
 use thiserror::Error;
 
-/// What is known of a step besides its world.
+/// Data of a step besides its world.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment<'a> {
     /// Simulated time, s.
     pub time_s: f64,
     /// Name of the motion that is played; empty if there is none.
     pub motion: &'a str,
-    /// Whether the hoist holds the body.
+    /// True if the hoist holds the body.
     pub is_held: bool,
-    /// Whether the robot has fallen.
+    /// True if the robot has fallen.
     pub has_fallen: bool,
 }
 
@@ -125,14 +125,14 @@ pub struct Table {
     /// Motion of each row; empty where none was played.
     pub motions: Vec<String>,
     names: Vec<String>,
-    /// By row; the motion's is 0, and what was not read is NaN.
+    /// Values by row. The motion's value is 0; values that were not read are NaN.
     values: Vec<Vec<f64>>,
 }
 
-/// What is wrong with a table.
+/// Error in a table.
 #[derive(Debug, Error)]
 pub enum LogError {
-    /// Not the form of a table.
+    /// Text that is not a table.
     #[error("{0}")]
     Csv(#[from] csv::Error),
     /// A column of the base is missing.
@@ -149,10 +149,10 @@ pub enum LogError {
         line: u64,
         /// Name of the column.
         column: String,
-        /// What is there.
+        /// Contents of the cell.
         cell: String,
     },
-    /// It has only a heading.
+    /// Table with a heading only.
     #[error("it has no rows")]
     Empty,
 }
@@ -166,8 +166,8 @@ impl Table {
         Self::read_with(text, &BASE, None)
     }
 
-    /// Reads times and some of the columns of a table, such as those that a real robot can fill. An empty cell, or NaN, is a number that
-    /// was not measured; what stands in columns that are not read does not matter.
+    /// Reads times and some of the columns of a table, such as those that a real robot can fill. An empty cell, or NaN, is a
+    /// number that was not measured; what stands in columns that are not read does not matter.
     ///
     /// # Errors
     /// It is none, has no times, or it has no rows.
@@ -175,7 +175,7 @@ impl Table {
         Self::read_with(text, &BASE[..1], Some(&is_read))
     }
 
-    /// With all columns and no gaps, or with those that are read.
+    /// Reads all columns without gaps, or only the columns that `some` selects.
     fn read_with(
         text: &str,
         columns: &[&'static str],
@@ -220,7 +220,7 @@ impl Table {
         Some(self.values.iter().map(|row| row[column]).collect())
     }
 
-    /// What columns with an ending are of, in their order: `front_left` of `front_left_normal_n` and `_normal_n`.
+    /// Prefixes of the columns with an ending, in their order: `front_left` of `front_left_normal_n` and `_normal_n`.
     pub fn with_ending<'a>(&'a self, ending: &'a str) -> impl Iterator<Item = &'a str> {
         self.names.iter().filter_map(move |name| name.strip_suffix(ending))
     }

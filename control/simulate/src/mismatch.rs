@@ -1,11 +1,11 @@
-//! How the robot in the world differs from the one that was planned for.
+//! Mismatch between the robot in the world and the planned one.
 
 use crate::sensors::{Noise, SensorFault};
 use rollwalk_physics::world::Parameters;
 use rollwalk_robot::Robot;
 
-/// Stiffness of contacts on which plans are played, over that of other simulated robots: runs of walks and trots agree with MuJoCo's on its
-/// hard contacts from this on. A robot that lies on the ground gets up from softer ones.
+/// Stiffness of contacts on which plans are played, over that of other simulated robots: runs of walks and trots agree with
+/// MuJoCo's on its hard contacts from this on. A robot that lies on the ground gets up from softer ones.
 const HARD: f64 = 2.0;
 
 /// Differences between the plan's robot and the simulated one.
@@ -19,14 +19,15 @@ pub struct Mismatch {
     pub contact_stiffness: f64,
     /// Time from a measurement to the setpoints that answer it, s, in closed loop.
     pub delay_s: f64,
-    /// Noise of the sensors from which a controller in closed loop estimates the state; `None` if it knows the state.
+    /// Noise of the sensors from which a controller in closed loop estimates the state; `None` for a controller with the true
+    /// state.
     pub noise: Option<Noise>,
-    /// What breaks of those sensors.
+    /// Fault of those sensors.
     pub sensor_fault: Option<SensorFault>,
 }
 
 impl Default for Mismatch {
-    /// No difference.
+    /// Mismatch without differences.
     fn default() -> Self {
         Self {
             mass: 1.0,

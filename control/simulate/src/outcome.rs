@@ -1,4 +1,4 @@
-//! What became of a plan in the world, against the plan.
+//! Outcome of a plan in the world, against the plan.
 
 use crate::control::Controller;
 use crate::judgement::{Astray, BAND, PlannedWay};
@@ -11,7 +11,8 @@ use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
 
-/// Periods at the end of a run that count by themselves: what grows shows there, and what alternates from period to period does not.
+/// Periods at the end of a run that count by themselves: what grows shows there, and what alternates from period to period does
+/// not.
 const LAST: usize = 3;
 /// Deviation from one period to the next, over the one that is allowed from the plan, of a motion that has settled.
 const SETTLED: f64 = 0.02;
@@ -31,7 +32,7 @@ pub struct Outcome {
     pub planned: PlannedWay,
     /// Way of the motion, or of each period.
     pub cycles: Vec<Way>,
-    /// When the robot fell, s.
+    /// Time at which the robot fell, s.
     pub fell_at_s: Option<f64>,
     /// Simulated time, s.
     pub time_s: f64,
@@ -46,7 +47,7 @@ pub struct Outcome {
     pub subdivided: u32,
     /// Steps in which the robot was not tracked: the servos got the setpoints of the plan, or of its stop.
     pub untracked: u32,
-    /// When it was brought to a stop because it could not be tracked, s.
+    /// Time at which the robot was brought to a stop because it could not be tracked, s.
     pub stopped_at_s: Option<f64>,
 }
 
@@ -61,8 +62,8 @@ impl Outcome {
         self.cycles.get(1..).filter(|rest| !rest.is_empty()).unwrap_or(&self.cycles)
     }
 
-    /// What is wrong; `None` if the robot stayed on its feet and came where the plan says, on the mean of the periods after the first
-    /// one and of the last ones.
+    /// Reason why the motion does not hold. `None` if the robot stayed on its feet and its way was the planned one, on the mean
+    /// of the periods after the first one and of the last ones.
     pub fn miss(&self) -> Option<Miss> {
         if let Some(at_s) = self.fell_at_s {
             return Some(Miss::Falls { at_s });
@@ -85,7 +86,7 @@ impl Outcome {
         changes.then(|| Miss::Changes { part: change * (BAND[1] - 1.0) })
     }
 
-    /// Whether the robot stayed on its feet and came where the plan says.
+    /// True if the robot stayed on its feet and its way was the planned one.
     pub fn holds(&self) -> bool {
         self.miss().is_none()
     }
@@ -98,7 +99,7 @@ fn mean(periods: &[Way]) -> Option<Way> {
     (count > 0.0).then(|| [0, 1, 2].map(|of| sum(of) / count).into())
 }
 
-/// How a motion does not hold.
+/// Reason why a motion does not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "miss")]
 pub enum Miss {
@@ -107,7 +108,7 @@ pub enum Miss {
         /// Simulated time, s.
         at_s: f64,
     },
-    /// No period came to its end.
+    /// Run without a complete period.
     Unfinished,
     /// Way that changes from period to period, without a fall.
     Changes {
@@ -116,10 +117,10 @@ pub enum Miss {
     },
     /// Way that leads somewhere else, without a fall.
     Astray {
-        /// Where.
+        /// Component that deviates.
         #[serde(flatten)]
         astray: Astray,
-        /// Number of the period, from 1, from which on it does, on the mean.
+        /// First period, from 1, of those whose mean deviates.
         from_period: usize,
     },
 }
@@ -198,8 +199,7 @@ impl Tracker {
         self.fell_at_s.is_some()
     }
 
-    /// Whether the last periods are alike, and the verdict on them is further away from the other one than a drift like theirs leads in
-    /// five periods more.
+    /// True if the last periods are alike, and five more periods with their drift would not change the verdict on them.
     pub fn has_settled(&self) -> bool {
         let count = self.cycles.len();
         let Some(last) = count.checked_sub(LAST).filter(|first| *first > 0) else { return false };

@@ -1,9 +1,10 @@
-//! Setpoints with which a robot as it is follows its plan (thesis 4.7.2): soft servos sag, and what they carry comes late and low. A
-//! curve is added to the setpoints of each joint, and its knots are optimised until the centre of mass goes where the plan says.
+//! Setpoints with which a robot as it is follows its plan (thesis 4.7.2): soft servos sag, and what they carry comes late and
+//! low. A curve is added to the setpoints of each joint, and its knots are optimised until the centre of mass goes where the
+//! plan says.
 //!
 //! The rollout is that of [`run`](crate::run), with derivatives of every step by all knots; Gauss–Newton's method moves them. Heights
-//! count as much as ways, else nothing stops the robot from sagging. Smoothness costs a little, so that knots that the motion does
-//! not depend on stay.
+//! count as much as ways, else nothing stops the robot from sagging. Smoothness costs a little, so that knots that the motion
+//! does not depend on stay.
 
 use crate::run::{REST_S, beats, begin, step_s};
 use crate::script::Script;
@@ -18,15 +19,15 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Actuator;
 use std::sync::Arc;
 
-/// How setpoints are found.
+/// Options of the search for setpoints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Whether the planned torques go on top of the servos' own.
+    /// True if the planned torques are added to the servos' own.
     pub feed_forward: bool,
     /// Periods of a motion that repeats.
     pub cycles: usize,
-    /// Steps of the world per second, about. With fewer than those in which it is played, gaits that rock find setpoints that its longer
-    /// steps steady: a pace that makes its way at 120 Hz falls back to 0.7 of it at 240.
+    /// Steps of the world per second, about. With fewer than those in which it is played, gaits that rock find setpoints that
+    /// its longer steps steady: a pace that makes its way at 120 Hz falls back to 0.7 of it at 240.
     pub rate_hz: u32,
     /// Knots of the curve of each joint over the motion.
     pub knots: usize,
@@ -42,8 +43,8 @@ impl Default for Options {
 
 /// Objective of a robot that is 1 m away from its plan all the time.
 const PER_M: f64 = 30.0;
-/// Price of a change of 1 rad from knot to knot, and of 1 rad from where the planned torque alone holds the joint: legs that press
-/// against each other move no centre of mass, but feet slide when one of them lifts.
+/// Price of a change of 1 rad from knot to knot, and of 1 rad from where the planned torque alone holds the joint: legs that
+/// press against each other move no centre of mass, but feet slide when one of them lifts.
 const SMOOTH: f64 = 1e-3;
 const SMALL: f64 = 1e-4;
 /// Price of a change of 1 rad between the two knots at each end of a motion that ends: its setpoints begin and end at rest.
@@ -53,7 +54,7 @@ const MOST_RAD: f64 = 0.2;
 /// Improvement of an iteration that is too small to go on, as a share.
 const TOLERANCE: f64 = 1e-3;
 
-/// What was found.
+/// Result of retargeting.
 #[derive(Clone, Debug)]
 pub struct Retargeted {
     /// The plan with its corrections.
@@ -66,10 +67,10 @@ pub struct Retargeted {
     pub largest_rad: f64,
 }
 
-/// Finds corrections for a validated plan; those that it has are left out. `goes_on` hears of each rollout, and ends the search by
-/// answering `false`; then the best corrections so far are returned.
+/// Finds corrections for a validated plan, whose own corrections are left out. Calls `goes_on` for each rollout; `false` ends the
+/// search, and the best corrections so far are returned.
 ///
-/// Returns none if the robot falls with its plan as it is, or a step of the world has no solution.
+/// Returns `None` if the uncorrected plan falls, or a step of the world has no solution.
 pub fn retarget(
     plan: &Plan,
     options: &Options,
@@ -143,8 +144,8 @@ fn of_joint(knots: &[f64], joints: usize, joint: usize) -> Vec<f64> {
     knots.iter().skip(joint).step_by(joints).copied().collect()
 }
 
-/// Knots with which the servos' stiffness alone gives the planned torques: where the search begins. 0 with feed-forward, which gives
-/// them already.
+/// Knots with which the servos' stiffness alone gives the planned torques: where the search begins. 0 with feed-forward, which
+/// gives them already.
 fn yielding(script: &Script<'_>, options: &Options, curve: &Curve) -> Vec<f64> {
     let actuators: Vec<_> = script.robot().joints.iter().map(|joint| &joint.actuator).collect();
     if options.feed_forward {
@@ -169,7 +170,7 @@ fn yielding(script: &Script<'_>, options: &Options, curve: &Curve) -> Vec<f64> {
     (0..curve.knots).flat_map(of_knot).collect()
 }
 
-/// How far the centre of mass is from its plan at every step; none if the robot falls.
+/// Distances of the centre of mass from its plan at all steps; `None` if the robot falls.
 fn rollout(
     script: &Script<'_>,
     options: &Options,

@@ -13,25 +13,25 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
 use std::sync::Arc;
 
-/// How a plan is played.
+/// Options of playing a plan.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// What turns the plan into what motors do.
+    /// Method of playing the plan.
     pub control: Control,
     /// Periods of a motion that repeats.
     pub cycles: usize,
     /// Steps of the world per second, about: a motion is a whole number of them.
     pub rate_hz: u32,
-    /// What the robot stands on; it begins at the origin, its plan in the plane that touches the ground there.
+    /// Ground under the robot. The robot begins at the origin, its plan in the plane that touches the ground there.
     pub ground: Arc<dyn Ground>,
     /// Pushes, from the start of the simulation on.
     pub shoves: Vec<Shove>,
-    /// How the robot differs from the planned one.
+    /// Differences of the robot from the planned one.
     pub mismatch: Mismatch,
 }
 
 impl Options {
-    /// On level ground, with nothing in the way: five periods.
+    /// Options for level ground without pushes and differences: five periods.
     pub fn new(control: Control, rate_hz: u32) -> Self {
         let (ground, shoves) = (Arc::new(Plane::level()), Vec::new());
         Self { control, cycles: 5, rate_hz, ground, shoves, mismatch: Mismatch::default() }
@@ -49,15 +49,15 @@ pub struct Moment<'a> {
     pub all_s: f64,
     /// Time of the motion, s: 0 before it and its duration after it.
     pub motion_s: f64,
-    /// Whether the robot has fallen, which ends the run.
+    /// True if the robot has fallen, which ends the run.
     pub has_fallen: bool,
-    /// Whether further periods would be like the last ones.
+    /// True if further periods would be like the last ones.
     pub has_settled: bool,
     /// The world.
     pub world: &'a World,
 }
 
-/// Plays a validated plan. `goes_on` sees each moment, and ends the run by answering `false`.
+/// Plays a validated plan. Calls `goes_on` with each moment; `false` ends the run.
 ///
 /// # Errors
 /// A step of the world without a solution.
@@ -150,7 +150,7 @@ pub(crate) fn begin(
 pub(crate) struct Beat {
     /// Time of the motion at its end, s.
     pub time_s: f64,
-    /// What is at its end.
+    /// Mark at the end of the beat.
     mark: Option<Mark>,
 }
 
@@ -162,7 +162,7 @@ enum Mark {
     End,
 }
 
-/// All steps, and how many they are: of a motion that repeats its periods, of another one rest, motion and rest.
+/// Steps of a run and their number: the periods of a motion that repeats, otherwise rest, motion and rest.
 pub(crate) fn beats(
     script: &Script<'_>,
     cycles: usize,

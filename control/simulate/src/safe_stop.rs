@@ -1,5 +1,5 @@
-//! How a robot comes to rest that cannot be tracked any more: open loop it plays its plan on to the next moment at which it can stand, stays in
-//! that pose, and its driven wheels come to rest.
+//! Safe stop of a robot that cannot be tracked any more. In open loop the robot plays its plan to the next moment at which it can
+//! stand, stays in that pose, and its driven wheels come to rest.
 //!
 //! [`crate::closed_loop`] begins it; only another start ends it.
 
@@ -16,15 +16,15 @@ const WHEELS_S: f64 = 0.5;
 /// The stop of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SafeStop {
-    /// When the plan ends, s; of one that repeats, periods counted on.
+    /// Time at which the plan ends, s; for a plan that repeats, periods counted on.
     at_s: f64,
     /// Time of the plan at the last tick, s: it goes on where that of a motion stays at its end.
     now_s: f64,
 }
 
 impl SafeStop {
-    /// The stop of a robot whose motors are at a time of its plan, s: at the first moment within a period, or before the end of a motion
-    /// that ends, at which as many end effectors stand as at any.
+    /// The stop of a robot whose motors are at a time of its plan, s: at the first moment within a period, or before the end of
+    /// a motion that ends, at which as many end effectors stand as at any.
     pub fn after(plan: &WholeBody, script: &Script<'_>, now_s: f64) -> Self {
         let end_s = match script.repeats() {
             true => now_s + script.duration_s(),
@@ -46,12 +46,12 @@ impl SafeStop {
         Self { at_s: best.1, now_s }
     }
 
-    /// Whether the plan has ended, and the wheels have come to rest.
+    /// True if the plan has ended, and the wheels have come to rest.
     pub fn is_over(&self) -> bool {
         self.now_s - self.at_s >= WHEELS_S
     }
 
-    /// What the motors do a tick later.
+    /// Advances by a tick, and returns the control laws of the motors.
     pub fn tick(&mut self, script: &Script<'_>, tick_s: f64) -> Vec<Law> {
         self.now_s += tick_s;
         let since_s = self.now_s - self.at_s;
@@ -113,7 +113,7 @@ mod tests {
         }
     }
 
-    /// Also behind the end of a motion, where a robot that drives stands.
+    /// Tests a stop within a motion and one after its end; a robot that drives stands at both times.
     #[test]
     fn motors_go_on_until_the_stop_and_wheels_roll_out() {
         let plan = plan("drive_1m");

@@ -35,12 +35,12 @@ impl<'a> Script<'a> {
         &self.plan.robot
     }
 
-    /// Whether the motion repeats.
+    /// True if the motion repeats.
     pub fn repeats(&self) -> bool {
         self.plan.motion.ends == Ends::Periodic
     }
 
-    /// Whether end effectors leave the ground: its steps may catch a robot.
+    /// True if end effectors leave the ground: steps may catch a robot.
     pub fn steps(&self) -> bool {
         self.plan.motion.stance.iter().any(|row| row.iter().any(|&stands| !stands))
     }

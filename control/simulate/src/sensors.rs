@@ -11,29 +11,29 @@ use std::f64::consts::TAU;
 /// Errors of sensors: standard deviations of white noise in each sample, and a bias. The default has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
-    /// Of the gyro, rad/s.
+    /// Standard deviation of the gyro, rad/s.
     pub gyro_rad_s: f64,
     /// Bias of the gyro, body axes, rad/s.
     pub gyro_bias_rad_s: Vector3<f64>,
-    /// Of the accelerometer, m/s².
+    /// Standard deviation of the accelerometer, m/s².
     pub accelerometer_m_s2: f64,
-    /// Of the speeds of joints and wheels, rad/s.
+    /// Standard deviation of the speeds of joints and wheels, rad/s.
     pub speed_rad_s: f64,
 }
 
-/// What breaks during a run.
+/// Fault of a sensor during a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorFault {
-    /// When, s of the run.
+    /// Start of the fault, s of the run.
     pub from_s: f64,
-    /// What.
+    /// Kind of fault.
     pub kind: SensorFaultKind,
 }
 
-/// What can break.
+/// Kind of sensor fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SensorFaultKind {
-    /// There is no IMU any more.
+    /// Loss of the IMU.
     NoImu,
     /// A bias of the gyro about every axis, rad/s.
     GyroBias(f64),
@@ -41,9 +41,9 @@ pub enum SensorFaultKind {
     AccelerometerBias(f64),
     /// The gyro measures no numbers.
     GyroNan,
-    /// One sample of the gyro is off about every axis, rad/s.
+    /// Single gyro sample that is off about every axis, rad/s.
     GyroSpike(f64),
-    /// One sample of the accelerometer is off along every axis, m/s².
+    /// Single accelerometer sample that is off along every axis, m/s².
     AccelerometerSpike(f64),
     /// The encoder of a joint measures no numbers.
     EncoderNan(usize),
@@ -53,7 +53,7 @@ pub enum SensorFaultKind {
     EncoderStuck(usize),
     /// The contact switch of an end effector stays closed, `true`, or open.
     SwitchStuck(usize, bool),
-    /// All contact switches do.
+    /// Contact switches of all end effectors stay closed, `true`, or open.
     AllSwitchesStuck(bool),
 }
 
@@ -73,7 +73,7 @@ pub struct SimulatedSensors {
 }
 
 impl Noise {
-    /// That of an IMU of a few euros, and of magnetic encoders.
+    /// Noise of an IMU of a few euros, and of magnetic encoders.
     pub const USUAL: Self = Self {
         gyro_rad_s: 0.02,
         gyro_bias_rad_s: Vector3::new(0.005, -0.005, 0.005),

@@ -1,7 +1,8 @@
-//! Plans that follow each other in closed loop, as a robot on a bus plays them: it stands, goes over into a gait, repeats it, and comes to a stand again.
+//! Plans that follow each other in closed loop, as a robot on a bus plays them: it stands, goes over into a gait, repeats it,
+//! and comes to a stand again.
 //!
-//! One estimator and one tracker run through all plans, so that the state estimate survives a change of plan. Each plan lies where the
-//! one before ended. Times are those of the caller's measurements: samples may be missing.
+//! One estimator and one tracker run through all plans, so that the state estimate survives a change of plan. Each plan lies
+//! where the one before ended. Times are those of the caller's measurements: samples may be missing.
 
 use crate::closed_loop::Placed;
 use crate::follower::{Followed, Follower};
@@ -32,10 +33,10 @@ pub struct Leg<'p> {
 /// Plans that do not make a sequence.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SequenceError {
-    /// There are none.
+    /// Sequence without plans.
     #[error("a sequence without plans")]
     Empty,
-    /// It begins or ends in motion.
+    /// Sequence that begins or ends in motion.
     #[error("a sequence begins and ends at rest, but `{motion}` does not")]
     InMotion {
         /// The motion at its beginning or end.
@@ -60,15 +61,15 @@ pub enum SequenceError {
         before: String,
         /// The joint.
         joint: String,
-        /// By how much, rad.
+        /// Difference of the angles, rad.
         off_rad: f64,
     },
 }
 
-/// How far a sequence is, of the setpoints of its last tick.
+/// Progress of a sequence, at the setpoints of its last tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// Whether the rest before the first plan is over.
+    /// True if the rest before the first plan is over.
     pub moves: bool,
     /// Index of the plan.
     pub leg: usize,
@@ -83,7 +84,7 @@ pub struct Sequence<'p> {
     legs: Vec<Leg<'p>>,
     follower: Follower,
     timing: Timing,
-    /// Whether contacts are those of the plan, not of switches.
+    /// True if contacts are those of the plan, not of switches.
     planned_contacts: bool,
     /// Time of the last measurement, s.
     last_s: Option<f64>,
@@ -92,7 +93,7 @@ pub struct Sequence<'p> {
     began_s: Option<f64>,
     /// The plan whose setpoints a robot gets that cannot be tracked.
     acts: usize,
-    /// Whether it is to begin, and whether the state was known at the last tick.
+    /// True if the sequence is to begin; `ready` is true if the state was known at the last tick.
     goes: bool,
     ready: bool,
     reference: Option<Reference>,
@@ -127,12 +128,12 @@ impl<'p> Leg<'p> {
         self.script.plan()
     }
 
-    /// Its cycles: 1 of a motion that ends.
+    /// Number of cycles; 1 for a motion that ends.
     pub fn cycles(&self) -> u32 {
         if self.script.repeats() { self.cycles } else { 1 }
     }
 
-    /// How long it takes, s.
+    /// Duration, s, including the hold.
     pub fn duration_s(&self) -> f64 {
         match self.script.repeats() {
             true => self.moves_s(),
@@ -140,7 +141,7 @@ impl<'p> Leg<'p> {
         }
     }
 
-    /// Without the time for which it is held, s.
+    /// Duration without the hold, s.
     fn moves_s(&self) -> f64 {
         let cycles = if self.script.repeats() { f64::from(self.cycles) } else { 1.0 };
         cycles * self.script.duration_s()
@@ -169,8 +170,8 @@ impl<'p> Leg<'p> {
 }
 
 impl<'p> Sequence<'p> {
-    /// A sequence of plans, each of which begins in the state in which the one before ends. It waits at the beginning of the first one
-    /// for [`go`](Self::go). `latency_s` of the timing may still change.
+    /// A sequence of plans, each of which begins in the state in which the one before ends. It waits at the beginning of the
+    /// first one for [`go`](Self::go). `latency_s` of the timing may still change.
     ///
     /// # Errors
     /// The plans do not follow each other, or they do not begin and end at rest.
@@ -211,8 +212,8 @@ impl<'p> Sequence<'p> {
         })
     }
 
-    /// Says whether from the next tick on what stands by the plan touches the ground, whatever is measured: the robot has no contact switches, or
-    /// they are not heard.
+    /// Sets from the next tick on if planned stance feet count as touching the ground, whatever is measured: the robot has no
+    /// contact switches, or their readings are not received.
     pub fn use_planned_contacts(&mut self, planned: bool) {
         self.planned_contacts = planned;
     }
@@ -227,8 +228,8 @@ impl<'p> Sequence<'p> {
         &self.legs
     }
 
-    /// Changes the time from a measurement until setpoints act, s, which a bus measures while the robot stands. Returns whether it did: once the
-    /// robot moves its latency stays.
+    /// Changes the time from a measurement until setpoints act, s, which a bus measures while the robot stands. Returns whether
+    /// it did: once the robot moves its latency stays.
     pub fn change_latency(&mut self, latency_s: f64) -> bool {
         let is_taken = self.began_s.is_none();
         if is_taken {
@@ -238,7 +239,7 @@ impl<'p> Sequence<'p> {
         is_taken
     }
 
-    /// Whether the robot was tracked at the last tick: its state is known, and [`go`](Self::go) will act at the next one.
+    /// True if the robot was tracked at the last tick: its state is known, and [`go`](Self::go) will act at the next one.
     pub fn is_ready(&self) -> bool {
         self.ready
     }
@@ -248,8 +249,8 @@ impl<'p> Sequence<'p> {
         self.goes = true;
     }
 
-    /// Ends early. A robot that still stands stays; one that moves completes its present cycle, and plays the plans that come after it without
-    /// repeating or holding them, but for the hold of the last one.
+    /// Ends early. A robot that still stands stays; one that moves completes its present cycle, and plays the plans that come
+    /// after it without repeating or holding them, but for the hold of the last one.
     pub fn stop(&mut self) {
         self.goes = false;
         if self.began_s.is_none() {
@@ -262,7 +263,7 @@ impl<'p> Sequence<'p> {
         }
     }
 
-    /// How far it is.
+    /// Progress at the last tick.
     pub fn progress(&self) -> Progress {
         let leg = &self.legs[self.leg];
         let time_s = self.began_s.zip(self.last_s);
@@ -272,18 +273,18 @@ impl<'p> Sequence<'p> {
         Progress { moves: self.began_s.is_some(), leg: self.leg, cycle, time_s }
     }
 
-    /// Whether all plans have been played and held. The robot is tracked at the end of the last one as long as there are ticks.
+    /// True if all plans have been played and held. The robot is tracked at the end of the last one as long as there are ticks.
     pub fn is_over(&self) -> bool {
         let Progress { leg, time_s, .. } = self.progress();
         leg + 1 == self.legs.len() && time_s >= self.legs[leg].duration_s()
     }
 
-    /// Whether a robot that could not be tracked has been brought to a stop, and stands ([`Untracked::Stopped`]).
+    /// True if a robot that could not be tracked has been brought to a stop, and stands ([`Untracked::Stopped`]).
     pub fn has_stopped(&self) -> bool {
         self.follower.has_stopped()
     }
 
-    /// What was planned for the moment at which the setpoints of the last tick act.
+    /// Reference for the moment at which the setpoints of the last tick act.
     pub fn reference(&self) -> Option<&Reference> {
         self.reference.as_ref()
     }
@@ -293,9 +294,10 @@ impl<'p> Sequence<'p> {
         self.follower.estimator.state()
     }
 
-    /// What the motors do from a measurement on until the next one; `time_s` is its time, s, from any beginning, which ticks may skip. One that is not
-    /// later than the last one gives the robot its plan, as any other tick from which no setpoints come: the reason comes beside them.
-    /// After 0.1 s of that in motion the robot is brought to a stop, and stays so ([`Untracked::Stopped`]).
+    /// Control laws of the motors from a measurement until the next one. `time_s` is the time of the measurement, s, from any
+    /// origin; ticks may be skipped. If the time is not later than the last one, or there are no setpoints for another reason,
+    /// the motors get the setpoints of the plan, and the reason is returned beside them. After 0.1 s of that in motion the robot
+    /// is brought to a stop, and stays so ([`Untracked::Stopped`]).
     pub fn tick(&mut self, time_s: f64, measured: Measured<'_>) -> (Vec<Law>, Option<Untracked>) {
         let time_s = if time_s.is_finite() { time_s } else { self.last_s.unwrap_or(0.0) };
         let now_s = self.last_s.map_or(time_s, |last_s| time_s.max(last_s));
@@ -327,12 +329,12 @@ impl<'p> Sequence<'p> {
         (laws, untracked)
     }
 
-    /// When setpoints act that come from a measurement, s.
+    /// Time at which setpoints from a measurement act, s.
     fn acts_s(&self, measured_s: f64) -> f64 {
         measured_s + self.timing.latency_s
     }
 
-    /// At rest the plan lies where the robot is when it becomes known, and again when it begins.
+    /// Places the plan at rest: at the robot when its state becomes known, and again when it begins.
     fn rest(&mut self, now_s: f64, measured: Measured<'_>) {
         let begins = self.goes && self.ready;
         if self.ready && !begins {
@@ -389,7 +391,7 @@ fn place(position_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::new(position_m.x, position_m.y, 0.0), turn)
 }
 
-/// Whether a plan begins in the pose in which the one before ends.
+/// Checks that a plan begins in the pose in which the one before ends.
 fn joined(before: &Leg<'_>, leg: &Leg<'_>) -> Result<(), SequenceError> {
     let end = before.script.joint_rad(before.moves_s());
     let joints = end.iter().zip(leg.script.joint_rad(0.0)).zip(&leg.script.robot().joints);

@@ -1,8 +1,8 @@
 //! A robot that is steered in the simulated world: horizons from its measured state, planned again and again and tracked.
 //!
-//! Planning takes simulated time: a plan made from a measured state takes over [`Options::planning_s`] after the measurement, and begins in the state
-//! that is expected then. Until then the plan before goes on, and the measured state is expected to keep its distance
-//! to it. A plan that is not accepted does not take over.
+//! Planning takes simulated time: a plan made from a measured state takes over [`Options::planning_s`] after the measurement,
+//! and begins in the state that is expected then. Until then the plan before goes on, and the measured state is expected to
+//! keep its distance to it. A plan that is not accepted does not take over.
 
 use crate::closed_loop::Placed;
 use crate::script::servo;
@@ -28,13 +28,13 @@ use thiserror::Error;
 pub struct Command {
     /// Time at which it is given, s.
     pub at_s: f64,
-    /// What is wanted from then on.
+    /// Steering from then on.
     pub steering: Steering,
     /// Another gait from then on.
     pub gait: Option<Gait>,
 }
 
-/// How a robot is steered.
+/// Options of a steered run.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Duration of the run, s.
@@ -64,19 +64,19 @@ impl Default for Options {
     }
 }
 
-/// How a plan ended.
+/// Result of planning a horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Planned {
     /// Iterations.
     pub iterations: usize,
-    /// Whether it was accepted.
+    /// True if the plan was accepted.
     pub accepted: bool,
 }
 
 /// A run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outcome {
-    /// When the robot fell, s.
+    /// Time at which the robot fell, s.
     pub fell_at_s: Option<f64>,
     /// Simulated time, s.
     pub time_s: f64,
@@ -283,8 +283,8 @@ fn in_heading(state: &State) -> [f64; 3] {
 /// Part of the error of velocity that is left when a plan takes over: the controller brings it down meanwhile.
 const KEPT: f64 = 0.5;
 
-/// The state that a robot is expected to have when its plan has `then`: its error against the plan, `measured` less `planned`, stays, but for a part of that of
-/// the velocity.
+/// The state that a robot is expected to have when its plan has `then`: its error against the plan, `measured` less `planned`,
+/// stays, but for a part of that of the velocity.
 fn expected(measured: &State, planned: &State, mut then: State) -> State {
     let add = |to: &mut [f64], part: f64, measured: &[f64], planned: &[f64]| {
         for (to, (here, there)) in to.iter_mut().zip(measured.iter().zip(planned)) {

@@ -42,7 +42,7 @@ pub enum Untracked {
     Stopped,
 }
 
-/// When a controller acts.
+/// Timing of a controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// Interval between ticks, s.

@@ -1,9 +1,8 @@
-//! Whether a motion holds in simulation: its plan played open loop, as a controller plays it, on contacts that are as stiff as
-//! usual, softer and harder.
+//! Verdict on a motion in simulation. Its plan is played open loop, as a controller plays it, on contacts of the usual stiffness,
+//! on softer and on harder ones.
 //!
-//! A plan is consistent if it meets its equations. Whether the robot then comes where the plan says is another question: errors
-//! grow or die out, feet land early or late, servos yield. No simulator knows the stiffness of a floor, so that what depends on it
-//! does not hold.
+//! Plans that meet their equations are consistent, but the robot may still not follow them: errors grow or die out, feet land
+//! early or late, servos yield. The stiffness of a real floor is unknown, so a motion that depends on it does not hold.
 
 use crate::control::Control;
 use crate::mismatch::Mismatch;
@@ -19,7 +18,7 @@ const STIFFNESSES: [f64; 3] = [1.0, 0.5, 2.0];
 /// earlier when it has settled.
 const CYCLES: usize = 8;
 
-/// What becomes of a motion in simulation.
+/// Verdict on a motion in simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "verdict")]
 pub enum Verdict {
@@ -29,7 +28,7 @@ pub enum Verdict {
     Fails {
         /// Stiffness of contacts over the usual one, with which it does not.
         contact_stiffness: f64,
-        /// How.
+        /// Reason why it does not hold.
         #[serde(flatten)]
         miss: Miss,
     },
@@ -43,7 +42,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Plays a validated plan. `goes_on` is asked at each step, with the part of all steps that are done; `None` if it answers
+    /// Plays a validated plan. Calls `goes_on` at each step with the share of all steps that are done; `None` if it returns
     /// `false`.
     pub fn of(plan: &Plan, mut goes_on: impl FnMut(f64) -> bool) -> Option<Self> {
         for (number, contact_stiffness) in STIFFNESSES.into_iter().enumerate() {
@@ -71,12 +70,12 @@ impl Verdict {
         Some(Self::Holds)
     }
 
-    /// Whether the motion holds.
+    /// True if the motion holds.
     pub fn holds(&self) -> bool {
         *self == Self::Holds
     }
 
-    /// Whether the robot stays on its feet and comes near to where its plan says, and not near enough.
+    /// True if the robot stays on its feet and its way is near the planned one, but not near enough.
     pub fn misses_by_little(&self) -> bool {
         match self {
             Self::Fails { miss: Miss::Astray { astray, .. }, .. } => astray.is_little(),
@@ -85,7 +84,7 @@ impl Verdict {
         }
     }
 
-    /// Whether the motion holds, or its author knows that it needs feedback.
+    /// True if the motion holds, or its author has declared that it needs feedback.
     pub fn is_good(&self, plan: &Plan) -> bool {
         self.holds() || plan.motion.needs_feedback.is_some()
     }

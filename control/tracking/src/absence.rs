@@ -1,4 +1,4 @@
-//! How long something is missing that comes and goes, as the readings over a loose plug do.
+//! Duration of an intermittent absence, such as that of readings over a loose plug.
 
 /// Part of the time with it that counts against the time without.
 const PARDON: f64 = 0.5;
@@ -10,9 +10,9 @@ pub struct Absence {
 }
 
 impl Absence {
-    /// Counts a tick and returns whether the absence exceeds `most_s`. A tick without it adds `tick_s`, a tick with it takes half of `tick_s`
-    /// off. Something that is absent in more than a third of the ticks therefore exceeds any limit, and after an absence the count falls below the
-    /// limit again within `most_s`.
+    /// Counts a tick and returns whether the absence exceeds `most_s`. A tick without it adds `tick_s`, a tick with it takes
+    /// half of `tick_s` off. Something that is absent in more than a third of the ticks therefore exceeds any limit, and after
+    /// an absence the count falls below the limit again within `most_s`.
     pub fn tick(&mut self, is_there: bool, tick_s: f64, most_s: f64) -> bool {
         self.lasts_s += if is_there { -PARDON * tick_s } else { tick_s };
         self.lasts_s = self.lasts_s.clamp(0.0, 1.5 * most_s.max(tick_s));

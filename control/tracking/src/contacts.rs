@@ -1,41 +1,42 @@
-//! Which end effectors bear the robot at a tick: contacts as they are measured, with what the plan says of them.
+//! Stance of the end effectors at a tick, from measured contacts and the plan.
 //!
-//! An end effector that touches the ground stands, also before its plan says so; one that should stand and does not touch is let down
-//! to the ground. A robot that was pushed far off its plan needs all end effectors: as long as it recovers, those that touch do not
-//! lift off, and those in the air land.
+//! An end effector that touches the ground stands, even before its plan has it stand. If it should stand and does not touch, it
+//! is let down to the ground. A robot that was pushed far off its plan needs all end effectors: while it recovers, those that
+//! touch do not lift off, and those in the air land.
 //!
-//! One that is to stand, and is on the ground by the measured pose, stands whatever its switch says. Light feet chatter: at each tick without
-//! force the robot would take the leg for one in the air, and lift itself. A switch that stays open is one more case of this.
+//! A planned stance foot that is on the ground by the measured pose stands regardless of its switch. Light feet chatter: at each
+//! tick without force the leg would count as a swing leg, and the robot would lift itself. A switch that stays open is the same
+//! case.
 
 /// Height above or below the ground, as a part of that of the centre of mass, at which an end effector is on it.
 const NEAR: f64 = 0.03;
 
-/// Whether an end effector touches the ground, from what its switch reports at a tick; whether it is to stand; and its height as a part of that of
-/// the centre of mass. A height that is not finite says nothing.
+/// True if an end effector touches the ground: its switch `reports` it, or it `is_needed` to stand and its height, as a part of
+/// that of the centre of mass, is near 0. A height that is not finite has no effect.
 pub(crate) fn touches(reports: bool, is_needed: bool, height: f64) -> bool {
     reports || (is_needed && height.abs() < NEAR)
 }
 
-/// What an end effector does at a tick.
+/// Phase of an end effector at a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Phase {
-    /// It bears the robot.
+    /// Bears the robot.
     Stance,
-    /// It goes where the plan leads it through the air.
+    /// Follows its plan through the air.
     Swing,
-    /// It should bear the robot and does not touch the ground yet.
+    /// Should bear the robot and does not touch the ground yet.
     Landing,
 }
 
-/// What the plan says of an end effector.
+/// Plan of an end effector.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Planned {
     pub stands: bool,
-    /// Whether it moves away from the ground.
+    /// True if the end effector moves away from the ground.
     pub rises: bool,
 }
 
-/// The phase of an end effector that touches the ground or not. One that is to rise and touches yet lifts off late: it does not stand.
+/// Phase of an end effector. If it is to rise and still touches, it lifts off late and does not stand.
 pub(crate) fn phase(planned: Planned, touches: bool, recovers: bool) -> Phase {
     let is_needed = planned.stands || recovers;
     match touches {

@@ -1,5 +1,5 @@
-//! What errors ask for on top of the plan, by the gains of its linear model: forces of the ground and speeds of end effectors, and the
-//! accelerations that these forces make.
+//! Corrections of the plan by the gains of its linear model: forces of the ground and speeds of end effectors that errors call
+//! for, and the accelerations that these forces cause.
 
 use crate::gains::Gains;
 use crate::model::{self, COM, FEET, SPIN, TURN, VELOCITY, heading_rad};
@@ -19,10 +19,10 @@ pub(crate) struct Correction {
     /// Acceleration of the centre of mass, m/s², and angular acceleration of the body, rad/s².
     pub com_m_s2: Vector3<f64>,
     pub body_rad_s2: Vector3<f64>,
-    /// Of every end effector: force of the ground, N, and speed, m/s.
+    /// Force of the ground on each end effector, N, and its speed, m/s.
     pub force_n: Vec<Vector3<f64>>,
     pub speed_m_s: Vec<Vector3<f64>>,
-    /// By how much the foothold of every end effector is away from the planned one, m; of one in the air, where it shall be.
+    /// Offset of each end effector's foothold from the planned one, m; in the air, the desired offset.
     pub foothold_m: Vec<Vector3<f64>>,
     /// The same after the last tick that had a solution.
     last_m: Vec<Vector3<f64>>,
@@ -30,7 +30,7 @@ pub(crate) struct Correction {
 
 /// Contact or lowest point of an end effector.
 pub(crate) struct Place {
-    /// As planned and as measured, m.
+    /// Planned and measured position, m.
     pub planned: Vector3<f64>,
     pub measured: Vector3<f64>,
     /// Planned force of the ground, N, where it stands.
@@ -38,7 +38,7 @@ pub(crate) struct Place {
 }
 
 impl Correction {
-    /// No corrections, for a plan with these gains.
+    /// Zero corrections, for a plan with these gains.
     pub fn new(gains: Gains, tree: &Tree) -> Self {
         let feet = tree.robot().end_effectors.len();
         let none = vec![Vector3::zeros(); feet];
@@ -61,8 +61,8 @@ impl Correction {
         self.gains = gains;
     }
 
-    /// Corrections at a time of the plan, s, for the next tick, s long, from the motion that is planned and that which is measured,
-    /// with the mass matrix of the latter.
+    /// Corrections at a time of the plan, s, for the next tick, s long, from the motion that is planned and that which is
+    /// measured, with the mass matrix of the latter.
     pub fn update(
         &mut self,
         tree: &Tree,

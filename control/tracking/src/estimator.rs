@@ -2,11 +2,12 @@
 //!
 //! An extended Kalman filter integrates gyro and accelerometer. The measurement that corrects velocity, tilt and gyro bias is
 //! that the material at each contact has zero velocity: contact-aided invariant filtering after Hartley, Ghaffari, Eustice and
-//! Grizzle (*Contact-aided invariant extended Kalman filtering for robot state estimation*, 2020), here with velocities of contacts in
-//! place of their positions, because wheels roll. Contacts are rim points ([`RimContact`]), and the spin of a wheel is part of
-//! their velocity; a blade has zero velocity across it only.
+//! Grizzle (*Contact-aided invariant extended Kalman filtering for robot state estimation*, 2020), here with velocities of
+//! contacts in place of their positions, because wheels roll. Contacts are rim points ([`RimContact`]), and the spin of a wheel
+//! is part of their velocity; a blade has zero velocity across it only.
 //!
-//! - **World** has z up. The ground below the contacts is z = 0: the height of the base follows the mean of the contacts that touch, and
+//! - **World** has z up. The ground below the contacts is z = 0: the height of the base follows the mean of the contacts that
+//!   touch, and
 //!   does not rise on ground that rises. The first alignment puts the base origin at x = y = 0 with yaw 0; later ones keep
 //!   position and yaw.
 //! - **Position and yaw drift**, since neither is observable: the position with the velocity error and the slip of feet, the yaw
@@ -31,8 +32,8 @@ use std::fmt;
 
 /// White noise of joint and wheel speeds, rad/s.
 const SPEED_RAD_S: f64 = 0.05;
-/// Standard deviation of the velocity of the material at a contact, m/s: contacts yield and creep. Larger than the velocity itself,
-/// because its errors persist over many ticks, which the filter takes for independent.
+/// Standard deviation of the velocity of the material at a contact, m/s: contacts yield and creep. Larger than the velocity
+/// itself, because its errors persist over many ticks, which the filter takes for independent.
 const SLIP_M_S: f64 = 0.1;
 /// The same along a blade, m/s: no information.
 const GLIDE_M_S: f64 = 100.0;
@@ -53,7 +54,8 @@ const TOO_STEEP: f64 = 0.4;
 const STEP_M: f64 = 0.05;
 /// Longest time for which contacts may be steeper, s.
 const STEEP_S: f64 = 0.1;
-/// Most by which two samples of a gyro may differ, rad/s and per second between them: no body that weighs kilograms turns as much faster.
+/// Most by which two samples of a gyro may differ, rad/s and per second between them: no body that weighs kilograms turns as
+/// much faster.
 const JUMP_RAD_S: f64 = 5.0;
 const JUMP_RAD_S2: f64 = 2500.0;
 /// Rest before an alignment, and before zero angular velocity is a measurement, s.
@@ -61,22 +63,22 @@ const REST_S: f64 = 0.4;
 /// Largest mean of the gyro less its bias at which zero angular velocity is a measurement, rad/s.
 const STILL_RAD_S: f64 = 0.02;
 
-/// Why an estimate must not be used. The controller has to bring the robot to a safe state without it.
+/// Reason why an estimate must not be used. The controller has to bring the robot to a safe state without it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Untrusted {
-    /// A sensor or the length of the tick is not finite, or out of the range of any sensor in order, an angle is far beyond its joint's range, or
-    /// the gyro jumps. The tick counts as one without IMU and contacts, and the next one may be good; 0.05 s of that, or a third of the time, loses the
-    /// alignment.
+    /// A sensor or the length of the tick is not finite, or out of the range of any sensor in order, an angle is far beyond its
+    /// joint's range, or the gyro jumps. The tick counts as one without IMU and contacts, and the next one may be good; 0.05 s
+    /// of that, or a third of the time, loses the alignment.
     BadSensor,
     /// The robot has not stood still yet, at the start or since one of the errors below: only rest aligns the estimate again.
     NotAligned,
-    /// No gyro or no accelerometer for more than 0.05 s. They may come less often than ticks.
+    /// Gyro or accelerometer is missing for more than 0.05 s. Samples may come less often than ticks.
     ImuMissing,
-    /// No contact for more than 0.5 s.
+    /// Contacts are missing for more than 0.5 s.
     NoContact,
-    /// IMU and contacts contradict each other: the estimated velocity of the material at every contact is above 0.1 m/s in the mean over
-    /// 0.2 s; or the estimated gyro bias is above 0.1 rad/s; or two contacts are on a line steeper than 22° for 0.1 s. Tilt or
-    /// velocity are wrong, a contact is reported that is none, or all feet slip.
+    /// IMU and contacts contradict each other: the estimated velocity of the material at every contact is above 0.1 m/s in the
+    /// mean over 0.2 s; or the estimated gyro bias is above 0.1 rad/s; or two contacts are on a line steeper than 22° for 0.1
+    /// s. Tilt or velocity are wrong, a contact is reported that is none, or all feet slip.
     Contradiction,
 }
 
@@ -182,8 +184,8 @@ impl Estimator {
         self.filter.gyro_bias_rad_s
     }
 
-    /// Estimates the state from sensors that were sampled `tick_s` after those of the last tick. Without an IMU it predicts at constant
-    /// velocity and rate, which contacts correct.
+    /// Estimates the state from sensors that were sampled `tick_s` after those of the last tick. Without an IMU it predicts at
+    /// constant velocity and rate, which contacts correct.
     ///
     /// # Errors
     /// The estimate must not be used.
@@ -246,8 +248,8 @@ impl Estimator {
         }
     }
 
-    /// Whether a sample of the gyro is far from the last one and from the last that was read: after one that is wrong the next is near to
-    /// the one before, and a jump that lasts is read with its second sample.
+    /// True if a gyro sample is far from the last one and from the last one that was read. After a single wrong sample the next
+    /// one is near the one before; a jump that lasts is read at its second sample.
     fn jumps(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> bool {
         self.since_gyro_s += tick_s;
         let Some(gyro_rad_s) = sensors.gyro_rad_s else { return false };
@@ -373,8 +375,8 @@ impl Estimator {
         kinematics.update(tree, &at, &state.velocity);
     }
 
-    /// Contact of an end effector, covariance of the velocity of its material, and the estimate of that velocity, m/s, without the
-    /// component along a blade; `None` if a wheel lies flat.
+    /// Contact of an end effector, covariance of the velocity of its material, and the estimate of that velocity, m/s, without
+    /// the component along a blade; `None` if a wheel lies flat.
     fn contact(&mut self, end_effector: usize) -> Option<(Contact, Matrix3<f64>, Vector3<f64>)> {
         let Self { tree, kinematics, jacobian, state, filter, .. } = self;
         let rim = RimContact::new(tree, &kinematics.frames, end_effector, &Vector3::z())?;
@@ -402,7 +404,7 @@ impl Estimator {
         Some((contact, covariance, slip_m_s))
     }
 
-    /// Whether two contacts are on a line that is too steep.
+    /// True if two contacts are on a line that is too steep.
     fn is_too_steep(&self, touches: &[bool]) -> bool {
         let frames = &self.kinematics.frames;
         let point = |end_effector: usize| {

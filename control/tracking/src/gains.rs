@@ -1,5 +1,5 @@
-//! Gains of a plan: the feedback that is best for its linear model ([`crate::model`]), from a Riccati recursion backwards over the
-//! plan, computed once before it is played.
+//! Gains of a plan: the feedback that is best for its linear model ([`crate::model`]), from a Riccati recursion backwards over
+//! the plan, computed once before it is played.
 
 use crate::model::{self, Costs, FEET, Model, Moment};
 use crate::reference::Reference;
@@ -12,7 +12,7 @@ const INTERVAL_S: f64 = 0.02;
 /// Rounds in which gains of a motion that repeats have to settle, and the relative change that counts as none.
 const ROUNDS: usize = 60;
 const SETTLED: f64 = 1e-6;
-/// How long a motion that ends is held, for its last gains, s.
+/// Time for which a motion that ends is held, for its last gains, s.
 const HELD_S: f64 = 5.0;
 
 /// Gains K of a plan, u = −K x in axes of the planned heading. A clone shares them.
@@ -81,7 +81,7 @@ struct Stage {
 }
 
 impl Stage {
-    /// From one moment to the next, with the axes of each.
+    /// Discretises the model from one moment to the next, with the axes of each.
     fn new(from: &Moment, to: &Moment, interval_s: f64) -> Self {
         let size = from.a.nrows();
         let h = interval_s;
@@ -137,7 +137,7 @@ mod tests {
         DMatrix::from_fn(rows, columns, |_, _| random.f64() - 0.5)
     }
 
-    /// Of all inputs the gain's costs least from here to the end, and the value is that cost.
+    /// Inputs other than the gain's cost more from here to the end; the value is the cost of the gain's input.
     #[test]
     fn a_gain_is_the_cheapest_input() {
         let mut random = fastrand::Rng::with_seed(1);

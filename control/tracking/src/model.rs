@@ -1,5 +1,5 @@
-//! The robot near its plan as a linear system: kinodynamics, with a rigid body in place of the legs, whose forces act where the end
-//! effectors are (closed loop of thesis sec. 3.6).
+//! The robot near its plan as a linear system: kinodynamics, with a rigid body in place of the legs, whose forces act where the
+//! end effectors are (closed loop of thesis sec. 3.6).
 //!
 //! ```text
 //! state  δc, δθ, δv, δω of centre of mass and body, δp of every end effector, horizontally
@@ -8,8 +8,8 @@
 //! δċ = δv    m δv̇ = Σ δf    δθ̇ = δω    I δω̇ = Σ (p − c) × δf + Σ δp × f − δc × Σ f    δṗ = u
 //! ```
 //!
-//! A wheel on the ground goes along its way only, a foot on the ground not at all. All is in axes whose x is the planned heading of the
-//! body: a motion that repeats while it turns is then the same in every period.
+//! A wheel on the ground goes along its way only, a foot on the ground not at all. All is in axes whose x is the planned
+//! heading of the body: a motion that repeats while it turns is then the same in every period.
 
 use crate::reference::Reference;
 use nalgebra::{DMatrix, Matrix3, Matrix6xX, Rotation3, Vector3};
@@ -18,7 +18,7 @@ use rollwalk_multibody::{
 };
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// Where in the state δc, δθ, δv, δω begin, and δp of the first end effector.
+/// Indices in the state at which δc, δθ, δv, δω and δp of the first end effector begin.
 pub(crate) const COM: usize = 0;
 pub(crate) const TURN: usize = 3;
 pub(crate) const VELOCITY: usize = 6;
@@ -35,7 +35,7 @@ pub(crate) fn inputs(feet: usize) -> usize {
     5 * feet
 }
 
-/// Where in the input the speed of an end effector begins.
+/// Index in the input at which the speed of an end effector begins.
 pub(crate) fn speed_of(foot: usize, feet: usize) -> usize {
     3 * feet + 2 * foot
 }
@@ -62,7 +62,7 @@ pub struct Costs {
 }
 
 impl Default for Costs {
-    /// The same for all robots; docs/tracking.md has what they make of the shipped plans.
+    /// The same for all robots; docs/measured/tracking.md has their results on the shipped plans.
     fn default() -> Self {
         Self {
             com: 200.0,

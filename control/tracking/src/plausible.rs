@@ -1,5 +1,5 @@
-//! What a robot in order can measure. Beyond it a value is a fault of its sensor, not the robot's motion, and must reach neither the
-//! estimate nor the motors.
+//! Plausible range of a robot's sensors. A value beyond it is a fault of its sensor, not the robot's motion, and must reach
+//! neither the estimate nor the motors.
 
 use crate::sensors::Sensors;
 use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, State};
@@ -16,7 +16,7 @@ const VELOCITY_M_S: f64 = 50.0;
 /// Most of an angle beyond its joint's range, rad: stops yield and links bend. An encoder that has lost a turn is further off.
 const BEYOND_RAD: f64 = 0.5;
 
-/// Whether every reading is finite and one of a sensor in order.
+/// True if all readings are finite and plausible.
 pub(crate) fn sensors(robot: &Robot, sensors: &Sensors<'_>) -> bool {
     sensors.gyro_rad_s.iter().flatten().all(is_less(TURNING_RAD_S))
         && sensors.accelerometer_m_s2.iter().flatten().all(is_less(FORCE_M_S2))
@@ -24,7 +24,7 @@ pub(crate) fn sensors(robot: &Robot, sensors: &Sensors<'_>) -> bool {
         && sensors.speed_rad_s.iter().all(is_less(SPEED_RAD_S))
 }
 
-/// Whether a state is finite and one of this robot.
+/// True if a state is finite and plausible for this robot.
 pub(crate) fn state(robot: &Robot, state: &State) -> bool {
     let mut place = state.base_position_m.iter().chain(&state.world_from_body);
     place.all(|value| value.is_finite())

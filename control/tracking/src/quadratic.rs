@@ -18,9 +18,9 @@ pub struct Program {
     pub normals: DMatrix<f64>,
     /// b.
     pub bounds: DVector<f64>,
-    /// How many constraints are equalities, which come first.
+    /// Number of equalities, which come first among the constraints.
     pub equalities: usize,
-    /// How many constraints there are: further columns are not read.
+    /// Number of constraints; further columns are not read.
     pub constraints: usize,
 }
 
@@ -38,13 +38,13 @@ impl Program {
     }
 }
 
-/// Why there is no solution.
+/// Reason why there is no solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsolved {
     /// H is not positive definite, or something is no number.
     #[error("the program is not convex, or a number of it is none")]
     NotConvex,
-    /// No x meets all constraints.
+    /// Constraints cannot all be met.
     #[error("no solution meets all constraints")]
     Infeasible,
     /// The solver took more steps than it may.
@@ -230,7 +230,7 @@ impl Solver {
         }
     }
 
-    /// Where among the active inequalities the first multiplier reaches 0, and the step to it.
+    /// Position among the active constraints of the inequality whose multiplier reaches 0 first, and the step to it.
     fn blocking(&self, program: &Program) -> Option<(usize, f64)> {
         let inequalities =
             self.active.iter().enumerate().filter(|(_, c)| **c >= program.equalities);

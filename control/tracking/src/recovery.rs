@@ -1,15 +1,17 @@
-//! Whether the robot is on its plan or recovers from a push, and where its plan lies.
+//! Recovery from a push, and displacement of the plan.
 //!
-//! A robot whose capture point, c + v √(h/g), is far from the planned one, and not only because it is slow, recovers: end effectors on
-//! the ground stay there, those in the air land, and centre of mass and body are led back each by itself. Of one that was pushed too far
-//! for that servos play the plan, whose steps may catch it. Recovery ends when the capture point is back, or when the robot stands while
-//! its plan walks on: it then resumes the plan from where it is. One that time and again has to recover as soon as it resumes its plan stumbles.
-//! A push is not paid back by a sprint: the plan moves along with a robot that is far off.
+//! A robot recovers if its capture point, c + v √(h/g), is far from the planned one, and not only because the robot is slow. End
+//! effectors on the ground then stay there, those in the air land, and centre of mass and body are led back separately. If the
+//! push was too strong for that, servos play the plan, whose steps may catch the robot. Recovery ends when the capture point is
+//! back, or when the robot stands while its plan walks on; the robot then resumes the plan at its present place. A robot that
+//! repeatedly has to recover as soon as it resumes its plan stumbles. The plan moves along with a robot that is far off, so the
+//! robot does not sprint after it.
 
 use nalgebra::{Rotation2, Vector2};
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// Error of the capture point from which on a robot recovers, and until which it does, as parts of the height of its centre of mass.
+/// Error of the capture point from which on a robot recovers, and until which it does, as parts of the height of its centre of
+/// mass.
 const RECOVERS: f64 = 0.2;
 const RECOVERED: f64 = 0.1;
 /// Error from which on it does not stand still where steps catch it more often, as a part of the same height.
@@ -22,7 +24,7 @@ const AVERAGED: f64 = 5.0;
 const STANDS: f64 = 0.1;
 /// Time that a robot which resumes its plan takes to come along with it, as a multiple of √(h/g).
 const COMES_ALONG: f64 = 5.0;
-/// How many times one after the other it has to recover within that time to stumble: one may be another push.
+/// Number of recoveries in a row within that time that count as stumbling; a single one may be another push.
 const STUMBLES: u32 = 2;
 /// Error of place from which on the plan moves along with the robot, as a part of the same height.
 const ANCHOR: f64 = 0.2;
@@ -42,8 +44,8 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// From the planned capture point to the measured one, m. A speed between rest and the planned one is no error: a robot that is slow
-    /// does not fall, and would only come along later if it stood still.
+    /// Vector from the planned capture point to the measured one, m. A speed between rest and the planned one is no error: a slow
+    /// robot does not fall, and standing still would delay it more.
     fn off_m(&self, pendulum_s: f64) -> Vector2<f64> {
         let planned_m_s = self.planned_m_s;
         let along = self.velocity_m_s.dot(&planned_m_s);
@@ -57,54 +59,56 @@ enum Stage {
     #[default]
     OnPlan,
     Recovers {
-        /// Whether the steps of its plan, which go on under it, are to catch it.
+        /// True if the steps of the plan, which continues during recovery, are to catch the robot.
         by_steps: bool,
     },
-    /// It stood: in this tick its plan moves to where it is.
+    /// Robot stood: its plan moves to its place in this tick.
     Resumes,
 }
 
-/// What becomes of a robot's plan.
+/// State of the recovery.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Recovery {
     stage: Stage,
-    /// Whether it has driven wheels: those on the ground run under a robot that is pushed ahead or back.
+    /// True if the robot has driven wheels: those on the ground run under a robot that is pushed ahead or back.
     drives: bool,
     /// Mean of the planned velocity, m/s.
     mean_planned_m_s: Vector2<f64>,
-    /// How long a robot that recovers has stood, s.
+    /// Time for which a recovering robot has stood, s.
     stood_s: f64,
     /// Time until it will have come along with the plan that it last resumed, s.
     comes_along_s: f64,
-    /// How many times one after the other it had to recover before it had come along.
+    /// Number of recoveries in a row that began before the robot had come along with its plan.
     stumbles: u32,
-    /// By how much the plan has moved along with the robot, m.
+    /// Displacement of the plan with the robot, m.
     pub anchor_m: Vector2<f64>,
 }
 
 impl Recovery {
-    /// Of a robot on its plan, which has driven wheels or not.
+    /// Robot on its plan; `drives` is true if it has driven wheels.
     pub fn new(drives: bool) -> Self {
         Self { drives, ..Self::default() }
     }
 
-    /// Whether the robot recovers.
+    /// True if the robot recovers.
     pub fn is_active(&self) -> bool {
         matches!(self.stage, Stage::Recovers { .. })
     }
 
-    /// Whether it recovers from a push beyond the edge of its support, over which it would tip if it stood still, and is caught more
-    /// often by the steps of its plan: to its side, where support is narrow; without driven wheels also where the plan leads.
+    /// True if the robot recovers from a push beyond the edge of its support. Standing still it would tip; the steps of its plan
+    /// catch it more often. This holds for pushes to its side, where support is narrow; without driven wheels also for pushes
+    /// where the plan leads.
     pub fn is_by_steps(&self) -> bool {
         self.stage == Stage::Recovers { by_steps: true }
     }
 
-    /// Whether the robot recovers time and again from what resuming its plan has done to it.
+    /// True if the robot repeatedly recovers from resuming its plan.
     pub fn stumbles(&self) -> bool {
         self.stumbles >= STUMBLES && self.is_active()
     }
 
-    /// From where the centre of mass is and how it moves, a tick later. An upright pendulum comes to rest over its capture point.
+    /// Updates the state a tick later from position and velocity of the centre of mass. An inverted pendulum comes to rest over
+    /// its capture point.
     pub fn update(&mut self, errors: &Errors, tick_s: f64) {
         let height_m = errors.height_m.max(0.0);
         let pendulum_s = (height_m / GRAVITY_M_S2).sqrt();
@@ -168,7 +172,7 @@ mod tests {
         heading_rad: 0.0,
     };
 
-    /// At a speed that moves the capture point by a part of the height.
+    /// Speed that moves the capture point by a part of the height, m/s.
     fn speed_m_s(part: f64) -> Vector2<f64> {
         Vector2::new(0.0, part * (0.5 * GRAVITY_M_S2).sqrt())
     }
@@ -214,7 +218,7 @@ mod tests {
         assert_eq!(later, [(false, 0.0), (false, 0.0), (false, 0.0), (false, 0.0), (true, 0.0)]);
     }
 
-    /// In axes of the body, and until it has recovered.
+    /// Checks pushes in axes of the body; the plan steps on until the robot has recovered.
     #[test]
     fn a_push_to_the_side_lets_the_plan_step_on() {
         let off = |ahead: f64, left: f64| Errors {
@@ -237,7 +241,7 @@ mod tests {
         );
     }
 
-    /// It is not falling; on its plan it comes along sooner.
+    /// Slow robots do not fall; on its plan a slow robot comes along sooner.
     #[test]
     fn a_robot_that_is_slower_than_its_plan_does_not_recover() {
         let fast = Errors { planned_m_s: speed_m_s(0.5), ..STILL };
@@ -252,7 +256,7 @@ mod tests {
         );
     }
 
-    /// Where the plan leads, averaged over its steps, and only without driven wheels.
+    /// Checks pushes along the way of the plan, averaged over its steps; only robots without driven wheels step on.
     #[test]
     fn a_push_along_the_way_lets_a_plan_on_feet_step_on() {
         let walks = Errors { velocity_m_s: speed_m_s(0.2), planned_m_s: speed_m_s(0.2), ..STILL };

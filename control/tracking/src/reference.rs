@@ -1,9 +1,9 @@
-//! What is planned for a moment.
+//! Reference: the plan at a moment.
 
 use nalgebra::{Isometry3, Vector3};
 use rollwalk_multibody::State;
 
-/// What is planned for a moment, in the same world frame as the measured state.
+/// Reference at a moment, in the same world frame as the measured state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference {
     /// Time of the plan, s; of one that repeats, later periods counted on.
@@ -14,7 +14,7 @@ pub struct Reference {
     pub state: State,
     /// ν̇.
     pub acceleration: Vec<f64>,
-    /// Whether each end effector stands on the ground.
+    /// Stance of each end effector: true if it stands on the ground.
     pub stands: Vec<bool>,
     /// Force of the ground on each end effector, N.
     pub force_n: Vec<Vector3<f64>>,

@@ -1,4 +1,4 @@
-//! What a tick wants, as weighted squares of what it misses: the objective of its quadratic program.
+//! Tasks of a tick as weighted squares of their errors: the objective of its quadratic program.
 //!
 //! Unknowns are ν̇ and the forces f of the end effectors that stand, three each in world axes.
 
@@ -19,46 +19,48 @@ pub struct Feedback {
 pub struct Weights {
     /// Contacts that roll or rest: acceleration of the material at the contact, per (m/s²)². Far above all others.
     pub contact: f64,
-    /// How fast slip at a contact decays, 1/s.
+    /// Decay rate of slip at a contact, 1/s.
     pub contact_decay_per_s: f64,
     /// Acceleration of the centre of mass, per (m/s²)².
     pub com: f64,
-    /// Its feedback.
+    /// Feedback of the centre of mass.
     pub com_feedback: Feedback,
     /// Most acceleration that it may ask for, m/s².
     pub com_most_m_s2: f64,
     /// Angular acceleration of the body, per (rad/s²)².
     pub body: f64,
-    /// Its feedback.
+    /// Feedback of the body.
     pub body_feedback: Feedback,
     /// Most angular acceleration that it may ask for, rad/s².
     pub body_most_rad_s2: f64,
     /// Acceleration of the centre of an end effector in the air, per (m/s²)².
     pub swing: f64,
-    /// Its feedback.
+    /// Feedback of the centre of an end effector in the air.
     pub swing_feedback: Feedback,
     /// Acceleration along its way of the centre of a wheel that stands, per (m/s²)². A wheel carries the inertia of its rotor,
     /// many times its mass: it is no free choice how fast it goes.
     pub roll: f64,
-    /// Its feedback. Without one of its place, the body would be brought ahead by pushing the wheels back, against the inertia of
-    /// their rotors, for good.
+    /// Feedback of a wheel that stands. Without feedback of its place, the body would be brought ahead by pushing the wheels back
+    /// for good, against the inertia of their rotors.
     pub roll_feedback: Feedback,
     /// Accelerations of joints, per (rad/s²)².
     pub posture: f64,
-    /// The same of a robot that recovers from a push: stiff legs carry it over the edge of its support and back, where soft ones give way.
+    /// The same of a robot that recovers from a push: stiff legs carry it over the edge of its support and back, where soft
+    /// ones give way.
     pub posture_recovering: f64,
-    /// Their feedback.
+    /// Feedback of the joints.
     pub posture_feedback: Feedback,
-    /// How fast the spin of a wheel in the air comes to the planned one, 1/s; its weight is `posture`.
+    /// Rate at which the spin of a wheel in the air approaches the planned one, 1/s; its weight is `posture`.
     pub spin_per_s: f64,
     /// Forces of the ground against the planned ones, per square of the robot's weight.
     pub force: f64,
-    /// Part of the friction coefficient that forces keep to: the cone around their pyramid, or, of a robot that recovers, within it.
+    /// Part of the friction coefficient that forces keep to: the cone around their pyramid, or, of a robot that recovers,
+    /// within it.
     pub friction_part: f64,
 }
 
 impl Default for Weights {
-    /// The same for all robots; docs/tracking.md has what they make of the shipped plans.
+    /// The same for all robots; docs/measured/tracking.md has their results on the shipped plans.
     fn default() -> Self {
         Self {
             contact: 1e3,
@@ -89,7 +91,7 @@ impl Feedback {
         place * self.per_s2 + speed * self.per_s
     }
 
-    /// No more of it than a limit.
+    /// Acceleration that it asks for, up to a limit.
     pub(crate) fn limited(
         &self,
         place: &Vector3<f64>,
@@ -100,7 +102,7 @@ impl Feedback {
     }
 }
 
-/// No more of a vector than a limit.
+/// Shortens a vector to a limit.
 pub(crate) fn limited(wanted: Vector3<f64>, most: f64) -> Vector3<f64> {
     wanted * (most / wanted.norm().max(most))
 }

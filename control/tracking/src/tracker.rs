@@ -32,11 +32,12 @@ pub const KP_PART: f64 = 0.1;
 /// The same of kd.
 pub const KD_PART: f64 = 0.2;
 
-/// Cosine of the tilt against the plan from which on a robot has fallen (1 rad), and the height of its centre of mass, as a part of the planned one.
+/// Cosine of the tilt against the plan from which on a robot has fallen (1 rad), and the height of its centre of mass, as a
+/// part of the planned one.
 const FALLEN_COS: f64 = 0.54;
 const FALLEN_PART: f64 = 0.5;
 
-/// Why a tick has no setpoints.
+/// Reason why a tick has no setpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum NoSetpoints {
     /// The state is not finite, or not one of this robot.
@@ -60,14 +61,14 @@ impl From<Unsolved> for NoSetpoints {
     }
 }
 
-/// What a motor is to do until the next tick: τ = kp (q* − q) + kd (q̇* − q̇) + torque.
+/// Setpoint of a motor until the next tick: τ = kp (q* − q) + kd (q̇* − q̇) + torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
     /// q*, rad.
     pub position_rad: f64,
     /// q̇*, rad/s.
     pub speed_rad_s: f64,
-    /// On top, N·m: with it the motor has the wanted torque if the tick ends where it is expected to.
+    /// Feed-forward torque, N·m: with it the motor has the wanted torque if the tick ends as expected.
     pub torque_nm: f64,
     /// kp, N·m/rad.
     pub kp_nm_rad: f64,
@@ -92,7 +93,7 @@ struct Foot {
     friction: f64,
     /// Along a blade, which glides along itself.
     drag: Option<f64>,
-    /// Of the material at the contact.
+    /// Jacobian of the material at the contact.
     jacobian: Matrix3xX<f64>,
     /// Acceleration of the material there, J ν̇, that keeps it still.
     still_m_s2: Vector3<f64>,
@@ -138,7 +139,7 @@ pub struct Tracker {
     setpoints: Vec<Setpoint>,
     correction: Option<Correction>,
     recovery: Recovery,
-    /// How long it takes until setpoints act, s; the state then, and the acceleration until then that the last tick expected.
+    /// Latency until setpoints act, s; the state then, and the acceleration until then that the last tick expected.
     latency_s: f64,
     ahead: State,
     expected: DVector<f64>,
@@ -240,8 +241,8 @@ impl Tracker {
         self
     }
 
-    /// Goes on with the gains of another plan of the robot, which begins where the one before ends: where the plan has moved to along with the robot,
-    /// and where its feet are, stays.
+    /// Goes on with the gains of another plan of the robot, which begins where the one before ends: where the plan has moved to
+    /// along with the robot, and where its feet are, stays.
     pub fn change_gains(&mut self, gains: Gains) {
         match &mut self.correction {
             Some(correction) => correction.change_gains(gains),
@@ -254,7 +255,7 @@ impl Tracker {
         self.latency_s = latency_s;
     }
 
-    /// By how much its plan has moved along with the robot, m.
+    /// Displacement of the plan with the robot, m.
     pub fn anchor_m(&self) -> Vector2<f64> {
         self.recovery.anchor_m
     }
@@ -269,14 +270,14 @@ impl Tracker {
         &self.setpoints
     }
 
-    /// Whether at the last tick the robot recovered from a push beyond the edge of its support. Its setpoints have it stand still; servos
-    /// that play its plan, with the planned torques, step on and catch it more often (docs/tracking.md, pushes).
+    /// True if at the last tick the robot recovered from a push beyond the edge of its support. The setpoints make it stand
+    /// still. Servos that play its plan, with the planned torques, step on and catch it more often (docs/tracking.md, pushes).
     pub fn is_caught_by_steps(&self) -> bool {
         self.recovery.is_by_steps()
     }
 
-    /// Whether at the last tick the robot recovered, for the second time as soon as it had resumed its plan: not a push, the plan itself is more than
-    /// the controller can track, and servos that play it do better (docs/tracking.md).
+    /// True if at the last tick the robot recovered, for the second time as soon as it had resumed its plan. The cause is not a
+    /// push: the controller cannot track the plan, and servos that play it do better (docs/tracking.md).
     pub fn stumbles(&self) -> bool {
         self.recovery.stumbles()
     }
@@ -286,11 +287,12 @@ impl Tracker {
         self.solver.steps()
     }
 
-    /// Setpoints of all channels, in channel order, for a state that was measured, and whether each end effector touches the ground.
+    /// Setpoints of all channels, in channel order, for a state that was measured, and whether each end effector touches the
+    /// ground.
     ///
     /// # Errors
-    /// The state is none that the robot can have or control, or no setpoints meet the constraints. The caller has to bring the robot to a
-    /// safe state by other means.
+    /// The state is none that the robot can have or control, or no setpoints meet the constraints. The caller has to bring the
+    /// robot to a safe state by other means.
     ///
     /// # Panics
     /// The reference or the state is of another robot: its vectors have other lengths.
@@ -386,7 +388,7 @@ impl Tracker {
                 let then = self.ahead.joint_rad[joint] + self.tick_s * speed_then;
                 (reference.state.joint_rad[joint], then, reference.state.velocity[channel.dof])
             } else {
-                // Where a wheel has turned to is nobody's plan.
+                // The plan has no wheel angles.
                 (0.0, 0.0, speed_then)
             };
             *setpoint = Setpoint {
@@ -405,7 +407,7 @@ impl Tracker {
         }
     }
 
-    /// Whether the robot lies.
+    /// True if the robot has fallen.
     fn has_fallen(&self, reference: &Reference) -> bool {
         let Self { planned, measured, tree, errors, .. } = self;
         let up = |of: &Kinematics| of.frames.world_from_link[0] * Vector3::z();

@@ -12,7 +12,7 @@ const SPEED_RAD_S: f64 = 30.0;
 const TORQUE_NM: f64 = 12.0;
 const KP_NM_RAD: f64 = 500.0;
 const KD_NM_S_RAD: f64 = 5.0;
-/// What it tells as its temperature, tenths of a °C.
+/// Reported temperature, tenths of a °C.
 const TEMPERATURE: u32 = 250;
 
 /// Parameters that are written.
@@ -32,7 +32,7 @@ pub struct Drive {
     /// The setpoint that came last, which it remembers while torque is off.
     pub last: Law,
     torque_limit_nm: f64,
-    /// Its fault bits.
+    /// Fault bits of the motor.
     pub faults: u8,
 }
 
@@ -94,7 +94,7 @@ impl Drive {
         }
     }
 
-    /// What it answers to every command.
+    /// Answer to every command.
     pub fn feedback(&self, shaft: &Shaft) -> Frame {
         let mode = if self.enabled { 2u32 } else { 0 };
         let id = 2 << 24

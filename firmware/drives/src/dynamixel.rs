@@ -19,7 +19,7 @@ const CENTRE: i32 = 2048;
 /// A step of the bus watchdog, µs.
 const WATCHDOG_US: u64 = 20_000;
 
-/// How every packet begins, and with it what stuffing keeps out of the rest.
+/// Header of every packet, and the bytes of it that stuffing keeps out of the rest.
 const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0];
 const STUFFED: &[u8] = &[0xFF, 0xFF, 0xFD];
 /// Address of all servos.
@@ -54,7 +54,7 @@ pub struct Drive {
     /// 0 is off.
     watchdog_20ms: u8,
     expired: bool,
-    /// When the last packet for it came.
+    /// Time of the last packet for this servo, µs.
     fed_us: u64,
 }
 
@@ -98,7 +98,7 @@ impl Drive {
         Some(data)
     }
 
-    /// Its answer to a question for `of` servos in which it is the one after `turn` others; `data` it has been asked for.
+    /// Answer to a query of `of` servos, after `turn` others. `data` is the requested content.
     fn answer(&self, is_fast: bool, (turn, of): (usize, usize), data: &[u8]) -> Answer {
         let delay_us = self.kind.return_delay_us.into();
         // Error 0 in both.
@@ -234,7 +234,7 @@ impl Electronics for Drive {
         }
     }
 
-    /// What has the sum of no packet is searched for a header again, from its second byte on.
+    /// Removes the next packet. After a wrong CRC the search for a header continues at the second byte.
     fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
         loop {
             let begins = |at: &usize| line[*at..].iter().zip(HEADER).all(|(&a, b)| a == b);
@@ -288,7 +288,7 @@ fn unwrapped(bytes: &[u8]) -> Option<Vec<u8>> {
     Some(plain)
 }
 
-/// The packet of an answer: instruction and parameters with what is around them.
+/// Packet of an answer: instruction and parameters, with header, stuffing and CRC.
 fn wrapped(id: u8, plain: &[u8]) -> Vec<u8> {
     let mut stuffed = Vec::new();
     for &byte in plain {
@@ -303,7 +303,7 @@ fn wrapped(id: u8, plain: &[u8]) -> Vec<u8> {
     [&body[..], &crc].concat()
 }
 
-/// As the page `dxl/crc` has it: polynomial 0x8005, most significant bit first, from 0.
+/// CRC of the page `dxl/crc`: polynomial 0x8005, most significant bit first, initial value 0.
 pub(crate) fn crc16(bytes: &[u8]) -> u16 {
     let mut crc = 0u16;
     for byte in bytes {

@@ -1,8 +1,8 @@
 //! A Feetech STS servo: its memory table, as far as it matters here. Documents: Feetech, "Communication Protocol User
 //! Manual" and "Magnetic Encoder STS Servo, Memory Table Analysis".
 //!
-//! Operating mode 0 (position) for joints, 1 (constant speed) for wheels. It has no watchdog: what it was sent last it
-//! does. The manual has no gains in N·m: it follows its goal with those that the robot file promises of it.
+//! Operating mode 0 (position) for joints, 1 (constant speed) for wheels. The servo has no watchdog: it keeps following the last
+//! command. The manual has no gains in N·m: the servo follows its goal with the gains of the robot file.
 
 use crate::{Answer, Electronics, Law, Sent, Shaft, is_wheel};
 use rollwalk_protocol::actuators::bus::Bus;
@@ -18,7 +18,7 @@ const CENTRE: f64 = 2048.0;
 const ALL: u8 = 0xFE;
 /// Instructions of the manual.
 const INSTRUCTIONS: [u8; 12] = [1, 2, 3, 4, 5, 6, 8, 9, 10, 11, 0x82, 0x83];
-/// What a servo that is well says of its supply and its temperature: 0.1 V, °C.
+/// Reported supply voltage and temperature without faults: 0.1 V, °C.
 const VOLTAGE_AND_TEMPERATURE: [u8; 2] = [74, 35];
 
 /// A servo.
@@ -35,7 +35,7 @@ pub struct Drive {
     goal_velocity: f64,
     /// Share of the stall torque.
     torque_limit: f64,
-    /// What it says of itself in every answer.
+    /// Status byte of every answer.
     pub status: u8,
 }
 
@@ -55,7 +55,7 @@ impl Drive {
         }
     }
 
-    /// What bytes from an address on do; `None` when they are no whole values that it can have.
+    /// Writes bytes from an address on; `None` unless they are whole, valid values.
     fn write(&mut self, address: u8, data: &[u8]) -> Option<Vec<Sent>> {
         let word = |low: u8, high: u8| magnitude(u16::from_le_bytes([low, high]), 15);
         Some(match (address, data) {
@@ -151,8 +151,8 @@ impl Electronics for Drive {
         }
     }
 
-    /// What a servo makes of half a packet the manual does not say. This one waits for the rest of it if its instruction
-    /// is one of the manual's, and for nothing else.
+    /// Removes the next packet. The manual does not define what a servo does with half a packet. This one waits for the rest only
+    /// if the instruction is in the manual.
     fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
         loop {
             let begin = line.windows(2).position(|two| two == [0xFF, 0xFF]);
@@ -186,7 +186,7 @@ fn with_sign(value: f64, bit: u32) -> u16 {
     if value < 0.0 { size | 1 << bit } else { size }
 }
 
-/// What is between header and sum of a packet that is whole.
+/// Content between header and checksum of a whole packet.
 fn unwrapped(bytes: &[u8]) -> Option<&[u8]> {
     let (sum, body) = bytes.strip_prefix(&[0xFF, 0xFF])?.split_last()?;
     let whole = usize::from(*body.get(1)?) + 1 == body.len();

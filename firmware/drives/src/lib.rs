@@ -1,6 +1,6 @@
-//! Simulated servos and wheel drives of every protocol that the controller speaks: they decode the bytes
-//! of their bus, answer, and control their motor. Bytes and time come in, a [`Law`] goes out; the caller
-//! turns the shaft by it: the simulated robot's motors, or a test bench without inertia.
+//! Simulated servos and wheel drives of every protocol that the controller supports: they decode the bytes of their bus, answer,
+//! and control their motor. Bytes and time come in, a [`Law`] goes out. The caller turns the shaft by it: the simulated robot's
+//! motors, or a test bench without inertia.
 //!
 //! | module | is |
 //! |---|---|
@@ -34,7 +34,7 @@ mod scale;
 #[cfg(test)]
 mod tests;
 
-/// What a drive measures of its motor, at the output.
+/// Measurements of a drive at the output of its motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shaft {
     /// Angle, rad.
@@ -43,7 +43,7 @@ pub struct Shaft {
     pub speed_rad_s: f64,
     /// Torque that it gives, N·m.
     pub torque_nm: f64,
-    /// Its law asked for more torque than there is.
+    /// True if the control law asked for more torque than the limit.
     pub torque_limited: bool,
 }
 
@@ -60,17 +60,17 @@ pub struct Law {
     pub kd_nm_s_rad: f64,
     /// τ, N·m.
     pub torque_nm: f64,
-    /// Largest torque, N·m, if that is less than what the motor has.
+    /// Largest torque, N·m, if below the motor's own limit.
     pub torque_limit_nm: f64,
 }
 
 impl Law {
-    /// What it is a setpoint of: rad, or rad/s of a wheel.
+    /// Target value: rad, or rad/s of a wheel.
     fn value(&self, is_wheel: bool) -> f32 {
         (if is_wheel { self.speed_rad_s } else { self.position_rad }) as f32
     }
 
-    /// A drive was sent it.
+    /// Event for this law as a setpoint.
     fn setpoint(&self, is_wheel: bool) -> Sent {
         Sent::Setpoint {
             value: self.value(is_wheel),
@@ -81,14 +81,14 @@ impl Law {
     }
 }
 
-/// What was sent to a drive, as its documents name it.
+/// Command to a drive, by the names in its documents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sent {
     /// Torque off.
     Disable,
     /// Torque on.
     Enable,
-    /// A setpoint with gains; of drives that keep them, those that they have.
+    /// A setpoint with gains; drives that keep gains have their stored ones here.
     Setpoint {
         /// rad, or rad/s of a wheel.
         value: f32,
@@ -108,19 +108,19 @@ pub enum Sent {
         /// N·m·s/rad.
         kd: f32,
     },
-    /// The gain of an ODrive's position loop, of which kp is a multiple.
+    /// Gain of an ODrive's position loop; kp is a multiple of it.
     PositionGain,
     /// Limits to keep.
     Limits,
-    /// What kind of setpoint to follow.
+    /// Kind of setpoint to follow.
     Mode,
     /// Timeout of the drive's watchdog.
     Watchdog,
     /// Forget faults.
     ClearFaults,
-    /// Tell what you measure.
+    /// Query of the measurements.
     Query,
-    /// Anything else for this drive, which it did not do.
+    /// Unexpected command for this drive, which it ignored.
     Odd,
 }
 
@@ -131,22 +131,21 @@ impl Sent {
     }
 }
 
-/// What a drive says on a serial line, and when.
+/// Answer of a drive on a serial line, with its timing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Answer {
     /// The packet.
     pub bytes: Vec<u8>,
-    /// How many others answer before it, each after the one before. An adapter's one answer is given by all drives
-    /// behind it.
+    /// Number of answers before this one, each after the one before. An adapter's single answer is given by all drives behind it.
     pub turn: usize,
-    /// How long it waits after the question, or after the answer before its own, µs.
+    /// Delay after the query, or after the answer before this one, µs.
     pub delay_us: u64,
-    /// It is a part of one packet that all who answer make together, without the sum that ends it: [`Self::said`].
+    /// True for a part of a packet that all answering servos build together, without the CRC at its end: [`Self::said`].
     pub is_part: bool,
 }
 
 impl Answer {
-    /// What is on the line when its turn has come, after the answers before it.
+    /// Bytes on the line in this drive's turn, after the answers before it.
     pub fn said(&self, before: &[u8]) -> Vec<u8> {
         let mut said = self.bytes.clone();
         if self.is_part {
@@ -159,7 +158,7 @@ impl Answer {
 /// Electronics around a motor, as its maker built them. The defaults are those of a drive on another kind of
 /// bus, without timers and without a watchdog.
 pub trait Electronics {
-    /// Takes a frame: what it was sent, and what it answers. `None` for a frame for another drive.
+    /// Takes a frame. Returns the command and the answer; `None` for a frame for another drive.
     fn on_frame(
         &mut self,
         now_us: u64,
@@ -170,7 +169,7 @@ pub trait Electronics {
         None
     }
 
-    /// Takes a whole packet of a serial line: what it was sent, and what it answers.
+    /// Takes a whole packet of a serial line. Returns the command and the answer.
     fn on_packet(
         &mut self,
         now_us: u64,
@@ -181,8 +180,8 @@ pub trait Electronics {
         (vec![], None)
     }
 
-    /// Takes the next packet out of the bytes of a serial line, with what precedes it. All drives of a line find the
-    /// same; whether the packet is sound is for [`Self::on_packet`] to see.
+    /// Takes the next packet out of the bytes of a serial line, with the bytes before it. All drives of a line find the same
+    /// packet; [`Self::on_packet`] checks if it is sound.
     fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
         let _ = line;
         None
@@ -269,7 +268,7 @@ actuator_protocols!(define_kind);
 pub struct Drive {
     bus: Bus,
     channel: Channel,
-    /// What is around its motor.
+    /// Electronics around the motor.
     pub kind: Kind,
 }
 
@@ -279,7 +278,7 @@ impl Drive {
         Self { bus: *bus, channel: *channel, kind: Kind::new(bus, channel) }
     }
 
-    /// Cuts its power, and with it what it does not keep.
+    /// Cuts the power: volatile state is lost.
     pub fn cut_power(&mut self) {
         self.kind = Kind::new(&self.bus, &self.channel);
     }
@@ -333,7 +332,7 @@ impl Electronics for Drive {
     }
 }
 
-/// Whether a channel is a wheel.
+/// True if a channel is a wheel.
 fn is_wheel(channel: &Channel) -> bool {
     channel.kind == ChannelKind::WheelSpeed
 }

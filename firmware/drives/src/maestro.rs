@@ -13,7 +13,7 @@ pub struct Drive {
     board: Maestro,
     channel: u8,
     gains: (f64, f64),
-    /// Where the pulses tell it to go; none without pulses.
+    /// Target of the pulses, rad; `None` without pulses.
     target_rad: Option<f64>,
 }
 
@@ -24,7 +24,7 @@ impl Drive {
         Self { board, channel: channel.id, gains, target_rad: None }
     }
 
-    /// The command and its data, without what is around them.
+    /// Command and data of a packet, without header and CRC.
     fn unwrapped<'b>(&self, bytes: &'b [u8]) -> Option<(u8, &'b [u8])> {
         let bytes = match self.board.crc {
             true => bytes.split_last().filter(|(crc, rest)| **crc == crc7(rest))?.1,
@@ -112,7 +112,7 @@ fn quarters(low: u8, high: u8) -> u16 {
     u16::from(low) | u16::from(high) << 7
 }
 
-/// As the guide's appendix has it: polynomial 0x91, least significant bit first.
+/// CRC of the guide's appendix: polynomial 0x91, least significant bit first.
 pub(crate) fn crc7(bytes: &[u8]) -> u8 {
     let mut crc = 0u8;
     for byte in bytes {

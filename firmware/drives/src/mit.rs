@@ -11,7 +11,7 @@ use rollwalk_protocol::config::Channel;
 const POSITION_RAD: f64 = 12.5;
 const KP_NM_RAD: f64 = 500.0;
 const KD_NM_S_RAD: f64 = 5.0;
-/// What an AK drive tells as its temperature, °C.
+/// Temperature that an AK drive reports, °C.
 const TEMPERATURE_C: u8 = 30;
 
 /// A drive.
@@ -23,7 +23,7 @@ pub struct Drive {
     enabled: bool,
     /// The setpoint that came last, which it remembers while torque is off.
     pub last: Law,
-    /// The error that it tells; AK only.
+    /// Reported error; AK only.
     pub error: u8,
 }
 

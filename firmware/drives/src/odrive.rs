@@ -1,8 +1,8 @@
 //! An axis of an ODrive that speaks CANSimple. Documents: ODrive firmware 0.5.6, `docs/can-protocol.rst` and
 //! `controller.cpp`; CAN protocol page of 0.6.10.
 //!
-//! It is never asked: estimates, and torques or currents, come on timers, and the heartbeat every 100 ms. Timers of
-//! axes are not in step with each other.
+//! The axis is never queried: estimates, and torques or currents, come on timers, and the heartbeat every 100 ms. Timers of axes
+//! are not in step with each other.
 
 use crate::{Electronics, Law, Sent, Shaft};
 use rollwalk_protocol::actuators::bus::Bus;
@@ -11,9 +11,9 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
 use std::f64::consts::TAU;
 
-/// Between heartbeats, from the factory.
+/// Time between heartbeats, from the factory.
 const HEARTBEAT_US: u64 = 100_000;
-/// How much later each axis begins with its timers than the one before.
+/// Delay of an axis' timers after those of the axis before.
 const STAGGER_US: u64 = 310;
 /// `ESTOP_REQUESTED`.
 const ESTOP_05: u32 = 0x4000;
@@ -37,13 +37,13 @@ pub struct Drive {
     /// Last position, speed and torque inputs, at the output. It keeps them while idle: 0.5.6 and later begin with
     /// the measured position instead, which is the easier case.
     pub input: (f64, f64, f64),
-    /// Its error bits.
+    /// Error bits of the axis.
     pub error: u32,
-    /// When each of [`Timer::ALL`] is due, µs.
+    /// Due times of [`Timer::ALL`], µs.
     due_us: [u64; 3],
 }
 
-/// What comes on a timer.
+/// Message on a timer.
 #[derive(Clone, Copy)]
 enum Timer {
     Heartbeat,
@@ -252,8 +252,7 @@ impl Electronics for Drive {
         Some(self.tell(timer, shaft))
     }
 
-    /// torque = g_v (g_p (q* − q) + q̇* − q̇) + τ, of which the speed that is asked for is
-    /// limited, and the torque.
+    /// torque = g_v (g_p (q* − q) + q̇* − q̇) + τ. The commanded speed and the torque are limited.
     fn law(&self, shaft: &Shaft) -> Option<Law> {
         if !self.closed_loop {
             return None;

@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 /// Longest time without a setpoint before an enabled servo gives up, µs.
 pub const WATCHDOG_US: u64 = 100_000;
 
-/// What the servo does.
+/// State of the servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Mode {
     Disabled,
@@ -31,7 +31,7 @@ pub struct Drive {
     is_wheel: bool,
     id: u8,
     mode: Mode,
-    /// When it was enabled or got its last setpoint.
+    /// Time at which it was enabled or received its last setpoint.
     fed_us: u64,
     counter: u8,
 }

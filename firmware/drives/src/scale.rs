@@ -1,4 +1,4 @@
-//! Numbers as some makers send them: a range in so many steps.
+//! Fixed-point numbers of some makers: a range in steps.
 
 /// The value of a code between −`most` and `most`.
 pub fn value(code: u32, most: f64, bits: u32) -> f64 {

@@ -1,4 +1,4 @@
-//! What the documents promise of a drive and no controller of ours relies on.
+//! Properties of drives that documents promise and that no controller of this project relies on.
 
 use crate::{Answer, Drive, Electronics, Kind, Sent, Shaft};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Protocol};
@@ -190,7 +190,7 @@ fn sync_write(address: u16, data: &[u8]) -> Vec<u8> {
     packet(0xFE, 0x83, &[&head[..], &[ID], data].concat()).unwrap().to_vec()
 }
 
-/// As the e-Manual has address 98.
+/// Behaviour of address 98 in the e-Manual.
 #[test]
 fn a_dynamixel_whose_watchdog_has_expired_takes_no_goal_until_it_is_told_0() {
     let model =
@@ -215,7 +215,7 @@ fn a_dynamixel_whose_watchdog_has_expired_takes_no_goal_until_it_is_told_0() {
     assert_eq!(drive.on_packet(0, &[0xFF, 0xFF], &at(0.0)), (vec![], None));
 }
 
-/// The e-Manual's ping of servo 1, and what a servo makes of packets that are not as Protocol 2.0 has them.
+/// The e-Manual's ping of servo 1, and the reaction of a servo to packets that violate Protocol 2.0.
 #[test]
 fn a_dynamixel_takes_whole_packets_alone() {
     let ping = [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01];
@@ -269,7 +269,7 @@ fn a_dynamixel_takes_whole_packets_alone() {
     assert_eq!(drive.on_packet(0, &resummed(bare), &at(0.0)), (vec![], None));
 }
 
-/// The manual's examples 7 and 8, and the memory table: what a servo makes of values that it cannot have.
+/// The manual's examples 7 and 8, and the memory table: the reaction of a servo to impossible values.
 #[test]
 fn a_feetech_servo_takes_whole_packets_alone() {
     assert_eq!(crate::feetech::complement(&[1, 2, 1]), 0xFB);

@@ -1,12 +1,12 @@
-//! One actuator: its feedback, merged from frames, and its pending requests.
+//! State of an actuator: its feedback, merged from frames, and its pending requests.
 
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::actuators::{self, Command, Faults, Gains};
 
 use super::orders::PendingRequests;
 
-/// Feedback at most so many ticks old counts as fresh: asked for in one tick, it is there in the
-/// next, or in the one after when the bus is busy.
+/// Age up to which feedback counts as fresh, ticks. The answer to a query arrives in the next tick, or in the one after when the
+/// bus is busy.
 pub const FRESH_TICKS: u16 = 2;
 
 /// The torque switch that was sent last.
@@ -28,15 +28,15 @@ pub struct Actuator {
     faults_are_new: bool,
     /// Ticks since the last new pose.
     pub silent_ticks: u16,
-    /// It was asked and has not answered yet.
+    /// True if a query is still unanswered.
     asked: bool,
-    /// It was asked again before it had answered, since [`Self::take_unanswered`].
+    /// True if a query was sent before the last one was answered, since [`Self::take_unanswered`].
     unanswered: bool,
-    /// Torque off was sent, and the last feedback since then confirms it.
+    /// True if torque off was sent, and the last feedback since then confirms it.
     pub known_off: bool,
     switched: Switched,
     switched_ticks: u16,
-    /// The gains that it keeps, where they are not those of the configuration.
+    /// Gains that the drive keeps, where they differ from the configuration.
     pub gains: Option<Gains>,
     /// The torque limit sent since it was enabled, where the drive stores one.
     pub torque_limit_nm: Option<f32>,
@@ -50,17 +50,17 @@ impl Actuator {
         self.is_known().then_some(self.reported)
     }
 
-    /// Its pose and state are known.
+    /// True if pose and state are known.
     pub fn is_known(&self) -> bool {
         self.has_reported_pose && self.has_reported_state
     }
 
-    /// It has reported that its torque is on.
+    /// True if the actuator has reported that its torque is on.
     pub fn enabled(&self) -> bool {
         self.is_known() && self.reported.status.enabled()
     }
 
-    /// It reports a fault, whether or not its pose is known.
+    /// True if the actuator reports a fault, even if its pose is unknown.
     pub fn faulty(&self) -> bool {
         self.reported.status.faulty()
     }
@@ -109,7 +109,7 @@ impl Actuator {
         }
     }
 
-    /// Takes an answer of the adapter between it and the bus, which knows no pose.
+    /// Takes an answer of the adapter on the actuator's line, which has no pose.
     pub fn on_adapter_answer(&mut self, news: &actuators::Feedback) {
         self.silent_ticks = 0;
         self.asked = false;
@@ -122,17 +122,17 @@ impl Actuator {
         self.has_reported_pose = true;
     }
 
-    /// All of "off" has left.
+    /// Records that the last frame of "off" was sent.
     pub fn switched_off(&mut self) {
         self.switched = Switched::Off;
     }
 
-    /// All of "on" has left.
+    /// Records that the last frame of "on" was sent.
     pub fn switched_on(&mut self) {
         (self.switched, self.switched_ticks) = (Switched::On, 0);
     }
 
-    /// Enabling was sent less than `patience_ticks` ago and may not be confirmed yet.
+    /// True if enabling was sent less than `patience_ticks` ago and may not be confirmed yet.
     pub fn waits_for_enable(&self, patience_ticks: u16) -> bool {
         self.switched == Switched::On && self.switched_ticks < patience_ticks
     }
@@ -143,12 +143,12 @@ impl Actuator {
         self.asked = true;
     }
 
-    /// Whether an answer has been missed since the last call.
+    /// True if an answer has been missed since the last call.
     pub fn take_unanswered(&mut self) -> bool {
         core::mem::take(&mut self.unanswered)
     }
 
-    /// A control period has passed.
+    /// Advances by a control period.
     pub fn age(&mut self) {
         self.silent_ticks = self.silent_ticks.saturating_add(1);
         self.switched_ticks = self.switched_ticks.saturating_add(1);
@@ -156,7 +156,7 @@ impl Actuator {
     }
 }
 
-/// What is wrong, in the bits of a status.
+/// Status bits of the faults.
 fn status_of(faults: Faults) -> u8 {
     let bit = |fault, bit| if faults.contains(fault) { bit } else { 0 };
     let named = Faults(Faults::TIMED_OUT.0 | Faults::OVERHEATED.0 | Faults::BAD_VOLTAGE.0);

@@ -22,7 +22,7 @@ pub enum Content {
     Setpoint,
 }
 
-/// A transmission of which some frames have left.
+/// Transmission in progress.
 #[derive(Clone, Copy, Debug)]
 pub struct Transmission {
     pub content: Content,
@@ -39,16 +39,16 @@ pub struct BusDriver {
     pub can: Capabilities,
     /// The channels on this bus, as bits.
     members: u32,
-    /// Where the next search for a setpoint begins, so that a slow bus serves all in turn.
+    /// Channel at which the next search for a setpoint begins, so that a slow bus serves all in turn.
     next: usize,
     pub transmission: Option<Transmission>,
-    /// Nothing waited when it was looked for last, and nothing was put there since.
+    /// True if the last search found nothing to send, and nothing was added since.
     pub idle: bool,
     /// A frame was taken in this control period.
     moved: bool,
     /// A query is being answered until the period is over: the serial line is reserved for it.
     pub listening: bool,
-    /// What has come in on a serial line and is no whole answer yet.
+    /// Received bytes of a serial line that do not make a whole answer yet.
     pub received: ReceiveBuffer,
 }
 
@@ -72,7 +72,7 @@ impl BusDriver {
         }
     }
 
-    /// Whether a channel is on it.
+    /// True if a channel is on the bus.
     pub fn has(&self, channel: usize) -> bool {
         self.members & bit(channel) != 0
     }
@@ -101,7 +101,7 @@ impl BusDriver {
         if self.can.answers == Answers::Cyclic { ENABLE_PATIENCE_TICKS } else { 0 }
     }
 
-    /// Drops what was begun.
+    /// Drops the transmission in progress.
     pub fn interrupt(&mut self) {
         self.transmission = None;
         self.listening = false;
@@ -121,7 +121,7 @@ impl BusDriver {
         (self.moved, self.listening) = (false, false);
     }
 
-    /// What to go on with or to begin: of an order that is not single, all its actuators.
+    /// Transmission to continue or to begin, with all actuators that its order addresses.
     pub fn due(&self, list: &[Actuator]) -> Option<Transmission> {
         if self.transmission.is_some() {
             return self.transmission;
@@ -139,7 +139,7 @@ impl BusDriver {
         single(Content::Setpoint, turns.find(waits)?)
     }
 
-    /// One more frame of an order of so many has left, or there is none: then it is over.
+    /// Records that another of `frames` frames of an order has left. After the last, or if there are none, the order is done.
     pub fn frame_sent(&mut self, list: &mut [Actuator], transmission: Transmission, frames: u8) {
         self.moved = true;
         let sent = transmission.sent.saturating_add(1);

@@ -1,5 +1,5 @@
-//! Whether a robot's buses have the capacity for the controller's commands ([`loads`], for its self test), and
-//! whether their protocols can carry them ([`examine`], for tools that report the reasons).
+//! Bus capacity for the controller's commands ([`loads`], for its self test), and commands that protocols cannot carry
+//! ([`examine`], for tools that report the reasons).
 
 use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
 use rollwalk_protocol::actuators::traffic::Overload;
@@ -11,28 +11,28 @@ use super::actuator::FRESH_TICKS;
 /// A bus that a robot has actuators on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BusLoad {
-    /// Its number.
+    /// Number of the bus.
     pub bus: u8,
-    /// What it is.
+    /// Configuration of the bus.
     pub kind: Bus,
     /// Actuators on it.
     pub actuators: u32,
-    /// What goes over it, at worst.
+    /// Worst-case traffic on the bus.
     pub traffic: Traffic,
     /// Share of the bus that this takes.
     pub load: f32,
-    /// Why it cannot be used.
+    /// Reason why the bus cannot be used.
     pub problem: Option<BusProblem>,
 }
 
-/// Why a bus cannot be used.
+/// Reason why a bus cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BusProblem {
     /// A controller has no bus of this number: [`MAX_BUSES`] is one too large.
     NoSuchBus,
     /// More than it can carry.
     Overload(Overload),
-    /// Its actuators tell their pose on a timer, less often than the controller needs it.
+    /// Feedback of the actuators comes on a timer, at a lower rate than the controller needs.
     TooSeldom {
         /// Smallest rate that the controller needs, Hz.
         needed_hz: u32,
@@ -41,7 +41,7 @@ pub enum BusProblem {
     CannotCarry {
         /// Number of the channel.
         channel: u8,
-        /// What, and why.
+        /// Command that the protocol refuses, and the reason.
         refusal: Refusal,
     },
 }
@@ -63,8 +63,8 @@ pub fn examine<'a>(
     })
 }
 
-/// What every bus carries, as the controller's self test looks at it: without
-/// [`BusProblem::CannotCarry`], which takes room in flash for what does not change on a robot.
+/// Loads of all buses for the controller's self test, without [`BusProblem::CannotCarry`]. That check takes flash, and its result
+/// never changes on a robot.
 pub fn loads<'a>(
     config: &'a RobotConfig,
     buses: &'a Buses,
@@ -90,7 +90,7 @@ pub fn loads<'a>(
     })
 }
 
-/// What is wrong with a bus besides its load.
+/// Problem of a bus besides its load.
 fn problem(bus: u8, kind: &Bus, control_hz: u16) -> Option<BusProblem> {
     let needed_hz = u32::from(control_hz).div_ceil(u32::from(FRESH_TICKS));
     if usize::from(bus) >= MAX_BUSES {

@@ -8,10 +8,9 @@
 //! | [`driver`] | one bus: its transmit schedule, and the order for a channel |
 //! | [`can`], [`serial`] | frames of CAN buses and packets of serial lines, in sequence |
 //!
-//! Towards the bus every actuator has one place for each request and one for a setpoint, and what is
-//! newer replaces what is there. Nothing queues, and bytes are made when the bus takes them: when a bus
-//! that took no frames for a while takes them again (motor power came back), it gets what is meant
-//! now.
+//! Towards the bus every actuator has a place for each request and for a setpoint; a newer one replaces the one in place. Nothing
+//! queues, and bytes are made when the bus takes them. A bus that could not send for a while, without motor power for instance,
+//! therefore continues with the present commands.
 
 use heapless::Vec;
 use rollwalk_protocol::actuator::Feedback;
@@ -38,25 +37,25 @@ use driver::BusDriver;
 pub use orders::Hold;
 use orders::{DriveRequest, PendingRequests};
 
-/// How the actuators are, together.
+/// Health of all actuators together.
 #[derive(Clone, Copy, Debug)]
 pub struct Health {
     /// Longest silence of an actuator, ticks; `None` while one has not sent any feedback yet.
     silent_ticks: Option<u16>,
-    /// Every actuator has reported in its last feedback that its torque is on.
+    /// True if every actuator reported in its last feedback that its torque is on.
     pub enabled: bool,
-    /// Some actuator reports a fault.
+    /// True if any actuator reports a fault.
     pub faulty: bool,
 }
 
 impl Health {
-    /// Every actuator has sent feedback within so many ticks.
+    /// True if every actuator has sent feedback within `ticks` ticks.
     pub fn fresh_within(&self, ticks: u16) -> bool {
         self.silent_ticks.is_some_and(|silent| silent <= ticks)
     }
 }
 
-/// All actuators, by channel.
+/// Actuators of the robot, by channel.
 #[derive(Clone, Debug)]
 pub struct Actuators {
     list: Vec<Actuator, MAX_CHANNELS>,
@@ -119,7 +118,7 @@ impl Actuators {
         self.turn = if next < self.list.len() { next } else { 0 };
     }
 
-    /// How all of them are, together.
+    /// Health of all actuators together.
     // Once in the image instead of where it is called.
     #[inline(never)]
     pub fn health(&self) -> Health {
@@ -145,12 +144,12 @@ impl Actuators {
         most
     }
 
-    /// Every actuator has confirmed the last torque-off command.
+    /// True if every actuator has confirmed the last torque-off command.
     pub fn all_known_off(&self) -> bool {
         self.list.iter().all(|a| a.known_off)
     }
 
-    /// Whether an actuator on a serial line has missed an answer since the last call.
+    /// True if an actuator on a serial line has missed an answer since the last call.
     pub fn take_unanswered(&mut self, channel: usize) -> bool {
         self.list.get_mut(channel).is_some_and(Actuator::take_unanswered)
     }
@@ -160,7 +159,7 @@ impl Actuators {
         self.list.get(channel)?.feedback()
     }
 
-    /// What the actuator measured of its channel's value: rad of a joint, rad/s of a wheel.
+    /// Measured value of a channel: rad of a joint, rad/s of a wheel.
     pub fn measured(&self, config: &RobotConfig, channel: usize) -> Option<f32> {
         let feedback = self.feedback(channel)?;
         Some(match config.channels.get(channel)?.kind {
@@ -169,12 +168,12 @@ impl Actuators {
         })
     }
 
-    /// Some actuator's pose is not measured, but assumed to be the one of SAFE.
+    /// True if some actuator's pose is not measured, but assumed to be the SAFE pose.
     pub fn pose_is_assumed(&self) -> bool {
         self.drivers.iter().any(BusDriver::pose_is_assumed)
     }
 
-    /// Where those stand that do not measure it, while their torque is off.
+    /// Sets the assumed positions of actuators that do not measure them, while their torque is off.
     pub fn assume(&mut self, pose: &[f32]) {
         for driver in self.drivers.iter().filter(|driver| driver.pose_is_assumed()) {
             for (channel, actuator) in self.list.iter_mut().enumerate() {
@@ -265,7 +264,7 @@ impl Actuators {
         }
     }
 
-    /// Whether it makes a difference to an actuator what a parameter is set to.
+    /// True if a parameter of a channel has an effect on its actuator.
     pub fn heeds(&self, config: &RobotConfig, channel: usize, parameter: Parameter) -> bool {
         let driver = config.channels.get(channel).and_then(|c| self.driver(c.bus));
         driver.is_some_and(|driver| match parameter {
@@ -287,7 +286,7 @@ impl Actuators {
         (driver.bus.control == ControlLoop::InDrive).then_some(driver.can.max_gains)
     }
 
-    /// Whether a channel's actuator can be commanded a torque. One that cannot is sent another position or speed.
+    /// True if a channel's actuator accepts torque commands. Other actuators receive an offset position or speed instead.
     pub fn takes_torque(&self, channel: usize) -> bool {
         self.torque_takers & bit(channel) != 0
     }

@@ -10,13 +10,13 @@ use rollwalk_protocol::config::{Channel, ChannelKind};
 
 use crate::limiter::{Target, gains_within_torque};
 
-/// How an actuator holds its target.
+/// Way in which an actuator holds its target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Hold {
-    /// With the channel's gains.
+    /// Holds with the channel's gains.
     #[default]
     Driven,
-    /// A joint by damping alone, a wheel by braking.
+    /// Damps a joint without stiffness; brakes a wheel.
     Damped,
 }
 
@@ -58,7 +58,7 @@ impl PendingRequests {
         self.0 & request as u8 != 0
     }
 
-    /// Drops what torque and pose have to do with, for a setpoint says all of that.
+    /// Drops the requests about torque and pose: a setpoint covers them.
     pub fn without_switches(self) -> Self {
         self.without(DriveRequest::Disable)
             .without(DriveRequest::Enable)
@@ -124,7 +124,7 @@ fn fastest(limits: &Channel) -> f32 {
     }
 }
 
-/// No torque, where gains go with every setpoint.
+/// Command of no torque, where gains go with every setpoint.
 fn limp(limits: &Channel, feedback: &Feedback) -> Command {
     match limits.kind {
         ChannelKind::JointPosition => Command::Joint(JointSetpoint {

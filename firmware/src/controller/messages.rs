@@ -238,7 +238,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if good { Ok(()) } else { Err(CommandResult::WrongNonce) }
     }
 
-    /// Whether arming is possible now. Conditions that prevent it are also reported as faults.
+    /// Checks that arming is possible now. Conditions that prevent it are also reported as faults.
     fn may_arm(&mut self, now_us: u64) -> Result<(), CommandResult> {
         let obstacle = |fault| (CommandResult::FaultPresent, FaultBits::default().with(fault));
         let (result, faults) = if self.state() != State::Disarmed {
@@ -280,7 +280,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    /// Whether the controller may follow streamed setpoints, which carry neither signature nor proof.
+    /// Checks that the controller may follow streamed setpoints, which carry neither signature nor proof.
     fn may_stream(&self) -> Result<(), CommandResult> {
         let has_owner =
             self.authentication.insists() || self.storage.store().insists_on_signatures();
@@ -292,7 +292,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    /// What a host asks for, as far as this robot can do it.
+    /// Tracking settings for a host's request, within the abilities of this robot.
     fn tracking(&self, rate_hz: u16, percent: [u8; 2]) -> Result<Tracking, CommandResult> {
         let Setup { config, settings, .. } = &self.setup;
         let fits = |bus: u8| {

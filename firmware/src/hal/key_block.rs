@@ -1,5 +1,5 @@
-//! Keys in the image of a board: a block of bytes that the program is compiled with blank, and that `cargo xtask image` fills
-//! in afterwards. So no key passes through a compiler, its command line or what it keeps.
+//! Keys in the image of a board: a block of bytes that is blank in the compiled program. `cargo xtask image` fills it in
+//! afterwards, so that no key passes through a compiler, its command line or its caches.
 //!
 //! ```text
 //! 0   magic     RW-KEYS1

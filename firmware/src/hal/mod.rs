@@ -1,5 +1,5 @@
-//! What boards have in common: drivers of devices on a microcontroller's pins, through `embedded-hal` 1.0, of the link
-//! on a serial line, and the robot's buses among the board's.
+//! Shared code of all boards: drivers of devices on a microcontroller's pins through `embedded-hal` 1.0, the link on a serial
+//! line, and the robot's buses among the board's.
 //!
 //! | module | is |
 //! |---|---|

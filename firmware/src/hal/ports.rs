@@ -1,5 +1,5 @@
-//! Which bus of a robot is at which port of a board: its CAN buses take the board's CAN ports in the order of their
-//! numbers, its serial lines the serial ports. Boards, and the tool that prints how a robot is wired, ask here.
+//! Assignment of a robot's buses to a board's ports. CAN buses take the board's CAN ports in the order of their numbers, serial
+//! lines the serial ports. Boards use it, and so does the tool that prints a robot's wiring.
 
 use crate::bus::{Bus, Buses, MAX_BUSES};
 use heapless::Vec;

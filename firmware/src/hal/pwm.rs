@@ -29,7 +29,7 @@ pub struct PwmSettings {
 /// Reason for which an output cannot drive a servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PwmError<E> {
-    /// Pulse settings that are invalid or longer than the period; with what would be valid.
+    /// Pulse settings that are invalid or longer than the period, with the requirement.
     Settings(&'static str),
     /// The output failed.
     Output(E),

@@ -8,7 +8,7 @@
 
 use rollwalk_protocol::actuators::Packet;
 
-/// What is under way on a line.
+/// Transmission in progress on a line.
 #[derive(Clone, Debug, Default)]
 pub struct ServoLine {
     packet: Packet,
@@ -19,7 +19,7 @@ pub struct ServoLine {
 }
 
 impl ServoLine {
-    /// Whether the hardware has all of the packet before.
+    /// True if the hardware has all of the previous packet.
     pub fn is_free(&self) -> bool {
         self.sent >= self.packet.len()
     }
@@ -36,8 +36,8 @@ impl ServoLine {
         Some(byte)
     }
 
-    /// A byte from the wire; `None` for the echo of one that was sent. What comes back as another byte has met a servo's,
-    /// and ends the echo.
+    /// Takes a byte from the wire; `None` for the echo of a sent byte. A byte that returns changed has collided with a servo's
+    /// byte, and ends the echo.
     pub fn receive(&mut self, byte: u8) -> Option<u8> {
         if self.heard < self.sent {
             let own = self.packet.get(self.heard) == Some(&byte);
@@ -58,7 +58,7 @@ mod tests {
         Packet::from_slice(bytes).unwrap()
     }
 
-    /// A wire on which everything sent is heard, and then what servos answer.
+    /// Sends on a wire with echo, followed by the servos' answer.
     fn exchange(line: &mut ServoLine, bytes: &[u8], answer: &[u8]) -> Packet {
         assert!(line.is_free());
         line.send(packet(bytes));

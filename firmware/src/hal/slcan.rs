@@ -1,5 +1,5 @@
-//! SLCAN adapter on the controller's side: the host link over a serial line, for `slcand` and other hosts that speak
-//! Lawicel's protocol.
+//! SLCAN adapter on the controller's side: the host link over a serial line, for `slcand` and other hosts with Lawicel's
+//! protocol.
 //!
 //! The host sees an adapter on a bus with one other node, the controller. [`Adapter::push`] turns bytes into frames
 //! and answers; [`Adapter::line`] turns a frame for the host into a line while the channel is open.

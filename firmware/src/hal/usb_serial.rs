@@ -1,6 +1,6 @@
-//! A serial port over USB, of the class that every operating system has a driver for (CDC 1.2, ACM): what the device answers
-//! to requests at its control endpoint. The board moves packets between hardware and this, and the bytes of the bulk
-//! endpoints between hardware and link.
+//! Serial port over USB, of the class for which every operating system has a driver (CDC 1.2, ACM): the device's answers to
+//! requests at its control endpoint. The board moves packets between hardware and this, and the bytes of the bulk endpoints
+//! between hardware and link.
 
 use heapless::Vec;
 
@@ -40,10 +40,10 @@ const CONFIGURATION: [u8; 67] = [
 const LANGUAGES: [u8; 4] = [4, 3, 0x09, 0x04];
 const NAMES: [&str; 2] = ["Rollwalk", "Rollwalk controller"];
 
-/// What a request is answered with.
+/// Answer to a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// These bytes, and the host's handshake.
+    /// Data bytes, and the host's handshake.
     Data(Vec<u8, 80>),
     /// The handshake.
     Accepted,
@@ -72,7 +72,7 @@ impl UsbSerial {
         Self { serial_number, is_configured: false }
     }
 
-    /// Whether the host has taken it into use.
+    /// True if the host has configured the device.
     pub fn is_configured(&self) -> bool {
         self.is_configured
     }
@@ -179,7 +179,7 @@ mod tests {
         }
     }
 
-    /// As Linux enumerates a device.
+    /// Enumeration as Linux does it.
     #[test]
     fn a_host_enumerates_it() {
         let mut device = device();

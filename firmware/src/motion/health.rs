@@ -1,4 +1,4 @@
-//! Feedback of the actuators against what the motion stage expects of them: age, plausibility, and how far joints are behind.
+//! Checks of the actuators' feedback: age, plausibility, and lag of the joints.
 
 use rollwalk_protocol::config::ChannelKind;
 use rollwalk_protocol::faults::{Event, Fault};
@@ -21,7 +21,7 @@ impl Motion {
         }
     }
 
-    /// Whether the pose of every actuator is fresh.
+    /// True if the pose of every actuator is fresh.
     pub fn actuators_are_fresh(&self, setup: &Setup) -> bool {
         self.actuators.health().fresh_within(self.patience_ticks(setup))
     }

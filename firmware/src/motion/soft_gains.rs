@@ -11,9 +11,9 @@ const LEAST_PART: f32 = 0.02;
 pub(super) struct SoftGains {
     /// Parts of the gains that act, of each channel: kp, kd.
     parts: [[f32; 2]; MAX_CHANNELS],
-    /// Whether any of them is not all.
+    /// True if any part is below 1.
     is_soft: bool,
-    /// Torque of a joint's angle when its gains began to rise, over all of kp, rad: it stays while they rise.
+    /// Torque of a joint's angle when its gains began to rise, divided by the full kp, rad: it stays while they rise.
     leans_rad: [f32; MAX_CHANNELS],
 }
 
@@ -33,7 +33,7 @@ impl SoftGains {
         self.leans_rad = [0.0; MAX_CHANNELS];
     }
 
-    /// Whether any part was not all, once: [`Self::advance`] sets it again.
+    /// Returns true if any part was below 1, and resets the flag, which [`Self::advance`] sets again.
     pub fn take_soft(&mut self) -> bool {
         core::mem::take(&mut self.is_soft)
     }

@@ -1,4 +1,4 @@
-//! All states and all events of the safety state machine, walked.
+//! Walk through all states and all events of the safety state machine.
 
 use rollwalk_protocol::faults::Fault;
 
@@ -198,7 +198,7 @@ fn latched_states_leave_only_by_clearing_into_the_self_test() {
     }
 }
 
-/// How near a state is to torque off, as the severity that leads to it.
+/// Severity that leads to a state: its nearness to torque off.
 fn depth(s: State) -> Severity {
     match s {
         State::EStopped => Severity::EStop,
@@ -209,8 +209,7 @@ fn depth(s: State) -> Severity {
     }
 }
 
-/// In every state that drives the motors, each fault that can occur there gets the reaction that it
-/// calls for, or a stronger one.
+/// Faults get the reaction that they call for, or a stronger one, in every state that drives the motors.
 #[test]
 fn a_fault_gets_at_least_its_reaction() {
     for s in State::ALL.iter().copied().filter(|s| s.torque() == Torque::Driven) {

@@ -49,7 +49,7 @@ impl<F: NorFlash> BootCounter<F> {
     }
 }
 
-/// The record of a boot; its generation is all that it says.
+/// Record of a boot, which contains only its generation.
 struct Boot;
 
 impl Record<RECORD_LEN> for Boot {

@@ -1,6 +1,6 @@
 //! Two libraries in NOR flash: one in use, the other being received or on trial.
 //!
-//! `docs/library-store.md` describes layout, states and recovery. Every change of state is one record of the
+//! `docs/formats/library-store.md` describes layout, states and recovery. Every change of state is one record of the
 //! [log](super::log), written after the bytes that it refers to; the slot of the confirmed library is never written.
 //! No call erases or writes much: a transfer erases each unit when it reaches it, not all of them at the beginning.
 
@@ -27,7 +27,7 @@ pub struct FlashStore<F> {
     /// The library in use, read and found intact.
     pub(super) active: Option<Image>,
     upload: Option<Upload>,
-    /// Whether the whole candidate was read and found intact.
+    /// True if the whole candidate was read and found intact.
     sealed: bool,
     trial_boots: u8,
 }

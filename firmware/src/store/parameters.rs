@@ -41,7 +41,7 @@ pub trait ParameterStore {
     fn save(&mut self, set: &ParameterSet) -> Result<(), StoreError>;
 }
 
-/// No memory: nothing can be saved.
+/// Absent store: nothing can be saved.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoParameters;
 

@@ -20,7 +20,7 @@ pub(super) trait Record<const N: usize>: Sized {
     fn decode(bytes: &[u8; N]) -> Option<(u32, Self)>;
 }
 
-/// One of the two places for a library.
+/// Slot for a library; there are two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Slot {
     A,
@@ -49,9 +49,9 @@ pub(super) struct Image {
 /// Content of the slot that does not hold the confirmed library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Candidate {
-    /// Nothing of use.
+    /// Empty or useless content.
     None,
-    /// A library being received, of which the first `have` bytes are stored.
+    /// A library being received; its first `have` bytes are stored.
     Receiving { len: u32, digest: u32, have: u32 },
     /// A library on trial, rolled back to the confirmed one after `boots_left` more boots.
     Trial { len: u32, digest: u32, boots_left: u8 },
@@ -142,7 +142,7 @@ impl Footer {
     }
 }
 
-/// Whether the bytes are as after an erase.
+/// True if the bytes are as after an erase.
 pub(super) fn is_blank(bytes: &[u8]) -> bool {
     bytes.iter().all(|&byte| byte == 0xFF)
 }

@@ -13,11 +13,11 @@ use super::{LibraryStore, StoreError};
 #[derive(Debug)]
 pub struct Signed<S> {
     store: S,
-    /// `None`: libraries pass as they are.
+    /// Owner's key; `None` accepts all libraries.
     key: Option<VerifyingKey>,
-    /// Whether the signature of the active library is valid.
+    /// True if the signature of the active library is valid.
     trusted: bool,
-    /// Whether that of the sealed library is valid.
+    /// True if the signature of the sealed library is valid.
     sealed: bool,
 }
 

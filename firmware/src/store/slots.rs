@@ -17,7 +17,7 @@ const CHUNK: usize = 256;
 
 /// NOR flash that can also be read like memory.
 pub trait MappedFlash: NorFlash {
-    /// All of it, from offset 0 to the capacity.
+    /// Content of the flash, from offset 0 to the capacity.
     fn mapped(&self) -> &[u8];
 }
 
@@ -33,7 +33,7 @@ pub enum GeometryError {
     Capacity,
 }
 
-/// Whether the store can work with this flash.
+/// Checks that the store can work with this flash.
 pub(super) fn check<F: MappedFlash>(flash: &F) -> Result<(), GeometryError> {
     // 0 does not divide.
     let divides = |size| RECORD_LEN.is_multiple_of(size);
@@ -86,7 +86,7 @@ pub(super) fn program<F: NorFlash>(flash: &mut F, at: usize, bytes: &[u8; 32]) -
     flash.write(u32::try_from(at).ok()?, bytes).ok()
 }
 
-/// Whether all of an image can be read and matches its digest.
+/// True if all of an image can be read and matches its digest.
 pub(super) fn is_intact<F: NorFlash>(flash: &mut F, image: Image) -> bool {
     let Ok(len) = usize::try_from(image.len) else { return false };
     if len > capacity(flash) {

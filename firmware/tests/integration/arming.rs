@@ -1,4 +1,4 @@
-//! From power-on to the SAFE pose, and what must be so before torque goes on.
+//! Arming: the states from power-on to the SAFE pose, and the preconditions of torque.
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -303,7 +303,7 @@ fn an_unusable_configuration_never_arms() {
     assert!(rig.statuses().last().unwrap().1.faults.contains(Fault::Internal));
 }
 
-/// The last actuator to come on starts the ramp, but not from what the first one said long ago.
+/// The last actuator to come on starts the ramp, but not from an old pose of the first one.
 #[test]
 fn the_ramp_starts_from_fresh_poses_only() {
     let mut rig = Rig::booted();

@@ -1,5 +1,5 @@
-//! Attacks on a controller that insists on a link key, by a node that hears everything and has no key: random ones between any two
-//! messages of a host, on one of two robots that must do the same; and the campaign of `cargo xtask nightly`, which counts them.
+//! Attacks on a controller that insists on a link key, by a node that receives all frames and has no key. Random attacks between
+//! any two messages of a host hit one of two robots that must behave alike. The campaign of `cargo xtask nightly` counts them.
 
 use crate::authentication::{BOOT, NONCE, Prover, key, ready, say, session};
 use crate::rig::{Rig, me};
@@ -21,7 +21,7 @@ const ATTACKS: usize = 60;
 /// Cases of the campaign, each with a seed of its own.
 const CASES: u64 = 2000;
 
-/// What the node may send.
+/// Message that an attacking node may send.
 #[derive(Clone, Debug)]
 enum Attack {
     /// A message with its authenticator, as they were.
@@ -33,18 +33,18 @@ enum Attack {
         back: usize,
         other: usize,
     },
-    /// With a bit of the authenticator or of the message flipped.
+    /// A message with a bit of itself or of its authenticator flipped.
     Forge {
         back: usize,
         bit: usize,
     },
-    /// With the authenticator or the message cut short.
+    /// A message with itself or its authenticator cut short.
     Cut {
         back: usize,
         len: usize,
         message: bool,
     },
-    /// With a tag out of the air.
+    /// A message with a random tag.
     Guess {
         proof: [u8; 8],
         command: u8,
@@ -67,7 +67,7 @@ enum Attack {
     },
 }
 
-/// What is another's.
+/// Difference of the other session.
 #[derive(Clone, Copy, Debug)]
 enum OtherSession {
     Boot,
@@ -124,7 +124,7 @@ fn attack() -> impl Strategy<Value = Attack> {
     ]
 }
 
-/// A case: attacks with the ticks after each, what the host commands, and the attack before which the power fails.
+/// A case: attacks with the ticks after each, the host's commands, and the attack before which the power fails.
 type Case = (Vec<(u32, Attack)>, Vec<u8>, usize);
 
 fn case() -> impl Strategy<Value = Case> {
@@ -313,7 +313,7 @@ proptest! {
     }
 }
 
-/// For `cargo xtask nightly --only hostile`: thousands of cases with the same seeds every night.
+/// Campaign of `cargo xtask nightly --only hostile`: thousands of cases with the same seeds every night.
 #[test]
 #[ignore = "cargo xtask nightly --only hostile"]
 fn campaign() {

@@ -1,5 +1,5 @@
-//! A controller that insists on a link key: what needs a proof, and that nothing but the proof of the host's next message
-//! is one.
+//! Messages to a controller that insists on a link key: those that need a proof, and that only the proof of the host's next
+//! message counts.
 
 use crate::rig::{Rig, me};
 use crate::robot;

@@ -1,5 +1,4 @@
-//! What can happen to a controller on the bench, one after the other. Random tests and a fuzz target draw
-//! from these.
+//! Single actions and events on a controller at the bench. Random tests and a fuzz target draw sequences from them.
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{
@@ -10,13 +9,13 @@ use rollwalk_protocol::wire::{
 use crate::rig::{Rig, me};
 use crate::robot::*;
 
-/// Something that happens to a controller.
+/// Action or event on a controller.
 #[derive(Clone, Debug)]
 pub enum Deed {
     Run(u16),
     Command(Action),
     Parameter(ParameterAction),
-    /// Both steps, whatever the answers.
+    /// Arming in two steps, whatever the answers.
     Arm,
     Clear,
     Replay(u8),
@@ -117,8 +116,8 @@ pub fn act(rig: &mut Rig, deed: &Deed) {
     }
 }
 
-/// From whatever the sequence led to: without a host the robot ends without torque; with one, and sound
-/// actuators, it gets back to SAFE and plays.
+/// Checks the way back after any sequence. Without a host the robot ends without torque. With a host, and sound actuators, it
+/// returns to SAFE and plays.
 pub fn assert_way_home(rig: &mut Rig) {
     rig.host_alive = false;
     // Timeout, the longest way through the graph, hold, damping.

@@ -1,4 +1,4 @@
-//! The tables of `docs/playback-and-safety.md` and `docs/wire-format.md` are those of the code, and
+//! The tables of `docs/playback-and-safety.md` and `docs/formats/wire-format.md` are those of the code, and
 //! `docs/faults.md` names its faults, events and settings.
 
 use std::cmp::Reverse;
@@ -17,7 +17,7 @@ fn block<'a>(page: &'a str, name: &str) -> &'a str {
     rest.split_once("<!--").expect("an end mark").0.trim()
 }
 
-/// With `ROLLWALK_UPDATE_DOCS` set the tables are written instead.
+/// Compares the tables of the documents with the code; with `ROLLWALK_UPDATE_DOCS` set it writes them instead.
 #[test]
 fn the_tables_are_those_of_the_code() {
     for (page, tables) in [
@@ -26,7 +26,7 @@ fn the_tables_are_those_of_the_code() {
             &[("states", states()), ("transitions", transitions()), ("events", reactions())][..],
         ),
         (
-            "wire-format.md",
+            "formats/wire-format.md",
             &[
                 ("states", listed(State::ALL, State::code)),
                 ("severities", listed(Severity::ALL, Severity::code)),
@@ -213,7 +213,7 @@ fn each_section_of_the_runbook_says_what_an_operator_needs() {
     }
 }
 
-/// What a report contains, in the words of the catalogue, is the first sentence of "FAULT reports".
+/// Contents of a report, in the words of the catalogue, are the first sentence of "FAULT reports".
 #[test]
 fn the_runbook_says_what_each_fault_reports() {
     for (fault, (_, text)) in (0..).map(Fault::from_code).zip(sections()) {

@@ -27,9 +27,9 @@ pub struct Motor {
     pub speed_rad_s: f32,
     pub torque_nm: f32,
     pub largest_torque_nm: f32,
-    /// What pushes it from outside, N·m.
+    /// External load, N·m.
     pub load_nm: f32,
-    /// Without inertia: it gives way until its drive holds the load.
+    /// True for a motor without inertia that yields until its drive holds the load.
     pub gives_way: bool,
 }
 
@@ -51,7 +51,7 @@ impl Motor {
         }
     }
 
-    /// Its setpoint is a torque.
+    /// Takes a torque as the setpoint.
     fn push(&mut self, torque_nm: f32) {
         self.log.push(Sent::Torque(torque_nm));
         if self.enabled {
@@ -60,7 +60,7 @@ impl Motor {
         }
     }
 
-    /// A control period passes.
+    /// Advances by a control period.
     fn turn(&mut self) {
         const STEPS: u32 = 20;
         if self.inertia_kg_m2 == 0.0 {
@@ -81,7 +81,7 @@ impl Motor {
         self.channel.kind == ChannelKind::WheelSpeed
     }
 
-    /// If its torque is on it goes there: a joint, if it is stiff.
+    /// Moves to a setpoint if torque is on; a joint only if it is stiff.
     fn follow(&mut self, value: f32, kp: f32, kd: f32, torque_nm: f32) {
         let stiff = if self.is_wheel() { kd > 0.0 } else { kp > 0.0 };
         if self.enabled && stiff {
@@ -95,7 +95,7 @@ impl Motor {
         }
     }
 
-    /// What a drive measures of it.
+    /// Shaft as the drive measures it.
     pub fn shaft(&self) -> Shaft {
         let (q, v) =
             if self.is_wheel() { (0.0, self.value) } else { (self.value, self.speed_rad_s) };
@@ -109,7 +109,7 @@ pub struct Drive {
     pub motor: Motor,
     pub inner: rollwalk_drives::Drive,
     pub powered: bool,
-    /// It hears, and what it answers is lost.
+    /// True if the drive receives frames but its answers are lost.
     pub mute: bool,
 }
 
@@ -129,7 +129,7 @@ impl Drive {
         Self { motor: Motor::new(channel, value), inner, powered: true, mute: false }
     }
 
-    /// What it does with what it was sent.
+    /// Carries out a received message.
     fn obey(&mut self, sent: Sent) {
         let motor = &mut self.motor;
         let shaft = motor.shaft();
@@ -158,7 +158,7 @@ impl Drive {
         }
     }
 
-    /// Its torque comes on: it follows what it was sent last.
+    /// Torque comes on: the motor follows the last setpoint.
     fn begin(&mut self) {
         let motor = &mut self.motor;
         let (wheel, by_torque) = (motor.is_wheel(), motor.inertia_kg_m2 > 0.0);
@@ -196,14 +196,14 @@ impl Drive {
     }
 }
 
-/// All drives of a bench that are not of the Rollwalk profile.
+/// Drives of a bench that do not use the Rollwalk profile.
 #[derive(Clone, Debug, Default)]
 pub struct Drives {
     pub list: Vec<Drive>,
 }
 
 impl Drives {
-    /// Brings what comes on timers, takes all frames off the controller, and brings the answers.
+    /// Delivers messages on timers, takes all frames off the controller, and delivers the answers.
     pub fn carry(&mut self, brain: &mut Brain, now_us: u64) {
         for bus in 0..MAX_BUSES as u8 {
             if !self.list.iter().any(|d| d.motor.channel.bus == bus) {

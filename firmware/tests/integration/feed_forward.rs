@@ -20,7 +20,7 @@ use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND, library_with_torques};
 const KP: f32 = 20.0;
 const LOAD_NM: f32 = 1.0;
 
-/// The library with what holds the load of the first joint.
+/// Library with the torque that holds the load of the first joint.
 fn holding(config: &RobotConfig, speed: f32) -> Vec<u8> {
     library_with_torques(config, speed, &|_| [LOAD_NM, 0.0, 0.0])
 }
@@ -67,8 +67,8 @@ fn set_feed_forward(rig: &mut Rig, value: f32) -> ParameterResult {
     rig.parameter(ParameterAction::Set { parameter, channel: 0, value }).result
 }
 
-/// A load sags a joint by load / kp without its torque. With it, the joint is where it shall be, to 1 % of that and
-/// to the steps in which the protocol tells angles and torques.
+/// A load sags a joint by load / kp without its torque. With the torque, the joint is in place to 1 % of that, and to the steps
+/// of angles and torques in the protocol.
 #[test]
 fn a_load_is_held_with_every_protocol() {
     // Steps: 12 bits over ±12.5 rad and ±18 N·m; the others are finer.
@@ -133,7 +133,7 @@ fn the_torque_comes_in_along_the_ramp() {
     assert!(ready.iter().all(|t| (t - LOAD_NM).abs() < 5e-3), "{ready:?}");
 }
 
-/// What lets the robot down takes the torques away at once.
+/// Stops remove the torques at once: a lost servo, DISARM, emergency stop.
 #[test]
 fn no_torque_but_while_driven() {
     for stop in 0..3 {

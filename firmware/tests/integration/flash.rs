@@ -1,5 +1,5 @@
-//! Flash that does what it should, in units and words of an STM32G4; and the life of a library in it.
-//! (How it fails is the business of the tests of the store itself.)
+//! Flash that works, in units and words of an STM32G4, and the life of a library in it. (The tests of the store itself cover
+//! failures.)
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
@@ -60,7 +60,7 @@ impl MappedFlash for Flash {
     }
 }
 
-/// A store of which everything is blank, or one that holds a confirmed library.
+/// Store that is blank, or that holds a confirmed library.
 pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
     let mut store = FlashStore::mount(Flash(vec![0xFF; 18 * 2048]), TRIAL_BOOTS).unwrap();
     if let Some(bytes) = library {
@@ -78,7 +78,7 @@ pub fn parameters() -> FlashParameters<Flash> {
     FlashParameters::mount(Flash(vec![0xFF; 3 * 2048])).unwrap()
 }
 
-/// What the flash of both stores holds after the power was off.
+/// Contents of both stores' flash after a power cycle.
 pub fn mounted_again(
     (library, parameters): (FlashStore<Flash>, FlashParameters<Flash>),
 ) -> (FlashStore<Flash>, FlashParameters<Flash>) {

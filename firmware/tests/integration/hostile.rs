@@ -53,7 +53,7 @@ fn action() -> impl Strategy<Value = Action> {
     ]
 }
 
-/// Values that are allowed, values that are not, and what is no number.
+/// Requests with allowed values, forbidden values, and NaN.
 fn parameter() -> impl Strategy<Value = ParameterAction> {
     let value = prop_oneof![
         -1.0f32..45.0,
@@ -73,7 +73,7 @@ fn parameter() -> impl Strategy<Value = ParameterAction> {
     ]
 }
 
-/// Deeds of a world in which actuators tell the truth.
+/// Deeds of a world with truthful actuators.
 fn honest() -> impl Strategy<Value = Deed> {
     prop_oneof![
         12 => (1u16..250).prop_map(Deed::Run),
@@ -123,8 +123,8 @@ fn dishonest() -> impl Strategy<Value = Deed> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
 
-    /// From whatever the sequence led to: without a host the robot ends without torque; with one,
-    /// and sound actuators, it gets back to SAFE.
+    /// Checks the way back after random sequences. Without a host the robot ends without torque. With a host, and sound
+    /// actuators, it returns to SAFE.
     #[test]
     fn the_way_home_is_never_lost(deeds in prop::collection::vec(honest(), 1..60)) {
         let mut rig = Rig::new(Some(&library()));
@@ -134,7 +134,7 @@ proptest! {
         assert_way_home(&mut rig);
     }
 
-    /// Even when actuators and clock lie, nothing panics, and what goes out is within the limits.
+    /// False feedback and a false clock cause no panic, and commands stay within the limits.
     #[test]
     fn lies_do_not_get_past_the_limits(deeds in prop::collection::vec(dishonest(), 1..120)) {
         let mut rig = Rig::new(Some(&library()));
@@ -167,8 +167,8 @@ fn the_sequences_reach_every_state() {
     assert!(expected.iter().all(|state| seen.contains(state)), "only {seen:?}");
 }
 
-/// What a joint lags behind leaves less of its torque, and all of it comes back at once when it has caught up: the sum is within the limit
-/// in both.
+/// Lag of a joint leaves less of its torque. All of the torque comes back at once when the joint has caught up. The sum is within
+/// the limit in both cases.
 #[test]
 fn a_torque_that_was_scaled_comes_back() {
     let mut rig = Rig::new(Some(&library()));

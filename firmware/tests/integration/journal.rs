@@ -1,4 +1,4 @@
-//! What the controller tells afterwards: why it stopped, to a host that was not there.
+//! Log of the controller: reasons of stops, for a host that was absent.
 
 use crate::rig::Rig;
 use crate::robot::*;

@@ -1,4 +1,4 @@
-//! What is said on the link: commands and their answers, status, fault reports.
+//! Messages on the link: commands and their answers, status, fault reports.
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -61,8 +61,7 @@ fn duplicate_command_not_executed_twice() {
     assert_eq!(rig.brain.state(), State::Ready);
 }
 
-/// What never arrived waits in an adapter that was unplugged, and comes when the 16 bits of its time have gone round
-/// by half and more.
+/// Commands can wait in an unplugged adapter, until the 16 bits of their time have wrapped by half and more.
 #[test]
 fn a_command_that_waited_for_long_is_not_executed() {
     let mut rig = Rig::ready();
@@ -153,7 +152,7 @@ fn a_refused_request_to_arm_is_followed_by_the_reason() {
     }
 }
 
-/// Who comes back needs no clear.
+/// Returning hosts need no clear.
 #[test]
 fn a_host_that_was_away_while_torque_was_off_may_arm() {
     let mut rig = Rig::booted();

@@ -13,7 +13,7 @@ use crate::protocols::{cybergear, dynamixel, maestro, mit, odrive};
 use crate::rig::Rig;
 use crate::{flash, robot};
 
-/// A robot with so many joints on bus 0.
+/// Robot with `count` joints on bus 0.
 fn joints(count: u8) -> RobotConfig {
     let joint = robot::config().channels[0];
     let channel = |id| rollwalk_protocol::config::Channel { id, ..joint };

@@ -94,7 +94,7 @@ fn what_is_out_of_range_is_answered_with_the_limit_and_changes_nothing() {
     assert!(told(&rig, 0).iter().all(|&kp| kp == 20.0));
 }
 
-/// Writing flash stops the control loop, which after a stop has to watch what led to it.
+/// Writing flash stops the control loop, which has to watch the cause of a stop after it.
 #[test]
 fn nothing_is_saved_but_while_disarmed() {
     let wrong_state = (ParameterResult::WrongState, 0.0);
@@ -217,8 +217,8 @@ fn a_controller_without_memory_says_so() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// While the robot walks, whatever is asked for: the bench sees no setpoint, gain, torque or torque
-    /// limit beyond what is allowed, and the robot walks on.
+    /// Random requests while the robot walks: the bench receives no setpoint, gain, torque or torque limit beyond its range, and
+    /// the robot walks on.
     #[test]
     fn requests_while_walking_lead_to_nothing_out_of_limits(
         requests in prop::collection::vec(

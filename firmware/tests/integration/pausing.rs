@@ -9,7 +9,7 @@ use rollwalk_protocol::faults::Severity;
 use rollwalk_protocol::library::{Library, validate};
 use rollwalk_protocol::wire::{Action, CommandResult, State};
 
-/// In the middle of the gait.
+/// Robot in the middle of the gait.
 fn walking() -> Rig {
     let mut rig = Rig::ready();
     let ack = rig.play(CODE_WALK);
@@ -96,7 +96,7 @@ fn a_paused_robot_goes_home_when_the_host_is_lost_or_it_is_disarmed() {
     assert!(rig.brain.faults().is_empty());
 }
 
-/// At 1/64 of the speed the way home would take minutes.
+/// Return at 1/64 of the speed would take minutes.
 #[test]
 fn nobody_watches_a_slow_robot_whose_host_is_lost() {
     let mut rig = Rig::ready();
@@ -178,7 +178,7 @@ fn faster_than_planned_backwards_or_not_at_all_is_refused() {
     assert_eq!(rig.brain.state(), State::Ready);
 }
 
-/// What an operator can do to playback time.
+/// Operator's command that changes playback time.
 #[derive(Clone, Copy, Debug)]
 enum Time {
     Speed(u8),
@@ -190,7 +190,7 @@ fn times() -> impl Strategy<Value = Time> {
     prop_oneof![(1..=PLANNED_SPEED_64THS).prop_map(Time::Speed), Just(Time::Halt), Just(Time::GoOn)]
 }
 
-/// A frame rarely takes a whole number of control periods: what is left of one counts for the next.
+/// A frame rarely takes a whole number of control periods: the rest of a period counts for the next frame.
 #[test]
 fn playback_time_is_exact_at_every_speed() {
     let (config, bytes) = (config(), library());

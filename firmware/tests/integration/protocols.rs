@@ -52,12 +52,12 @@ pub fn maestro() -> Protocol {
     Protocol::Maestro(Maestro { device: None, crc: false, set_multiple: true, pulse })
 }
 
-/// Those that drive joints and wheels, but the Rollwalk profile.
+/// Protocols that drive joints and wheels, except the Rollwalk profile.
 fn protocols() -> impl Iterator<Item = Protocol> {
     Protocol::examples().skip(1).filter(|protocol| protocol.capabilities().wheels)
 }
 
-/// A robot whose buses both speak `protocol`.
+/// Robot with `protocol` on both buses.
 fn bench(protocol: Protocol) -> Rig {
     let mut config = robot::config();
     let bus = Bus { protocol, ..Bus::default() };
@@ -71,7 +71,7 @@ fn bench(protocol: Protocol) -> Rig {
     bench_of(config, [protocol; 2], Bus::default())
 }
 
-/// What an XM540-W150 can do, 230 steps of 0.229 rev/min, and an STS3215 at 12 V, 45 rev/min.
+/// Limits the channels to the speeds of an XM540-W150, 230 steps of 0.229 rev/min, and of an STS3215 at 12 V, 45 rev/min.
 pub fn slow_down(config: &mut RobotConfig) {
     config.channels.iter_mut().for_each(|c| c.max_rate = c.max_rate.min(4.7));
     (config.channels[2].min, config.channels[2].max) = (-4.7, 4.7);
@@ -120,7 +120,7 @@ fn playing(protocol: Protocol) -> Rig {
     rig
 }
 
-/// No drive went farther at once than its channel allows in a tick, and its protocol's step.
+/// Checks that no drive moved farther in a tick than its channel allows, plus its protocol's step.
 fn assert_no_kick(rig: &Rig, what: &Protocol) {
     for drive in &rig.drives.list {
         let c = &drive.motor.channel;
@@ -238,7 +238,7 @@ fn an_order_that_stuck_halfway_begins_again() {
     }
 }
 
-/// A stop in the middle of an order that enables: what is left of the order does not follow.
+/// A stop in the middle of an order that enables drops the rest of the order.
 #[test]
 fn a_stop_goes_before_the_rest_of_an_order() {
     for protocol in protocols() {
@@ -321,7 +321,7 @@ fn an_order_that_enables_is_whole() {
     }
 }
 
-/// Let down, joints are damped where the protocol can tell it, and let go where not. Wheels brake.
+/// Reaction of the other drives: joints are damped where the protocol allows it, and limp elsewhere. Wheels brake.
 #[test]
 fn a_silent_drive_damps_the_others_as_far_as_they_can() {
     for protocol in protocols() {
@@ -367,7 +367,7 @@ fn a_drive_that_reports_a_fault_damps_all() {
     }
 }
 
-/// A fault frame between two feedbacks that know nothing of it.
+/// A fault frame between two feedbacks without the fault.
 #[test]
 fn a_fault_that_is_told_once_is_heard() {
     let mut rig = playing(cybergear());
@@ -384,7 +384,7 @@ fn a_fault_that_is_told_once_is_heard() {
     assert_eq!(rig.brain.state(), State::Damped);
 }
 
-/// What a drive keeps has to be cleared before torque can come on again, and is while it is off.
+/// Faults that a drive keeps must be cleared before torque can come on again. The controller clears them while torque is off.
 #[test]
 fn faults_that_drives_keep_are_cleared_while_torque_is_off() {
     let mut rig = playing(odrive(Version::V06));
@@ -400,7 +400,7 @@ fn faults_that_drives_keep_are_cleared_while_torque_is_off() {
     rig.run_until(State::Ready, 2000);
 }
 
-/// Telemetry of channels with the mark of a missed answer, over so many control periods.
+/// Telemetry of channels marked as unanswered, over `ticks` control periods.
 fn unanswered(rig: &mut Rig, ticks: u32) -> Vec<u8> {
     let from = rig.heard.len();
     rig.run(ticks);
@@ -433,7 +433,7 @@ fn a_servo_that_does_not_answer_once_is_told_of_once() {
     assert_eq!(unanswered(&mut rig, 60), [0; 0]);
 }
 
-/// Heartbeats tell nothing of the pose, and go on when the encoder has gone.
+/// Heartbeats contain no pose, and continue after a failure of the encoder.
 #[test]
 fn only_a_pose_is_a_sign_of_life() {
     let mut rig = playing(odrive(Version::V06));
@@ -448,7 +448,7 @@ fn only_a_pose_is_a_sign_of_life() {
     assert!(rig.brain.faults().contains(Fault::ActuatorSilent));
 }
 
-/// A Maestro cannot tell where its servos are.
+/// A Maestro cannot report the positions of its servos.
 #[test]
 fn a_pose_that_nobody_measures_has_to_be_assumed() {
     let config = robot::config();
@@ -485,7 +485,7 @@ fn set(rig: &mut Rig, parameter: Parameter, channel: u8, value: f32) -> Paramete
     rig.parameter(ParameterAction::Set { parameter, channel, value }).result
 }
 
-/// On the way and in the end; one drive at a time, so that setpoints get through.
+/// Gains are sent along the ramp and at its end, to one drive at a time, so that setpoints get through.
 #[test]
 fn drives_that_keep_gains_and_limits_are_told_new_ones_while_they_run() {
     let mut rig = ready(odrive(Version::V06));

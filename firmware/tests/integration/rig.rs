@@ -45,7 +45,7 @@ pub struct Servo {
     pub torques: Vec<f32>,
     /// The last torque before it was scaled with the gains for the sum to be within the limit, N·m.
     meant_nm: f32,
-    /// What pushes it from outside, N·m: it gives way until its law holds that.
+    /// External load, N·m: the servo yields until its control law holds it.
     pub load_nm: f32,
 }
 
@@ -169,23 +169,23 @@ impl Servo {
     }
 }
 
-/// What the host has heard, with the time.
+/// Frames that the host has received, with the time.
 pub type Heard = Vec<(u64, FromController)>;
 
 pub struct Rig {
     pub brain: Brain,
     pub now_us: u64,
     pub servos: Vec<Servo>,
-    /// Drives that speak something else than the Rollwalk profile: in place of those servos.
+    /// Drives of other protocols than the Rollwalk profile, in place of those servos.
     pub drives: Drives,
     pub settings: Settings,
-    /// Whether frames for the actuators are taken off the controller.
+    /// True if frames for the actuators are taken off the controller.
     pub buses_up: bool,
-    /// Whether the host sends heartbeats.
+    /// True if the host sends heartbeats.
     pub host_alive: bool,
     /// Address of the heartbeats.
     pub heartbeats_to: Node,
-    /// Whether feedback comes from the servos alone, so that the first setpoint must be their pose.
+    /// True if feedback comes from the servos alone, so that the first setpoint must be their pose.
     pub trust_pose: bool,
     sent: Vec<Frame>,
     pub heard: Heard,
@@ -198,7 +198,7 @@ pub struct Rig {
     commands: [Option<Command>; 16],
     parameter_seq: u8,
     endpoint: Endpoint,
-    /// What goes ahead of the host's messages.
+    /// Authenticator that goes ahead of the host's messages.
     #[cfg(feature = "authenticated")]
     pub prover: Option<crate::authentication::Prover>,
 }
@@ -245,7 +245,7 @@ impl Rig {
         }
     }
 
-    /// The power goes off and on again; the controller may now know another configuration.
+    /// Switches the power off and on again; the controller may now have another configuration.
     pub fn power_cycled(self, config: RobotConfig) -> Self {
         let (library, parameters) = flash::mounted_again(self.brain.into_stores());
         let (buses, settings) = (Buses::new(), self.settings);
@@ -257,7 +257,7 @@ impl Rig {
         rig
     }
 
-    /// A robot that has booted and knows its pose.
+    /// Robot that has booted, with a known pose.
     pub fn booted() -> Self {
         let mut rig = Self::new(Some(&robot::library()));
         rig.run(20);
@@ -273,7 +273,7 @@ impl Rig {
         rig
     }
 
-    /// Whether the joints are in the SAFE pose, which is whole quanta: to a step of a setpoint.
+    /// True if the joints are in the SAFE pose, to a step of a setpoint: the pose is in whole quanta.
     pub fn stands(&self) -> bool {
         let joints = self.servos[..2].iter().zip(robot::STAND);
         joints.into_iter().all(|(servo, safe)| (servo.value - safe).abs() <= POSITION_STEP_RAD)
@@ -416,7 +416,7 @@ impl Rig {
         self.exchange(bytes);
     }
 
-    /// Sends what proves a message, if the host has a key.
+    /// Sends the proof of a message, if the host has a key.
     #[cfg(feature = "authenticated")]
     fn prove(&mut self, id: u16, bytes: &[u8]) {
         if let Some(proof) = self.prover.as_mut().and_then(|prover| prover.proof(id, bytes)) {
@@ -497,7 +497,7 @@ impl Rig {
         response
     }
 
-    /// One control period: a tick, and what the buses carry after it.
+    /// Runs a control period: a tick, and the traffic of the buses after it.
     pub fn step(&mut self) {
         self.now_us += 1_000_000 / u64::from(self.settings.control_hz);
         if self.host_alive && self.now_us >= self.heartbeat_us {

@@ -90,8 +90,7 @@ fn walk() -> Vec<f32> {
     (0..WALK_FRAMES).flat_map(|i| walk_at(f32::from(i))).collect()
 }
 
-/// From one pose to another along a smooth step: what matters here is that it starts and ends
-/// where it shall.
+/// Frames from one pose to another along a smooth step. Only the start and the end matter here.
 fn transition(from: [f32; CHANNELS], to: [f32; CHANNELS]) -> Vec<f32> {
     (0..TRANSITION_FRAMES)
         .flat_map(|i| {
@@ -121,7 +120,7 @@ pub fn library_that_settles() -> Vec<u8> {
     build(&config(), &settle(), false)
 }
 
-/// The library, which tells that one of its motions has the nose down by so much, more or less.
+/// Library in which the motion with `code` is pitched nose-down by `pitch_rad`, give or take `spread_rad`.
 pub fn library_with_attitudes(code: u8, pitch_rad: f32, spread_rad: f32) -> Vec<u8> {
     let level = Attitude { spread_rad, ..Attitude::LEVEL };
     let up_body = [-pitch_rad.sin(), 0.0, pitch_rad.cos()];
@@ -146,7 +145,7 @@ fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
     build_at(config, stand, looping, 1.0)
 }
 
-/// With the wheel `speed` times as fast.
+/// Library with the wheel `speed` times as fast.
 fn build_at(config: &RobotConfig, stand: &[f32], looping: bool, speed: f32) -> Vec<u8> {
     build_told(config, stand, looping, speed, &[], &|_| vec![])
 }

@@ -1,5 +1,5 @@
-//! What went wrong with others, and must not here. `docs/playback-and-safety.md` lists every scar with
-//! the test that has its number; those that are not here stand with what they are about.
+//! Failures of other robots that must not happen here. `docs/playback-and-safety.md` lists every scar with the test that has its
+//! number. Scars without a test here have it next to their subject.
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -37,7 +37,7 @@ fn scar_3_checked_before_it_is_sent_and_an_abort_aborts() {
     assert!(rig.servos[1].setpoints.iter().rev().take(50).all(|&(value, _)| value == held));
 }
 
-/// Every sixteenth number of a heartbeat.
+/// Heartbeat numbers in steps of 16.
 const EVERY_16TH: [u8; 16] =
     [0, 16, 32, 48, 64, 80, 96, 112, 128, 144, 160, 176, 192, 208, 224, 240];
 
@@ -105,7 +105,7 @@ fn scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches() {
     }
 }
 
-/// Its counter begins at 0 wherever the one before had stopped.
+/// Counter of a restarted host begins at 0, wherever the one before had stopped.
 #[test]
 fn a_host_that_was_started_again_is_heard_within_the_timeout() {
     for before in (0..=255).step_by(5) {
@@ -162,13 +162,13 @@ fn scar_7_any_fault_shows_in_the_status_word() {
     }
 }
 
-/// What a bad link does with a frame.
+/// Effect of a bad link on a frame.
 #[derive(Clone, Copy, Debug)]
 enum Fate {
     Arrives,
     IsLost,
     ArrivesTwice,
-    /// After so many others.
+    /// Arrives after this many other frames.
     IsOvertaken(usize),
 }
 

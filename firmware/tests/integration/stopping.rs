@@ -125,7 +125,7 @@ fn a_repeated_heartbeat_is_no_sign_of_life() {
     assert_eq!(rig.brain.state(), State::Returning);
 }
 
-/// All 256 numbers, each after its predecessor, and each third one lost.
+/// Heartbeats with all 256 numbers in order, each third one lost.
 #[test]
 fn a_robot_plays_through_all_numbers_of_heartbeats() {
     let mut rig = Rig::ready();

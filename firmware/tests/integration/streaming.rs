@@ -54,7 +54,7 @@ fn stream_up_to(rig: &mut Rig, from: u16, to: u16) {
     }
 }
 
-/// Frames taken so far, as STATUS tells.
+/// Frames taken so far, as reported by STATUS.
 fn taken(rig: &mut Rig) -> u16 {
     rig.run(24);
     rig.statuses().last().unwrap().1.frame

@@ -1,4 +1,4 @@
-//! An IMU tells that the body is tilted otherwise than the motion makes it.
+//! Tilt of the body, measured by an IMU, that differs from the motion's own.
 
 use crate::rig::Rig;
 use crate::robot::*;
@@ -42,7 +42,7 @@ fn a_lean_leads_home_and_a_fall_is_let_down() {
     assert!(rig.brain.faults().contains(Fault::Tilt));
 }
 
-/// At 1/64 of the speed the way home would take minutes.
+/// Return at 1/64 of the speed would take minutes.
 #[test]
 fn a_slow_robot_that_leans_goes_home_at_the_planned_speed() {
     let mut rig = Rig::ready();
@@ -78,7 +78,7 @@ fn the_library_says_how_a_motion_tilts_the_body() {
     assert_eq!(rig.brain.state(), State::Returning);
 }
 
-/// Also before anything is played: while the joints go to SAFE.
+/// Attitude of SAFE counts even before anything is played: while the joints go to SAFE.
 #[test]
 fn the_library_says_how_safe_tilts_the_body() {
     for (pitch_rad, is_well) in [(0.6, true), (0.0, false)] {

@@ -114,7 +114,7 @@ fn no_enable_kick() {
     }
 }
 
-/// What was measured a while ago says nothing of now: no torque from it.
+/// Stale measurements say nothing about the present: the controller makes no torque from them.
 #[test]
 fn stale_feedback_makes_no_torque() {
     for protocol in protocols() {

@@ -1,5 +1,5 @@
-//! A loop that a host closes over the link: measurements at a fixed rate, setpoints that answer them, and what becomes of the robot when
-//! they do not come.
+//! Loop that a host closes over the link: measurements at a fixed rate, setpoints that answer them, and the robot's behaviour
+//! without answers.
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -50,7 +50,7 @@ fn answer(rig: &mut Rig, number: u8, change: impl Fn(&mut Setpoint)) {
     }
 }
 
-/// Answers each sample for so many periods.
+/// Answers each sample for `periods` control periods.
 fn follow(rig: &mut Rig, periods: u32, change: impl Fn(&mut Setpoint)) {
     for _ in 0..periods {
         rig.run(1);
@@ -166,7 +166,7 @@ fn a_host_whose_answers_are_old_does_not_steer() {
     assert!(rig.stands());
 }
 
-/// Of answers that are late by so much that the robot would hold still again and again, some act and none makes it stiff.
+/// Late answers, with which the robot would hold still again and again: some act, and none makes it stiff.
 #[test]
 fn gains_do_not_flicker_with_the_age_of_answers() {
     for age in 0..10 {
@@ -389,7 +389,7 @@ fn answers_to_no_sample_of_late_are_none() {
     }
 }
 
-/// The share of feed-forward is for libraries: what bears the robot goes over to what SAFE has of it along the ramp.
+/// The share of feed-forward is for libraries: along the ramp, the host's torques turn into those of SAFE.
 #[test]
 fn the_torques_of_the_host_do_not_end_at_once_with_return() {
     let mut rig = Rig::ready();
@@ -406,7 +406,7 @@ fn the_torques_of_the_host_do_not_end_at_once_with_return() {
     assert_eq!(nm(&rig), 0.0);
 }
 
-/// An answer says where all gains are to be, also while they rise.
+/// An answer sets the targets of all gains, also while they rise.
 #[test]
 fn a_stiff_answer_after_a_hold_is_where_it_says() {
     let mut rig = tracked();

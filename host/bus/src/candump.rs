@@ -48,7 +48,7 @@ pub fn write<I: fmt::Display>(entries: &[LogEntry<I>], mut to: impl io::Write) -
 pub struct ParseError {
     /// Counted from 1.
     pub line: usize,
-    /// What is wrong.
+    /// Description of the defect.
     pub what: String,
     /// The line.
     pub text: String,
@@ -73,8 +73,8 @@ pub fn parse<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Vec<LogEntry<I
     read(text).map(|log| log.entries)
 }
 
-/// Reads the data frames of a log. Empty lines, remote frames and reports of errors are skipped, frames of CAN FD and CAN XL are counted,
-/// and a last line that was cut off is named.
+/// Reads the data frames of a log. Empty lines, remote frames and reports of errors are skipped, frames of CAN FD and CAN XL
+/// are counted, and a last line that was cut off is named.
 ///
 /// # Errors
 /// The first other line that is not in the format of a log, or whose time shows that times are differences.
@@ -111,13 +111,13 @@ pub fn read<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Log<I>, ParseEr
     Ok(log)
 }
 
-/// Whether a text is in one of candump's formats, those without times included; judged by its first line.
+/// True if the first line of a text has one of candump's formats, those without times included.
 pub fn is_of_candump(text: &str) -> bool {
     let first = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
     first.trim_start().starts_with('(') || is_view(&mut first.split_whitespace())
 }
 
-/// Whether fields are `can0 123 [2] 11 22`, which candump shows without `-L`; of CAN FD the length has two digits.
+/// True for fields such as `can0 123 [2] 11 22`, which candump prints without `-L`. The length of CAN FD frames has two digits.
 fn is_view<'t>(fields: &mut impl Iterator<Item = &'t str>) -> bool {
     let (_, id, length) = (fields.next(), fields.next(), fields.next());
     let is_hex = |id: &str| id.bytes().all(|digit| digit.is_ascii_hexdigit());

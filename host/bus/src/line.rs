@@ -37,7 +37,7 @@ pub(crate) const SIMULATED: &str = "the simulated robot";
 /// Writes lines, whole and in their order.
 pub(crate) struct LineWriter {
     name: String,
-    /// `None` once the writer ends.
+    /// Queue of lines; `None` once the writer ends.
     lines: Option<Sender<Vec<u8>>>,
     shared: Arc<Shared>,
     /// Carries no message; disconnects when everything is written.
@@ -48,7 +48,7 @@ pub(crate) struct LineWriter {
 struct Shared {
     /// Lines that are not written yet.
     waiting: AtomicUsize,
-    /// When the device last accepted bytes, or the oldest queued line was put.
+    /// Instant at which the device last accepted bytes, or at which the oldest queued line was put.
     moved: Mutex<Instant>,
     /// Attempts to write that have timed out since.
     refused: AtomicU32,
@@ -94,7 +94,7 @@ impl LineWriter {
         &self.name
     }
 
-    /// Whether [`Self::put`] would take a line or report that the line is down, instead of [`LinkError::Busy`].
+    /// True if [`Self::put`] would not return [`LinkError::Busy`]: it would take a line, or report that the line is down.
     pub fn is_free(&self) -> bool {
         !matches!(self.ready(), Err(LinkError::Busy))
     }
@@ -163,7 +163,7 @@ impl Shared {
         self.refused.store(0, Ordering::Relaxed);
     }
 
-    /// Whether lines are queued and the device has accepted nothing for [`DEAD`], although it was offered them.
+    /// True if lines are queued and the device has accepted no bytes for [`DEAD`], despite attempts to write.
     fn is_dead(&self) -> bool {
         if self.waiting.load(Ordering::Relaxed) == 0 || lock(&self.moved).elapsed() < DEAD {
             return false;

@@ -2,7 +2,7 @@
 
 use rollwalk_protocol::can::Frame;
 
-/// Why a frame cannot be sent or received.
+/// Reason for which a frame cannot be sent or received.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LinkError {
     /// The transmit queue is full; try again after a while.

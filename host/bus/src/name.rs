@@ -9,7 +9,7 @@ pub const DEFAULT_BAUD: u32 = 1_000_000;
 /// Bitrate of an SLCAN adapter's bus unless the name says otherwise, bit/s.
 pub const DEFAULT_BITRATE: u32 = 1_000_000;
 
-/// Which bus.
+/// Name of a bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BusName {
     /// `sim` or `sim:PATH`: a simulated robot on this computer, by its socket.
@@ -21,7 +21,7 @@ pub enum BusName {
     Can {
         /// The network interface, such as `can0`.
         interface: String,
-        /// What its bitrate must be, bit/s.
+        /// Required bitrate, bit/s; `None` accepts the interface's.
         bitrate: Option<u32>,
     },
     /// `serial:DEVICE[@BAUD]`: a serial line to the controller.
@@ -47,19 +47,19 @@ pub enum BusName {
     },
     /// `pty:PATH`: a serial line of simulated actuators, a pseudo-terminal that this program makes.
     Pty {
-        /// Where the link to it is put.
+        /// Path of the symbolic link to the pseudo-terminal.
         link: PathBuf,
     },
 }
 
 impl BusName {
-    /// Whether it is a serial line of actuators, which carries bytes instead of frames.
+    /// True for a serial line of actuators, which carries bytes instead of frames.
     pub fn carries_bytes(&self) -> bool {
         matches!(self, Self::Tty { .. } | Self::Pty { .. })
     }
 }
 
-/// What is wrong with a name.
+/// Defect of a bus name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "`{name}` is no bus: {what}. A bus is sim[:SOCKET], can:INTERFACE[@BITRATE], \

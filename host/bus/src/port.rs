@@ -36,7 +36,7 @@ pub enum Event {
 
 /// Transmitting end of a bus.
 pub trait Outlet: Send {
-    /// Whether [`Self::send`] would take a frame or report that the bus is gone, instead of [`LinkError::Busy`].
+    /// True if [`Self::send`] would not return [`LinkError::Busy`]: it would take a frame, or report that the bus is gone.
     fn is_free(&self) -> bool;
 
     /// Sends a frame.
@@ -45,7 +45,7 @@ pub trait Outlet: Send {
     /// [`LinkError::Busy`] when too many frames are in flight, otherwise why the bus is gone.
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
-    /// Whether it is a serial line of actuators, which carries bytes instead of frames.
+    /// True for a serial line of actuators, which carries bytes instead of frames.
     fn carries_bytes(&self) -> bool {
         false
     }
@@ -95,7 +95,7 @@ pub trait Inlet: Send {
     fn next_event(&mut self) -> Result<Option<Event>, LinkError>;
 }
 
-/// Both ends of a bus.
+/// Transmitting and receiving ends of a bus.
 pub struct Port {
     /// Transmits.
     pub outlet: Box<dyn Outlet>,
@@ -211,7 +211,7 @@ pub struct Live {
     hub: Hub,
     /// Frames that arrived while [`Self::report`] waited.
     frames: VecDeque<Frame>,
-    /// Why the bus is gone, once it is.
+    /// Reason for which the bus is gone, if it is.
     lost: Option<LinkError>,
     started: Instant,
 }

@@ -18,7 +18,7 @@ use std::time::Instant;
 /// Group of the users who may use serial devices.
 pub const GROUP: &str = "dialout";
 
-/// What a user types who has to be in a group.
+/// Returns the command that adds the user to a group.
 pub fn join(group: &str) -> String {
     format!("sudo usermod -aG {group} $USER, then log in again")
 }
@@ -32,7 +32,7 @@ pub fn open(device: &Path, baud: u32) -> Result<Port, OpenError> {
     Ok(port(&device.display().to_string(), reader, writer))
 }
 
-/// Both ends of a serial device at `baud` bits per second, 8 bits, no parity, one stop bit, no flow control.
+/// Opens a serial device at `baud` bits per second, 8 data bits, no parity, one stop bit, no flow control; returns its two ends.
 pub(crate) fn open_device(
     device: &Path,
     baud: u32,
@@ -91,7 +91,7 @@ fn devices() -> String {
     format!("plugged in: {}", names.join(", "))
 }
 
-/// Both ends of a line that carries [`Packet`]s; `name` is for messages.
+/// Port of a line that carries [`Packet`]s; `name` is for messages.
 pub fn port(
     name: &str,
     reader: impl Read + Send + 'static,
@@ -100,7 +100,7 @@ pub fn port(
     both_ends(name, reader, writer, Some(Gateway::default()))
 }
 
-/// As [`port`], for a line with more than two ends: without a gateway, every packet is a frame for all of them.
+/// Port of a line with more than two ends; otherwise like [`port`]. Without a gateway, every packet is a frame for all ends.
 pub(crate) fn shared_port(
     name: &str,
     reader: impl Read + Send + 'static,
@@ -284,7 +284,7 @@ mod tests {
         assert_eq!(link.receive(soon), Err(hung_up), "and it stays so");
     }
 
-    /// Both ends see a CAN bus with ISO-TP; the line carries one packet each way.
+    /// CAN bus with ISO-TP as seen by two ends; the line carries one packet each way.
     #[test]
     fn messages_cross_the_line_whole() {
         let (host, far) = line();

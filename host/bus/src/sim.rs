@@ -58,7 +58,7 @@ pub fn connect(socket: Option<&Path>) -> Result<Port, OpenError> {
 struct Member {
     number: u64,
     stream: UnixStream,
-    /// What it has not taken yet.
+    /// Bytes that the program has not accepted yet.
     waiting: Vec<u8>,
     retry: Instant,
 }

@@ -74,9 +74,9 @@ pub fn port(
 struct SlcanOutlet {
     writer: LineWriter,
     bitrate: u32,
-    /// Whether the device has sent a valid SLCAN line. Not all adapters confirm commands.
+    /// True if the device has sent a valid SLCAN line. Some adapters do not confirm commands.
     answers: Arc<AtomicBool>,
-    /// Whether the adapter refused a command and has confirmed none since.
+    /// True if the adapter has refused a command and confirmed none since.
     refuses: Arc<AtomicBool>,
 }
 

@@ -1,8 +1,7 @@
-//! Serial lines of actuators: bytes as they are, both ways. [`open`] takes an adapter, such as a U2D2, [`serve`] makes a
-//! pseudo-terminal, behind which simulated servos are to another program what an adapter is.
+//! Serial lines of actuators: raw bytes, both ways. [`open`] opens an adapter, such as a U2D2. [`serve`] makes a pseudo-terminal
+//! that replaces an adapter, with simulated servos behind it.
 //!
-//! The line is for one program: a second one is refused as long as the first has it open, and no longer, however the
-//! first ends.
+//! Only one program may open the line: a second one is refused until the first has closed it or ended.
 
 use crate::error::OpenError;
 use crate::line::{LineWriter, read};
@@ -14,9 +13,9 @@ use std::fs;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
-/// Adapters as the kernel's drivers tell of them, a folder each.
+/// Directory of the kernel's USB serial adapters, with one folder for each.
 const DEVICES: &str = "/sys/bus/usb-serial/devices";
-/// The longest time that an adapter of FTDI's keeps bytes back, ms. From the factory 16: two control periods.
+/// Longest accepted latency of an FTDI adapter, ms. The factory setting is 16 ms, two control periods.
 const LATENCY_MS: u32 = 1;
 
 /// Opens a serial adapter at `baud` bits per second.
@@ -32,17 +31,17 @@ pub fn open(device: &Path, baud: u32) -> Result<Port, OpenError> {
     Ok(port(&device.display().to_string(), reader, writer, complaint))
 }
 
-/// How long an adapter keeps bytes back.
+/// FTDI latency timer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Latency {
-    /// The setting, a file of the kernel's.
+    /// Path of the setting in sysfs.
     pub setting: PathBuf,
-    /// Its value, ms.
+    /// Latency, ms.
     pub ms: u32,
 }
 
 impl Latency {
-    /// That of a device, such as `ttyUSB0`; `None` for adapters without such a setting, which are all but FTDI's.
+    /// Reads the latency timer of a device, such as `ttyUSB0`. Only FTDI adapters have one; `None` for others.
     pub fn of(name: &str) -> Option<Self> {
         Self::below(Path::new(DEVICES), name)
     }
@@ -53,18 +52,18 @@ impl Latency {
         Some(Self { setting, ms })
     }
 
-    /// Whether poses of servos behind it come too late.
+    /// True if servo positions arrive too late at this latency.
     pub fn is_long(&self) -> bool {
         self.ms > LATENCY_MS
     }
 
-    /// Command that makes it short.
+    /// Returns the command that sets the short latency.
     pub fn shorten(&self) -> String {
         format!("echo {LATENCY_MS} | sudo tee {}", self.setting.display())
     }
 }
 
-/// Has an adapter of FTDI's pass bytes on at once; returns what to do where that is not allowed.
+/// Sets the short latency of an FTDI adapter; returns the remedy if access is denied.
 fn hurry(devices: &Path, name: &str) -> Option<String> {
     let latency = Latency::below(devices, name).filter(Latency::is_long)?;
     if fs::write(&latency.setting, LATENCY_MS.to_string()).is_ok() {
@@ -76,7 +75,7 @@ fn hurry(devices: &Path, name: &str) -> Option<String> {
     ))
 }
 
-/// Both ends of a line that carries bytes; `name` is for messages.
+/// Port of a line that carries bytes; `name` is for messages.
 pub fn port(
     name: &str,
     reader: impl Read + Send + 'static,
@@ -154,7 +153,7 @@ mod pseudo {
     const WAIT: Duration = Duration::from_millis(50);
     /// Interval at which the line looks for a program at its other end.
     const LONELY: Duration = Duration::from_millis(5);
-    /// Where the system has its pseudo-terminals.
+    /// Directory of the system's pseudo-terminals.
     const TERMINALS: &str = "/dev/pts";
 
     /// Makes a pseudo-terminal, and at `link` a symbolic link to the end that other programs open; it is there as long as
@@ -184,7 +183,7 @@ mod pseudo {
     /// The end of a pseudo-terminal whose other end may be open or not.
     struct Patient(TTYPort);
 
-    /// Whether an error is one of a line that goes on.
+    /// True for transient errors: interrupted, timeout, would block.
     fn passes(error: &io::Error) -> bool {
         use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
         matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
@@ -208,7 +207,7 @@ mod pseudo {
     }
 
     impl Write for Patient {
-        /// What no program reads is lost, as on a wire.
+        /// Discards the bytes if no program reads them, as a wire does.
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             match self.0.write(bytes) {
                 Err(error) if !passes(&error) => Ok(bytes.len()),
@@ -265,7 +264,7 @@ mod tests {
     /// Far longer than anything takes.
     const LONG: Duration = Duration::from_secs(60);
 
-    /// So many bytes of a port.
+    /// Receives bytes from the port until there are at least `count`.
     fn heard(hub: &mut Hub, count: usize) -> Vec<u8> {
         let (start, mut all) = (Instant::now(), Vec::new());
         while all.len() < count {
@@ -283,7 +282,7 @@ mod tests {
         let link = folder.path().join("servos");
         let mut servos = Hub::new([serve(&link).unwrap()]);
         assert!(servos.outlets[0].carries_bytes());
-        // To nobody.
+        // No program has the other end open.
         servos.outlets[0].send_bytes(&[1, 2]).unwrap();
         for round in 0..2u8 {
             let mut controller = Hub::new([open(&link, 1_000_000).unwrap()]);
@@ -292,7 +291,7 @@ mod tests {
             controller.outlets[0].send_bytes(&all).unwrap();
             assert_eq!(heard(&mut servos, all.len()), all);
             servos.outlets[0].send_bytes(&all).unwrap();
-            // What was sent to nobody may come first.
+            // The two bytes that were sent before may come first.
             let mut said = heard(&mut controller, all.len());
             while !said.ends_with(&all) {
                 said.extend(heard(&mut controller, 1));

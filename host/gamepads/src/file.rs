@@ -13,7 +13,7 @@ pub struct Mapping {
     pub devices: Vec<String>,
     /// Inputs that stop the robot; at least one.
     pub estop: Vec<Input>,
-    /// Which button the device's driver calls `BTN_NORTH`.
+    /// Button that the device's driver calls `BTN_NORTH`.
     pub north: North,
     /// The deadman.
     pub deadman: Hold,
@@ -23,14 +23,14 @@ pub struct Mapping {
     pub buttons: Vec<(Input, Does)>,
 }
 
-/// Which of the four buttons on the right a driver calls `BTN_NORTH`; it calls the other of the two `BTN_WEST`. Browsers
-/// number buttons by their positions, so that a mapping has to say it.
+/// Button on the right that a driver calls `BTN_NORTH`: the top one or the left one. The driver calls the other one `BTN_WEST`. A
+/// mapping must state this, because browsers number buttons by their positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum North {
-    /// The top one, as Linux documents it.
+    /// Top button, as Linux documents it.
     #[default]
     Top,
-    /// The left one, as `xpad` does.
+    /// Left button, as in `xpad`.
     Left,
 }
 
@@ -60,33 +60,33 @@ pub struct Speed {
     pub opposite: f32,
 }
 
-/// What a button does.
+/// Action of a button.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Does {
     /// Plays a motion.
     Play(Motion),
-    /// Torque on.
+    /// Turns torque on.
     Arm,
-    /// Out of a stop.
+    /// Clears a stop.
     Clear,
-    /// Halt, or go on.
+    /// Pauses or resumes.
     Pause,
-    /// To SAFE.
+    /// Returns to SAFE.
     Return,
-    /// To SAFE, torque off.
+    /// Returns to SAFE, then turns torque off.
     Disarm,
 }
 
-/// Which motion.
+/// Motion of a button.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Motion {
-    /// By command code.
+    /// Command code.
     Code(u8),
-    /// By its name in the library.
+    /// Name in the library.
     Named(String),
 }
 
-/// What can be written for a button.
+/// Texts accepted for a button.
 const WORDS: [&str; 6] = ["play MOTION", "arm", "clear", "pause", "return", "disarm"];
 
 impl Mapping {
@@ -248,7 +248,7 @@ fn buttons(document: &Document<'_>, table: &Table<'_>, taken: &mut Taken) -> Vec
     all
 }
 
-/// What the words for a button mean, or what would be right.
+/// Parses the action of a button; the error states what would be valid.
 fn does(text: &str) -> Result<Does, String> {
     match text {
         "arm" => return Ok(Does::Arm),

@@ -71,7 +71,7 @@ pub struct Push {
 }
 
 impl Push {
-    /// How far the axis is pushed this way, 0 to 1, when it is at `value`, −1 to 1.
+    /// Deflection in this direction, 0 to 1, of an axis at `value`, −1 to 1.
     pub fn how_far(self, value: f32) -> f32 {
         let pushed = if self.positive { value } else { -value };
         if pushed.is_finite() { pushed.clamp(0.0, 1.0) } else { 0.0 }
@@ -107,13 +107,13 @@ pub fn push(name: &str) -> Option<Push> {
     AXES.iter().find(|(known, _)| *known == name).map(|&(_, axis)| Push { axis, positive })
 }
 
-/// All names, for suggestions.
+/// Names of all inputs, for suggestions.
 pub fn names() -> Vec<String> {
     let buttons = BUTTONS.iter().map(|(name, _)| (*name).to_owned());
     buttons.chain(axis_names()).collect()
 }
 
-/// All names of axes with directions, for suggestions.
+/// Names of all axes with directions, for suggestions.
 pub fn axis_names() -> Vec<String> {
     AXES.iter().flat_map(|(name, _)| [format!("{name}+"), format!("{name}-")]).collect()
 }

@@ -1,5 +1,5 @@
-//! What buttons of gamepads mean (docs/gamepad.md), wherever their events come from: Linux, for the console, or a browser, for the
-//! studio's page. No device, no clock.
+//! Meaning of gamepad buttons (docs/gamepad.md). Events come from Linux, for the console, or from a browser, for the studio's
+//! page. The crate needs no device and no clock.
 //!
 //! | module | is |
 //! |---|---|

@@ -16,9 +16,9 @@ const SPEED_NOISE: i8 = 2;
 /// An event of a gamepad.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// It is there. What is pressed just now was pressed for something else, and counts after it was let go.
+    /// The gamepad is connected. Inputs pressed at that time, except an emergency stop, count only after a release.
     Found {
-        /// How it is called.
+        /// Name of the device.
         name: String,
         /// Buttons that are down.
         buttons: Vec<u16>,
@@ -27,30 +27,30 @@ pub enum Event {
     },
     /// A button goes down or up.
     Button {
-        /// Its number.
+        /// Button number.
         number: u16,
         /// Down.
         down: bool,
     },
     /// An axis moves.
     Axis {
-        /// Its number.
+        /// Axis number.
         axis: u16,
-        /// Where it is: −1 to 1, for triggers 0 to 1.
+        /// Position, −1 to 1; triggers 0 to 1.
         value: f32,
     },
-    /// It is gone, and why.
+    /// The gamepad is disconnected, for the given reason.
     Gone(String),
 }
 
-/// What follows.
+/// Request that results from events.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wish {
-    /// The operator wants this.
+    /// Intent of the operator.
     Want(Intent),
-    /// The operator wants this motion.
+    /// Request to play a motion.
     Play(Motion),
-    /// A message to the operator; whether it is an error.
+    /// Message to the operator; true for an error.
     Say(String, bool),
 }
 
@@ -82,21 +82,21 @@ pub struct Pad {
     mapping: Mapping,
     is_there: bool,
     down: BTreeSet<Input>,
-    /// Down since before they count.
+    /// Inputs that count only after a release.
     stale: BTreeSet<Input>,
     held: bool,
-    /// Axes where they were seen last.
+    /// Last known position of each axis.
     axes: BTreeMap<u16, f32>,
     speed: Option<i8>,
     heard_us: u64,
-    /// How long a button must be held to arm, µs.
+    /// Time for which a button must be held to arm, µs.
     arm_hold_us: u64,
     /// The button that is held to arm, and since when, µs.
     arming: Option<(Input, u64)>,
 }
 
 impl Pad {
-    /// A gamepad that is not there yet.
+    /// Creates a gamepad that is not connected yet.
     pub fn new(mapping: Mapping) -> Self {
         Self {
             mapping,
@@ -112,12 +112,12 @@ impl Pad {
         }
     }
 
-    /// The same gamepad, whose button must be held for so long to arm, with the deadman.
+    /// Sets the time for which the button must be held to arm, together with the deadman.
     pub fn arming_after(self, arm_hold_us: u64) -> Self {
         Self { arm_hold_us, ..self }
     }
 
-    /// Which button of a browser's gamepad is `BTN_NORTH`.
+    /// Button of a browser's gamepad that is `BTN_NORTH`.
     pub fn north(&self) -> North {
         self.mapping.north
     }
@@ -132,12 +132,12 @@ impl Pad {
         }
     }
 
-    /// The deadman is not held: the first wish of every console with a gamepad.
+    /// Request at the start of every console with a gamepad: the deadman is not held.
     pub fn released(&self) -> Deadman {
         Deadman::Released(self.mapping.deadman.released)
     }
 
-    /// How far an axis is pushed this way, 0 to 1; 0 while the deadman is not held.
+    /// Deflection of an axis in this direction, 0 to 1; 0 while the deadman is not held.
     pub fn pushed(&self, push: Push) -> f32 {
         let value = self.axes.get(&push.axis).filter(|_| self.held);
         value.map_or(0.0, |&value| push.how_far(value))
@@ -160,8 +160,7 @@ impl Pad {
         }
     }
 
-    /// Looks at the time: a gamepad that has said nothing for too long counts as gone, and a button that was held for long
-    /// enough arms.
+    /// Processes timeouts: a deadman held without events for too long counts as released, and a button held for long enough arms.
     pub fn tick(&mut self, now_us: u64) -> Vec<Wish> {
         let mut wishes = self.tick_silence(now_us);
         if !self.held {
@@ -261,7 +260,7 @@ impl Pad {
         Some(Wish::Want(Intent::Speed { sixty_fourths }))
     }
 
-    /// An input goes down or up, or says once more that it has.
+    /// Processes a press or release of an input, also a repeated one.
     fn press(&mut self, now_us: u64, input: Input, down: bool) -> Vec<Wish> {
         // Let go of too early, or of the deadman.
         self.arming

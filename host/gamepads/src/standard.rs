@@ -1,5 +1,5 @@
-//! Gamepads as browsers show them: the "standard gamepad" of the W3C's Gamepad API, which numbers buttons by their positions. A
-//! browser tells states, not events, so that events are what differs between two states.
+//! Gamepads in browsers: the "standard gamepad" of the W3C's Gamepad API, which numbers buttons by their positions. A browser
+//! reports states, not events, so events are the differences between two states.
 
 use crate::file::North;
 use crate::inputs::{Input, Push};
@@ -42,11 +42,11 @@ const DOWN: f32 = 0.5;
 /// A gamepad as a browser has it at a moment.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Snapshot {
-    /// How it is called.
+    /// Name of the device.
     pub id: String,
-    /// How far each button is pressed, 0 to 1.
+    /// Pressure on each button, 0 to 1.
     pub buttons: Vec<f32>,
-    /// Where each axis is, −1 to 1.
+    /// Position of each axis, −1 to 1.
     pub axes: Vec<f32>,
 }
 

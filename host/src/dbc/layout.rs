@@ -1,4 +1,4 @@
-//! Builder of a message's fields in their order on the wire, as `docs/wire-format.md` lists them.
+//! Builder of a message's fields in their order on the wire, as `docs/formats/wire-format.md` lists them.
 
 use super::{Coding, Order, Presence, Signal};
 use std::borrow::Cow;

@@ -33,7 +33,7 @@ struct Kind {
     number: u16,
     len: u8,
     from: From,
-    /// Whether it may be addressed to all controllers.
+    /// True if the message may be addressed to all controllers.
     to_all: bool,
     period_ms: u32,
     comment: &'static str,
@@ -42,7 +42,7 @@ struct Kind {
 
 const HOST: &str = "host";
 
-/// Kinds of commands, as in the table of `docs/wire-format.md`.
+/// Kinds of commands, as in the table of `docs/formats/wire-format.md`.
 const COMMAND_KINDS: [&str; 11] = [
     "Play",
     "Pause",

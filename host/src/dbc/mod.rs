@@ -42,7 +42,7 @@ pub struct ChannelName {
     pub bus: u8,
     /// Address of its actuator.
     pub id: u8,
-    /// Whether it is a wheel.
+    /// True for a wheel.
     pub is_wheel: bool,
 }
 
@@ -125,11 +125,11 @@ pub struct Message {
     pub period_ms: u16,
     /// Purpose.
     pub comment: &'static str,
-    /// Its fields.
+    /// Fields of the message.
     pub signals: Vec<Signal>,
 }
 
-/// All messages of a bus.
+/// Database of all messages of a bus.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Database {
     /// Title: the bus or the robot.

@@ -1,4 +1,4 @@
-//! What an operator makes of its controller's frames: status, faults, measurements, identity, and what became of commands.
+//! Processing of the controller's frames: status, faults, measurements, identity and outcomes of commands.
 
 use super::log::Weight;
 use super::orders::{Ended, Order, Outcome};

@@ -51,10 +51,10 @@ pub enum Deadman {
 /// Reaction to a released deadman while the robot moves. While it aligns, the reaction is always to disarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LetGo {
-    /// It halts where it is.
+    /// Halt in place.
     Pause,
-    /// It returns to SAFE.
+    /// Return to SAFE.
     Return,
-    /// It returns to SAFE, then torque goes off.
+    /// Return to SAFE, then torque off.
     Disarm,
 }

@@ -56,7 +56,7 @@ impl LinkStatus {
         self.status().map(|status| status.state)
     }
 
-    /// Whether the last status is recent.
+    /// True if the last status is recent.
     pub fn in_contact(&self, now_us: u64) -> bool {
         self.status.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < CONTACT_US)
     }
@@ -130,8 +130,8 @@ impl LinkStatus {
         self.contact = self.contact.map(|_| false);
     }
 
-    /// Reports a loss of contact; returns whether it happened just now. `way_out` is what a person does to stop a robot with torque;
-    /// without a person there is none.
+    /// Reports a loss of contact; returns whether it happened just now. `way_out` is what a person does to stop a robot with
+    /// torque; without a person there is none.
     pub fn watch(&mut self, now_us: u64, way_out: Option<&str>, log: &mut Log) -> bool {
         if self.contact == Some(true) && !self.in_contact(now_us) {
             self.contact = Some(false);

@@ -19,7 +19,7 @@ pub enum Weight {
 /// A message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// How many messages there were up to and with this one.
+    /// Sequence number of the message, counted from 1.
     pub number: u64,
     /// Time, µs.
     pub at_us: u64,

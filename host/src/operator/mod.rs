@@ -91,13 +91,13 @@ pub struct Operator {
     complaint: Option<String>,
     /// The controller speaks another protocol: only HELLO and ESTOP are sent.
     visiting: bool,
-    /// Heartbeats are withheld until the controller is heard again.
+    /// Heartbeats are withheld until a frame of the controller arrives.
     silent: bool,
-    /// No operator is known to be at the controls.
+    /// True if no operator is known to be at the controls.
     unattended: bool,
-    /// No person watches the robot.
+    /// True if no person watches the robot.
     unwatched: bool,
-    /// No keys and no deadman: a person ends the program by Ctrl-C.
+    /// True for a program without keys and deadman, which Ctrl-C ends.
     scripted: bool,
     /// A frame that the bus refused.
     unsent: Option<Frame>,
@@ -148,15 +148,15 @@ impl Operator {
         }
     }
 
-    /// For a host without a person who watches the robot: when contact is lost with torque on, heartbeats are withheld until the
-    /// controller is heard again, because what it does then is not known, and commands may not arrive.
+    /// Configures the host for a robot that no person watches. When contact is lost with torque on, it withholds heartbeats until
+    /// a frame of the controller arrives: the robot's state is unknown, and commands may not reach it.
     #[must_use]
     pub fn unwatched(mut self) -> Self {
         self.unwatched = true;
         self
     }
 
-    /// For a program without keys and gamepad, which a person ends by Ctrl-C.
+    /// Configures the host for a program without keys and gamepad, which Ctrl-C ends.
     #[must_use]
     pub fn scripted(mut self) -> Self {
         self.scripted = true;
@@ -175,8 +175,8 @@ impl Operator {
         }
     }
 
-    /// Adds a frame to the stream of setpoints, of all channels. A stream begins anew with [`Intent::Stream`]: then its first frames are
-    /// added, before the controller follows them.
+    /// Adds a frame to the stream of setpoints, of all channels. A stream begins anew with [`Intent::Stream`]: then its first
+    /// frames are added, before the controller follows them.
     pub fn stream(&mut self, frame: Vec<Target>) {
         self.setpoints.push(frame);
     }
@@ -218,8 +218,8 @@ impl Operator {
         self.hello.as_ref()
     }
 
-    /// Says whether an operator is at the controls, for programs whose controls run apart from the link. While none is, heartbeats
-    /// are withheld, so that an armed robot returns to SAFE by itself, and nothing that moves it is sent.
+    /// Says whether an operator is at the controls, for programs whose controls run apart from the link. While none is,
+    /// heartbeats are withheld, so that an armed robot returns to SAFE by itself, and nothing that moves it is sent.
     pub fn set_attended(&mut self, now_us: u64, attended: bool) {
         if self.unattended == attended {
             if attended {
@@ -377,8 +377,8 @@ impl Operator {
         self.wished
     }
 
-    /// Whether the command of the intent with this number is in flight or waits to be sent. One that no longer is, and
-    /// that no message has answered, was dropped.
+    /// True if the command of this intent is in flight or waits to be sent. A command that is neither, and has no answering
+    /// message, was dropped.
     pub fn is_asking(&self, wish: u64) -> bool {
         self.orders.has(wish)
     }
@@ -388,7 +388,7 @@ impl Operator {
         self.speed_64ths
     }
 
-    /// Whether the operator is leaving.
+    /// Stage of the operator's exit.
     pub fn leaving(&self) -> Leaving {
         self.leaving
     }

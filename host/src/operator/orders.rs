@@ -45,7 +45,7 @@ impl Order {
         }
     }
 
-    /// Whether it can start motion.
+    /// True if the order can start motion.
     pub fn moves(self) -> bool {
         matches!(
             self,
@@ -53,7 +53,7 @@ impl Order {
         )
     }
 
-    /// Whether it stops motion, and so pre-empts commands that start it.
+    /// True if the order stops motion, and so pre-empts commands that start it.
     pub fn stops(self) -> bool {
         matches!(self, Order::Pause | Order::Return | Order::Disarm)
     }
@@ -116,7 +116,7 @@ pub enum Outcome {
     Done(CommandAck),
     Refused(String),
     Unanswered,
-    /// It could not be sent at all.
+    /// Sending failed.
     Unsent,
 }
 
@@ -143,7 +143,7 @@ impl Orders {
         self.flight.map_or(u64::MAX, |flight| flight.next_us)
     }
 
-    /// Whether the order of an intent is in flight or waits.
+    /// True if the order of this intent is in flight or waits.
     pub fn has(&self, wish: u64) -> bool {
         let wishes = [self.flight.and_then(|of| of.wish), self.waiting.and_then(|of| of.wish)];
         wishes.contains(&Some(wish))

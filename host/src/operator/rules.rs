@@ -176,7 +176,7 @@ impl Operator {
             return refused(&format!("the bus is lost, {why}"));
         }
         if self.unattended && order.moves() {
-            return refused("nobody is at the controls");
+            return refused("no hand is at the controls");
         }
         if let Some(why) = self.mismatch()
             && (self.visiting || order.moves())
@@ -231,6 +231,6 @@ impl Operator {
 enum Barred {
     /// An interlock bars it.
     Refused(String),
-    /// Its goal is reached already.
+    /// The robot is in the requested state already: new latch, and message to the operator.
     NeedsNothing(Latch, &'static str),
 }

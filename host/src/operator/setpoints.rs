@@ -32,7 +32,7 @@ pub struct Loop {
 }
 
 impl Loop {
-    /// One of which the controller has acknowledged the rate, before its first sample.
+    /// Creates a loop at a rate that the controller has acknowledged, without samples yet.
     pub fn acknowledged(rate_hz: u16) -> Self {
         Self { rate_hz: Some(rate_hz), ..Self::default() }
     }

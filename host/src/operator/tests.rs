@@ -1,4 +1,4 @@
-//! What an operator's host does in single cases; its invariants are in [`any_sequence`].
+//! Single cases of the operator; [`any_sequence`] tests the invariants.
 
 mod any_sequence;
 
@@ -46,7 +46,7 @@ struct Desk {
     now_us: u64,
     sent: Vec<ToController>,
     heartbeat: u8,
-    /// Whether the bus refuses the next command.
+    /// True if the bus refuses the next command.
     full: bool,
 }
 
@@ -541,7 +541,7 @@ fn while_nobody_is_at_the_controls_it_sends_no_heartbeats_and_nothing_that_moves
     desk.want(Intent::Play { code: 3 });
     desk.pass(100_000);
     assert_eq!(desk.sent, []);
-    // A stop goes out whoever is there.
+    // A stop is sent even without an operator.
     desk.want(Intent::Estop);
     assert_eq!(desk.poll(), [ToController::Estop]);
     desk.hear(EstopAck { state: State::EStopped }.encode(node()));

@@ -28,7 +28,7 @@ pub struct View {
     pub status: Option<Status>,
     /// Faults that are present, or because of which ARM was refused recently.
     pub faults: Vec<FaultView>,
-    /// What to do next, without naming keys.
+    /// Advice on the next step, without naming keys.
     pub advice: &'static str,
     /// Joints and wheels by channel.
     pub joints: BTreeMap<u8, JointView>,
@@ -40,9 +40,9 @@ pub struct View {
     pub asking: Option<String>,
     /// An emergency stop was sent and is not acknowledged yet.
     pub stopping: bool,
-    /// Whether the deadman is held; `None` without one.
+    /// True while the deadman is held; `None` without a deadman.
     pub deadman_held: Option<bool>,
-    /// Whether the operator is leaving.
+    /// Stage of the operator's exit.
     pub leaving: Leaving,
     /// Progress of the transfer of a library that is under way.
     pub transfer: Option<Progress>,
@@ -53,7 +53,7 @@ pub struct View {
 /// Quality of the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkView {
-    /// Whether the last status is recent.
+    /// True if the last status is recent.
     pub contact: bool,
     /// Time from a heartbeat to its answer, µs.
     pub round_trip_us: Option<u64>,
@@ -70,7 +70,7 @@ pub struct LinkView {
 pub struct FaultView {
     /// The fault.
     pub fault: Fault,
-    /// Whether STATUS reports it; otherwise ARM was refused because of it.
+    /// True if STATUS reports the fault, false if ARM was refused because of it.
     pub present: bool,
     /// Channel of its report.
     pub channel: Option<u8>,
@@ -87,7 +87,7 @@ pub struct JointView {
     pub age_us: u64,
 }
 
-/// Whether the operator is leaving.
+/// Stage of the operator's exit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Leaving {
     /// The operator is not leaving.

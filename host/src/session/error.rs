@@ -20,7 +20,7 @@ pub enum SessionError {
     /// The controller did not answer, even to repetitions.
     #[error("controller {node} does not answer ({what}): {why}")]
     Silent {
-        /// Its address.
+        /// Address of the controller.
         node: u8,
         /// The request, in words.
         what: &'static str,
@@ -30,7 +30,7 @@ pub enum SessionError {
     /// The controller has another host.
     #[error("controller {node} has a host already: another program sends it heartbeats")]
     HasHost {
-        /// Its address.
+        /// Address of the controller.
         node: u8,
     },
     /// Another program's transport message is in flight, which a request would break off.
@@ -38,7 +38,7 @@ pub enum SessionError {
         "another program is in the middle of a transfer with controller {node}: try again after it"
     )]
     Transferring {
-        /// Its address.
+        /// Address of the controller.
         node: u8,
     },
     /// Host and controller use different protocols.
@@ -48,13 +48,13 @@ pub enum SessionError {
          firmware from the same release"
     )]
     ProtocolMismatch {
-        /// Its address.
+        /// Address of the controller.
         node: u8,
-        /// Its major version.
+        /// Major version of the controller's protocol.
         major: u8,
-        /// Its minor version.
+        /// Minor version of the controller's protocol.
         minor: u8,
-        /// Its schema hash.
+        /// Schema hash of the controller's protocol.
         schema_hash: u32,
     },
     /// The controller is configured for another robot than the host.
@@ -63,7 +63,7 @@ pub enum SessionError {
          file describes ({expected:08x}): give the file that its firmware was built from"
     )]
     OtherRobot {
-        /// Its address.
+        /// Address of the controller.
         node: u8,
         /// Hash of its configuration.
         found: u32,
@@ -74,7 +74,7 @@ pub enum SessionError {
     /// a key.
     #[error("controller {node} {}", session_refusal(*why))]
     NoSession {
-        /// Its address.
+        /// Address of the controller.
         node: u8,
         /// The reason.
         why: NoSession,
@@ -84,7 +84,7 @@ pub enum SessionError {
     Refused {
         /// The request, in words.
         what: &'static str,
-        /// Its answer.
+        /// Answer of the controller.
         result: CommandResult,
         /// State of the controller, if it has answered.
         state: Option<State>,
@@ -96,7 +96,7 @@ pub enum SessionError {
     ParameterRefused {
         /// The request, in words.
         what: &'static str,
-        /// Its answer.
+        /// Answer of the controller.
         result: ParameterResult,
         /// Limit that the request exceeded, if any.
         value: f32,
@@ -106,7 +106,7 @@ pub enum SessionError {
     /// A library, or a step of its transfer, was refused.
     #[error("the controller refused the library: {}", transfer_refusal(reply))]
     LibraryRefused {
-        /// Its answer.
+        /// Answer of the controller.
         reply: Reply,
     },
     /// After a successful transfer the controller has a different library active.

@@ -238,7 +238,7 @@ impl<B: LinkBus> Exchange<B> {
         SessionError::Silent { node: self.node.number(), what, why }
     }
 
-    /// By how much a wake-up was late within the last second, µs.
+    /// Lateness of a wake-up within the last second, µs.
     fn lately(&self) -> Option<u64> {
         let now_us = self.bus.now_us();
         let recent = |(at_us, _): &(u64, u64)| now_us.saturating_sub(*at_us) <= LATE_MEMORY_US;

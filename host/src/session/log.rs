@@ -20,8 +20,8 @@ impl History {
         self.now_ms.wrapping_sub(entry.at_ms)
     }
 
-    /// Entry that explains the last stop: the last one that led out of Ready, Playing, Paused or Streaming, but for the way of a stream to SAFE, or from a robot that
-    /// was disarmed or aligned to a stop that has to be cleared.
+    /// Entry that explains the last stop: the last one that led out of Ready, Playing, Paused or Streaming, but for the way of
+    /// a stream to SAFE, or from a robot that was disarmed or aligned to a stop that has to be cleared.
     pub fn last_stop(&self) -> Option<&LogEntry> {
         let latched = |entry: &LogEntry| {
             matches!(entry.before, State::Disarmed | State::Aligning)
@@ -35,7 +35,7 @@ impl History {
     }
 }
 
-/// Whether the robot is ready, or follows a motion or a stream in this state.
+/// True in the states in which the robot is ready, or follows a motion or a stream.
 fn follows(state: State) -> bool {
     matches!(state, State::Ready | State::Playing | State::Paused | State::Streaming)
 }

@@ -84,7 +84,7 @@ impl<B: LinkBus> Session<B> {
             if exchange.is_alive()? {
                 return Self::introduced(exchange, node);
             }
-            // The host has ended since: nobody sends heartbeats that the controller could answer.
+            // The host has ended since then: no host sends heartbeats that the controller could answer.
             if exchange.status().is_none() || !std::mem::take(&mut is_first) {
                 return Err(exchange.silent("heartbeat"));
             }

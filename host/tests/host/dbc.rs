@@ -6,7 +6,7 @@ use rollwalk_host::dbc::{ChannelName, Database, Message, Presence, RobotNames};
 use rollwalk_protocol::wire::{Node, SCHEMA};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What the frame says by the table is what was put in.
+/// Asserts that the table decodes the frame to the encoded values.
 fn check(database: &Database, (schema, frame, expected): &Sample) {
     let message = database.messages.iter().find(|message| Some(message.id) == frame.standard_id());
     let message = message.unwrap_or_else(|| panic!("no message for {frame:?}"));
@@ -69,7 +69,7 @@ fn field(text: &str) -> (&str, u16) {
     (name, count * kind.trim_start_matches(['u', 'i', 'f']).parse::<u16>().unwrap())
 }
 
-/// Every bit of a message by the fields of the schema, in its order, is that of a signal of the same name.
+/// Asserts that the signals cover the bits of each schema field, in the schema's order, under the field's name.
 fn check_fields(message: &Message, fields: &str) {
     let mut at = 0;
     for (name, bits) in fields.split_whitespace().map(field) {
@@ -132,7 +132,7 @@ fn the_table_has_every_message_of_the_schema() {
     }
 }
 
-/// What the format asks for, and tools insist on.
+/// Checks the requirements of the DBC format and of its tools.
 fn check_form(database: &Database) {
     let mut ids = BTreeSet::new();
     let mut names = BTreeSet::new();

@@ -24,7 +24,7 @@ fn samples(count: usize) -> Vec<(&'static str, Sample)> {
         .collect()
 }
 
-/// What decode_log.py prints, line by line.
+/// Decodes the samples with decode_log.py; returns its lines.
 fn decode(samples: &[(&'static str, Sample)]) -> Vec<Value> {
     let entry = |(i, (interface, (_, frame, _))): (usize, &(&'static str, Sample))| LogEntry {
         at_us: 1_000_000 + i as u64,
@@ -38,11 +38,11 @@ fn decode(samples: &[(&'static str, Sample)]) -> Vec<Value> {
     std::fs::write(&log, text).unwrap();
     let docs = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs");
     let output = Command::new("python3")
-        .args([&format!("{docs}/decode_log.py"), &log, "--numbers", "--all"])
+        .args([&format!("{docs}/formats/decode_log.py"), &log, "--numbers", "--all"])
         .arg(format!("link*={docs}/rollwalk.dbc"))
         .arg(format!("act*={docs}/rollwalk-actuators.dbc"))
         .output()
-        .expect("python3 runs docs/decode_log.py");
+        .expect("python3 runs docs/formats/decode_log.py");
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}{}", String::from_utf8_lossy(&output.stdout));
     let lines = std::str::from_utf8(&output.stdout).unwrap().lines();

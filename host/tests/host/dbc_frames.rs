@@ -437,7 +437,7 @@ fn torque() -> impl Strategy<Value = ((u8, u8, f32), bool)> {
 
 type Short = (u8, u8, f32);
 
-/// What ends a setpoint with torque.
+/// Signals at the end of a setpoint with torque: mantissas and exponents, and the torque's sign.
 fn shorts(
     first: &str,
     a: Short,
@@ -495,7 +495,7 @@ fn wheel_with_torque() -> impl Strategy<Value = Sample> {
     })
 }
 
-/// Of the Rollwalk servo profile.
+/// Frames of the Rollwalk servo profile.
 pub fn actuators() -> BoxedStrategy<Sample> {
     let control = (0u8..128, 0usize..3).prop_map(|(id, which)| {
         let control = [Control::Disable, Control::Enable, Control::Query][which];

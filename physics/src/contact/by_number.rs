@@ -21,7 +21,7 @@ pub enum OfContact {
     Stick,
     /// Rolling resistance at any speed, as a share of the load.
     Resistance,
-    /// What is added to it per speed, s/m.
+    /// Increase of the rolling resistance per speed, s/m.
     ResistancePerSpeed,
 }
 

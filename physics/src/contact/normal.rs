@@ -10,22 +10,22 @@ pub struct Normal {
     /// Depth over which the damping comes in, m. A damping that jumps at the surface leaves steps without any solution;
     /// 0 is such a jump, for comparisons with closed forms.
     pub ramp_m: f64,
-    /// Whether the contact may pull: damping exceeds the spring where a body leaves fast. The pull grows with depth, so that a
-    /// step can have several solutions, and a rollout jumps with its parameters. Where it may not, the force along the normal is 0
-    /// instead; friction and rolling resistance go by the spring in either case.
+    /// True if the contact may pull: damping exceeds the spring force when a body leaves fast. The pull grows with depth, so a
+    /// step can have several solutions and a rollout jumps with its parameters. If false, the normal force is 0 instead of a
+    /// pull. Friction and rolling resistance depend on the spring force in either case.
     pub pulls: bool,
 }
 
 /// The force along the normal at a gap and at the rate at which the gap opens.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Press {
-    /// Of the spring alone, by which friction and rolling resistance go, N.
+    /// Spring force alone, N; friction and rolling resistance depend on it.
     pub spring_n: f64,
-    /// Of spring and damping, N.
+    /// Force of spring and damping together, N.
     pub force_n: f64,
-    /// Its derivative by the gap, N/m.
+    /// Derivative of the force by the gap, N/m.
     pub by_gap: f64,
-    /// Its derivative by the rate at which the gap opens, N·s/m.
+    /// Derivative of the force by the rate at which the gap opens, N·s/m.
     pub by_opening: f64,
 }
 
@@ -76,7 +76,7 @@ mod tests {
     const NORMAL: Normal =
         Normal { stiffness_n_m: 200.0, damping_n_s_m: 3.0, ramp_m: 0.02, pulls: true };
 
-    /// On the ramp and below it, approaching, leaving, and leaving so fast that the damping exceeds the spring.
+    /// Cases: on the ramp and below it; approaching, leaving, and leaving so fast that damping exceeds the spring force.
     #[test]
     fn the_force_has_its_derivatives() {
         let mut pulled = 0;

@@ -1,4 +1,4 @@
-//! Where a contact is: the lowest point of a sphere, rim or blade, and how it moves over the body as that turns.
+//! Contact point of a sphere, rim or blade: the lowest point, and how it moves over the body as the body turns.
 
 use crate::motion::Motion;
 use nalgebra::{Matrix3, RowVector3, Vector3};
@@ -28,7 +28,7 @@ pub enum Tip {
 /// The contact point, with its derivatives by the body's pose.
 pub(super) struct Place {
     pub surface: Surface,
-    /// From the centre of mass, m.
+    /// Vector from the centre of mass to the contact point, m.
     pub arm: Vector3<f64>,
     pub point_by_position: Matrix3<f64>,
     pub point_by_rotation: Matrix3<f64>,
@@ -41,7 +41,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Of a tip about a centre in body axes, at a motion of its body.
+    /// Computes the contact point of a tip about a centre in body axes, at a motion of its body.
     pub fn new(
         center: &Vector3<f64>,
         radius_m: f64,
@@ -101,8 +101,7 @@ impl Place {
     }
 }
 
-/// From the centre of a disc to its lowest point, with derivatives by axis and normal:
-/// −r (n − a (a·n)) / √(1 − (a·n)²).
+/// Vector from the centre of a disc to its lowest point, with derivatives by axis and normal: −r (n − a (a·n)) / √(1 − (a·n)²).
 fn rim(
     radius_m: f64,
     axis: &Vector3<f64>,

@@ -23,10 +23,10 @@ impl Default for Rates {
     }
 }
 
-/// What Adam remembers of the gradients so far.
+/// State of Adam: means of the gradients so far and of their squares.
 #[derive(Clone, Debug)]
 pub struct Adam {
-    /// Its rates; the step may be made smaller as it goes on.
+    /// Rates; the step may be reduced during training.
     pub rates: Rates,
     means: Vec<f64>,
     squares: Vec<f64>,

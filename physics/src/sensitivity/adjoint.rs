@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 /// Derivatives of the objective by motions and by displacements, carried backward step by step.
 struct Backward<'a> {
     layout: &'a Layout,
-    /// Of poses, then of rates, at the end of the step that is looked at; at its beginning; one step earlier.
+    /// Derivatives by poses, then by rates, at the end of the current step; at its beginning; one step earlier.
     by_now: Vec<f64>,
     by_last: Vec<f64>,
     by_before: Vec<f64>,
@@ -152,7 +152,8 @@ impl Backward<'_> {
         }
     }
 
-    /// Carries the derivatives through the residual of a step, to parameters and earlier motions. The displacements' place holds μ.
+    /// Carries the derivatives through the residual of a step, to parameters and earlier motions. The displacements' place
+    /// holds μ.
     fn residual(&mut self, part: &Part, gradient: &mut [f64]) {
         let mu = &self.by_moved;
         for entry in &part.columns {

@@ -24,9 +24,9 @@ pub struct Tangents<'a> {
 /// Derivatives by some parameters.
 #[derive(Clone, Debug)]
 struct Group {
-    /// Whether any is other than 0.
+    /// True if any derivative is other than 0.
     moves: bool,
-    /// Of poses, then of rates, of all bodies; now, and one step earlier.
+    /// Derivatives of poses, then of rates, of all bodies: now, and one step earlier.
     now: Vec<Lanes>,
     before: Vec<Lanes>,
     /// Derivatives of the displacements, and the right sides of the next step.
@@ -158,7 +158,7 @@ impl Rollout {
 }
 
 impl Part {
-    /// Those by a range of parameters.
+    /// Entries of a range of parameters.
     fn entries(&self, parameters: Range<usize>) -> &[Entry] {
         let place =
             |end: usize| self.columns.partition_point(|entry| (entry.parameter as usize) < end);

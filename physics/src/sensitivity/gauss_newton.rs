@@ -9,11 +9,11 @@
 use crate::sensitivity::{Residual, Rollout};
 use nalgebra::{DMatrix, DVector};
 
-/// What a rollout with some parameters is worth.
+/// Residuals of a rollout with some parameters.
 pub struct Evaluation {
     /// The residuals.
     pub values: Vec<f64>,
-    /// Their derivatives by the parameters, a row for each; asked for where a step ends.
+    /// Evaluates the derivatives of the residuals by the parameters, a row per residual. Called where a step ends.
     #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
     pub jacobian: Box<dyn FnOnce() -> DMatrix<f64>>,
 }
@@ -41,7 +41,8 @@ pub struct Penalty {
 }
 
 impl Penalty {
-    /// Of the change from knot to knot of so many curves side by side, as [`Control::of_all`] has them; squares come with β.
+    /// Penalises the change from knot to knot of this many curves side by side, ordered as in [`Control::of_all`]; squares have
+    /// the factor β.
     ///
     /// [`Control::of_all`]: crate::sensitivity::parameter::Control::of_all
     pub fn smooth(curves: usize, knots: usize, periodic: bool, beta: f64) -> Vec<Self> {
@@ -56,7 +57,7 @@ impl Penalty {
         pairs.flat_map(of_pair).collect()
     }
 
-    /// Of so many parameters themselves; squares come with β.
+    /// Penalises this many parameters themselves; squares have the factor β.
     pub fn small(parameters: usize, beta: f64) -> Vec<Self> {
         let of = |k: usize| Self { factors: vec![(k, beta.sqrt())], target: 0.0 };
         (0..parameters).map(of).collect()
@@ -68,7 +69,7 @@ impl Penalty {
     }
 }
 
-/// When to end, and how far to go at once.
+/// Stopping criteria and step limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Most iterations, each with derivatives.
@@ -92,10 +93,11 @@ impl Default for Options {
 const TRIALS: u32 = 8;
 /// Factor of the shift after a step that made things worse, and its inverse after one that did not.
 const FACTOR: f64 = 10.0;
-/// Share of the largest entry of the Hessian's diagonal that the shift takes for one that is 0: nothing depends on that parameter.
+/// Share of the largest entry of the Hessian's diagonal that the shift takes for one that is 0: nothing depends on that
+/// parameter.
 const LEAST: f64 = 1e-9;
 
-/// Where the method has come to.
+/// Result of the method.
 #[derive(Clone, Debug)]
 pub struct Fit {
     /// The best parameters.
@@ -104,7 +106,8 @@ pub struct Fit {
     pub costs: Vec<f64>,
     /// Rollouts, failed ones included.
     pub rollouts: usize,
-    /// Whether the last iteration improved the objective by less than the tolerance, no step did, or nothing is left to improve.
+    /// True if the last iteration improved the objective by less than the tolerance, no step improved it, or nothing is left to
+    /// improve.
     pub converged: bool,
     /// JᵀJ where the last step began, penalties included: its inverse is the parameters' covariance if residuals are in units of
     /// their own deviations.
@@ -115,8 +118,8 @@ pub struct Fit {
 const ROUNDING: f64 = 1e-12;
 
 impl Fit {
-    /// Standard deviations of the parameters, if residuals are in units of their own deviations: infinite where residuals do not
-    /// tell, because they do not depend on a parameter, or on a combination that it has a part in.
+    /// Standard deviations of the parameters, if residuals are in units of their own standard deviations. Infinite if the
+    /// residuals do not depend on a parameter, or not on a combination that includes it.
     pub fn deviations(&self) -> Vec<f64> {
         let scale = self.hessian.diagonal().map(f64::sqrt);
         let inverse = scale.map(|scale| if scale > 0.0 { 1.0 / scale } else { 0.0 });
@@ -254,7 +257,7 @@ mod tests {
         assert!(minimise(&[0.0, 3.0, 0.0], &[], &options, run).is_none());
     }
 
-    /// Of the first two only the sum is measured, of the last nothing.
+    /// Measures only the sum of the first two parameters, and nothing of the last.
     #[test]
     fn deviations_say_what_residuals_do_not_tell() {
         let jacobian = DMatrix::from_row_slice(

@@ -1,19 +1,19 @@
-//! Whether the derivatives of a rollout can be used.
+//! Usability of a rollout's derivatives.
 
 use crate::event::ContactEvent;
 use crate::sensitivity::Rollout;
 use std::ops::Range;
 
-/// How the derivatives of a rollout grow, and which are 0.
+/// Growth of the derivatives of a rollout, and derivatives that are 0.
 ///
-/// Robots that stand on their servos forget disturbances: derivatives by where they began stay of one size. Throws, falls and
-/// tumbling do not, and a gradient over many bounces says little about finite changes.
+/// Robots that stand on their servos forget disturbances: derivatives by the initial state keep their size. In throws, falls and
+/// tumbling they grow, and a gradient over many bounces hardly predicts finite changes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Health {
     /// Largest derivative of a body's place, m, or turn, rad, by any of the parameters, after each step, the beginning
     /// included.
     pub size: Vec<f64>,
-    /// What began and ended at contacts, with the number of its step.
+    /// Contact events, with the number of their step.
     pub events: Vec<(usize, ContactEvent)>,
     /// Steps that were taken in parts.
     pub halved: Vec<usize>,
@@ -21,12 +21,12 @@ pub struct Health {
     pub without_effect: Vec<usize>,
     /// Parameters whose derivatives become exactly 0, and after which step.
     pub vanishing: Vec<(usize, usize)>,
-    /// Whether all derivatives are finite numbers.
+    /// True if all derivatives are finite.
     pub finite: bool,
 }
 
 impl Health {
-    /// Of some bodies, by all parameters, by the direct method.
+    /// Evaluates the derivatives of some bodies by all parameters, with the direct method.
     pub fn of(rollout: &Rollout, bodies: Range<usize>) -> Self {
         let parameters = rollout.parameters();
         let mut health = Self {
@@ -69,8 +69,8 @@ impl Health {
         health
     }
 
-    /// How many times as large the derivatives are at the end as at the beginning: of rollouts whose parameters are where they
-    /// begin.
+    /// Ratio of the size of the derivatives at the end to that at the beginning, for rollouts whose parameters are initial
+    /// states.
     pub fn growth(&self) -> f64 {
         self.size[self.size.len() - 1] / self.size[0]
     }

@@ -10,11 +10,11 @@ use crate::sensitivity::{Residual, Rollout};
 use nalgebra::DVector;
 use std::collections::VecDeque;
 
-/// What a rollout with some parameters is worth.
+/// Objective of a rollout with some parameters.
 pub struct Evaluation {
     /// The objective.
     pub cost: f64,
-    /// Its gradient; asked for where the objective has decreased enough.
+    /// Evaluates the gradient. Called where the objective has decreased enough.
     #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
     pub gradient: Box<dyn FnOnce() -> Vec<f64>>,
 }
@@ -31,7 +31,7 @@ impl From<(Rollout, Vec<Residual>)> for Evaluation {
     }
 }
 
-/// When to end, and how far to go at once.
+/// Stopping criteria and step limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Most rollouts.
@@ -60,12 +60,12 @@ const DECREASE: f64 = 1e-4;
 const SLOPE: f64 = 0.9;
 /// Trials of one step.
 const TRIALS: u32 = 30;
-/// How near to an end of its bracket a trial may be, as a share of it.
+/// Least distance of a trial from the ends of its bracket, as a share of the bracket.
 const NEAREST: f64 = 0.1;
 /// Share of the bracket that is left where its upper end is a rollout that failed.
 const AFTER_FAILURE: f64 = 0.25;
 
-/// Where the method has come to.
+/// Result of the method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Minimum {
     /// The best parameters.
@@ -76,7 +76,7 @@ pub struct Minimum {
     pub failures: usize,
     /// Iterations.
     pub iterations: usize,
-    /// Whether it ended by objective or gradient, or because no step improves the objective any more.
+    /// True if the method ended by objective or gradient, or because no step improves the objective any more.
     pub converged: bool,
 }
 
@@ -86,7 +86,7 @@ impl Minimum {
         self.best.len()
     }
 
-    /// The objective by that at the beginning.
+    /// Ratio of the best objective to the initial one.
     pub fn share(&self) -> f64 {
         self.best[self.best.len() - 1] / self.best[0]
     }

@@ -13,9 +13,9 @@ use std::f64::consts::TAU;
 /// A number that is to be 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Residual {
-    /// Its value.
+    /// Value of the residual.
     pub value: f64,
-    /// Its derivatives: by the motion, after a step, of a body.
+    /// Derivatives of the value by motions: step, body, and the derivative by that body's motion after that step.
     pub by: Vec<(usize, usize, Variation)>,
 }
 
@@ -63,7 +63,7 @@ impl Residual {
         })
     }
 
-    /// What a gyroscope along an axis of a body measures after a step, rad/s, less a target.
+    /// Reading of a gyroscope along an axis of a body after a step, rad/s, minus a target.
     pub fn gyroscope(
         rollout: &Rollout,
         step: usize,

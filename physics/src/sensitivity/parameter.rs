@@ -1,4 +1,4 @@
-//! What sensitivities are taken by: one kind of parameter in each file of this folder.
+//! Parameters that derivatives are taken by: one kind in each file of this folder.
 //!
 //! | kind | is |
 //! |---|---|
@@ -65,10 +65,10 @@ pub trait Parameter: Debug + Send + Sync {
 
 /// A number of the system that does not change during a rollout.
 pub trait Constant: Parameter {
-    /// Its value.
+    /// Current value.
     fn value(&self, system: &System) -> f64;
 
-    /// Changes it, before the first step.
+    /// Sets the value, before the first step.
     fn set(&self, system: &mut System, value: f64);
 }
 
@@ -97,7 +97,7 @@ impl Solved<'_> {
         force.downcast_ref().expect("a parameter's force is of its kind")
     }
 
-    /// What a force makes of the motions that it saw.
+    /// Evaluates `what` for the motions that a force was evaluated with.
     pub fn view<T>(&self, force: usize, what: impl FnOnce(&View<'_>) -> T) -> T {
         let bodies = self.step.forces[force].bodies();
         let of = |all: &[Motion]| -> Vec<Motion> { bodies.iter().map(|&body| all[body]).collect() };
@@ -169,7 +169,7 @@ impl Column {
 #[derive(Clone, Debug)]
 pub struct Start {
     pub(super) now: Vec<Variation>,
-    /// One step earlier, and what the bodies moved from there, for a system that is on its way already.
+    /// Variations one step earlier, and displacements from there, for a system that is already moving.
     pub(super) last: Vec<Variation>,
     pub(super) moved: Vec<Displacement>,
 }

@@ -23,14 +23,14 @@ const HARDER: f64 = 100.0;
 /// Share of its limit by which friction is taken to be beyond it that was found to be at it.
 const BEYOND: f64 = 1e-6;
 
-/// What is recorded of a step, or of a part of one that was halved.
+/// Record of a step, or of a part of a step that was halved.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     /// Values of Newton's matrix B.
     pub matrix: Vec<f64>,
-    /// By the motions at its beginning, poses first: P.
+    /// Derivatives by the motions at the beginning, poses first: P.
     pub by_last: Rows,
-    /// By those one step earlier, and by what was moved from there; only with BDF2: Q and N.
+    /// Derivatives by the motions one step earlier, and by the displacements from there: Q and N. Only with BDF2.
     pub by_before: Option<(Rows, Rows)>,
     pub turns: Vec<Turn>,
     /// g and s, 1/s.
@@ -40,7 +40,7 @@ pub(super) struct Part {
     pub columns: Vec<Entry>,
 }
 
-/// How the turn of a body goes on in a step.
+/// Propagation of a body's turn over a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turn {
     /// Exp(φ).
@@ -92,7 +92,7 @@ impl Layout {
         BlockMatrix::new(&self.unknowns, self.pairs.iter().copied())
     }
 
-    /// Whether a body turns.
+    /// True if a body can turn.
     pub fn turns(&self, body: usize) -> bool {
         self.unknowns[body] == 6
     }
@@ -124,7 +124,7 @@ impl Rollout {
         self.times_s[step]
     }
 
-    /// What each step took, and what happened at contacts.
+    /// Reports of all steps: cost, and events at contacts.
     pub fn reports(&self) -> &[StepReport] {
         &self.reports
     }
@@ -137,11 +137,11 @@ impl Rollout {
 #[derive(Debug)]
 pub struct Recorder {
     rollout: Rollout,
-    /// Of each force, its pairs of bodies among all; of each body, itself.
+    /// Indices of each force's pairs of bodies among all pairs; `diagonal` has each body's pair with itself.
     of_force: Vec<Vec<usize>>,
     diagonal: Vec<usize>,
     matrix: BlockMatrix,
-    /// Of each pair, by the motions now, at the beginning and one step earlier.
+    /// Derivatives of each pair by the motions at the end of the step, at its beginning and one step earlier.
     blocks: [Vec<Derivative>; 3],
     column: Column,
     /// End of the step that is being taken, s.
@@ -409,7 +409,7 @@ impl Layout {
     }
 }
 
-/// By parameter.
+/// Flattens the columns to entries, ordered by parameter.
 fn entries(columns: &[Vec<(usize, f64)>]) -> Vec<Entry> {
     let of = |(parameter, column): (usize, &Vec<(usize, f64)>)| {
         let entry = move |&(row, value): &(usize, f64)| Entry {

@@ -3,7 +3,7 @@
 /// A matrix that is multiplied and nothing else.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Rows {
-    /// Where each row ends.
+    /// End of each row.
     ends: Vec<u32>,
     columns: Vec<u32>,
     values: Vec<f64>,

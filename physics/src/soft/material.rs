@@ -31,7 +31,7 @@ pub(super) struct Stress {
 }
 
 impl Material {
-    /// With Young's modulus, Pa, and Poisson's ratio, without viscosity.
+    /// Creates a material with Young's modulus, Pa, and Poisson's ratio, without viscosity.
     pub fn elastic(density_kg_m3: f64, young_pa: f64, poisson: f64) -> Self {
         Self {
             density_kg_m3,
@@ -52,7 +52,7 @@ impl Material {
 }
 
 impl Stress {
-    /// Of a deformation gradient F and its rate Ḟ, 1/s; none where F is turned inside out.
+    /// Stress of a deformation gradient F and its rate Ḟ, 1/s. Returns `None` if F is turned inside out.
     pub fn new(
         material: &Material,
         deformation: &Matrix3<f64>,

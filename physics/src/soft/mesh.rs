@@ -13,7 +13,7 @@ pub struct Mesh {
     pub elements: Vec<[usize; 4]>,
 }
 
-/// Why a mesh is no body.
+/// Error of a mesh that is not a body.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
     /// An element without volume.
@@ -22,9 +22,9 @@ pub enum MeshError {
          changes its sign"
     )]
     Flat {
-        /// Its nodes.
+        /// Nodes of the element.
         nodes: [usize; 4],
-        /// Its volume, m³.
+        /// Volume of the element, m³.
         volume_m3: f64,
     },
 }
@@ -105,9 +105,9 @@ impl Mesh {
         mesh.shaped(|place| place * radius_m)
     }
 
-    /// The part of a unit ball between the origin and a face of an icosahedron: steps along its edges from the origin to the first
-    /// corner, to the second, to the third make a grid, whose cubes are split as those of a block. `numbers` are those of the nodes that
-    /// are there.
+    /// The part of a unit ball between the origin and a face of an icosahedron: steps along its edges from the origin to the
+    /// first corner, to the second, to the third make a grid, whose cubes are split as those of a block. `numbers` are those of
+    /// the nodes that are there.
     fn add_wedge(
         &mut self,
         [a, b, c]: [Vector3<f64>; 3],
@@ -189,7 +189,7 @@ mod tests {
     use crate::assembly::Assembly;
     use crate::soft::{Material, SoftBody};
 
-    /// Of a fine torus 2 π² R r² and 4 π² R r, from below; inscribed in its circles.
+    /// Volume and surface approach those of a torus, 2 π² R r² and 4 π² R r, from below: the mesh is inscribed in its circles.
     #[test]
     fn a_ring_has_nearly_the_mass_and_the_surface_of_a_torus() {
         let (radius, tube) = (0.1, 0.03);

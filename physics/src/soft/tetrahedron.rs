@@ -6,7 +6,7 @@ use crate::force::{By, Derivative, Force, View, Wrench};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Vector3};
 
-/// One element.
+/// Tetrahedral element.
 #[derive(Clone, Debug)]
 pub struct Tetrahedron {
     nodes: [usize; 4],
@@ -17,7 +17,7 @@ pub struct Tetrahedron {
 }
 
 impl Tetrahedron {
-    /// Between particles at rest at `places`, m.
+    /// Creates an element between particles at rest at `places`, m.
     ///
     /// # Errors
     /// The places have no volume, or are in the order of a mirror.
@@ -38,7 +38,7 @@ impl Tetrahedron {
         &self.nodes
     }
 
-    /// What it is made of. The particles have its mass: the density here is only what they were made with.
+    /// Material of the element. The particles carry its mass: the density here is only the one that they were made with.
     pub fn material(&self) -> &Material {
         &self.material
     }

@@ -60,7 +60,7 @@ fn material(of: &SoftMaterial) -> Material {
     Material { viscosity_pa_s: of.viscosity_pa_s, ..elastic }
 }
 
-/// What an end effector's soft foot is of its link's mass, about its centre.
+/// Inertia of an end effector's soft foot about its centre, which is part of its link's.
 pub(super) fn inertia(end_effector: &EndEffector) -> Option<Inertia> {
     let soft = end_effector.soft.as_ref()?;
     let mesh = ball(end_effector.radius_m);

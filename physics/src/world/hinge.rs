@@ -40,7 +40,7 @@ impl Hinge {
         });
     }
 
-    /// Its motor at an angle, rad, without power.
+    /// Creates the motor of the hinge at an angle, rad, without power.
     pub fn motor(&self, armature_kg_m2: f64, stops: Option<Stops>, angle_rad: f64) -> Motor {
         let &Self { bodies, axes, across, .. } = self;
         let (axis, law) = (axes[0], Law::default());

@@ -1,4 +1,4 @@
-//! What sensors at a robot's body measure: an IMU at the origin of its root link, and contact switches.
+//! Sensors at a robot's body: an IMU at the origin of its root link, and contact switches.
 
 use super::World;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -15,7 +15,7 @@ pub struct Imu {
     last: Option<(Vector3<f64>, Matrix3<f64>)>,
 }
 
-/// What an IMU measures, in the axes of the root link.
+/// Sample of an IMU, in the axes of the root link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuSample {
     /// Angular velocity, rad/s.
@@ -41,7 +41,7 @@ impl Imu {
 }
 
 impl World {
-    /// Whether the contact switch of each end effector is closed.
+    /// Contact switch of each end effector: true if closed.
     pub fn switches(&self) -> impl Iterator<Item = bool> {
         let mass_kg: f64 = self.system.bodies().iter().map(|body| body.mass_kg()).sum();
         let least_n = TOUCHES * mass_kg * GRAVITY_M_S2;

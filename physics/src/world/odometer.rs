@@ -24,7 +24,7 @@ pub fn normal_at_start(ground: &dyn Ground) -> Vector3<f64> {
     if normal.z > STEEPEST { normal } else { Vector3::z() }
 }
 
-/// From world axes to those in which ways along the ground are measured, whose z axis is its [`normal_at_start`].
+/// Rotation from world axes to those in which distances along the ground are measured; their z axis is its [`normal_at_start`].
 pub fn ground_from_world(ground: &dyn Ground) -> Rotation3<f64> {
     let rotation = Rotation3::rotation_between(&normal_at_start(ground), &Vector3::z());
     rotation.expect("ground faces up")
@@ -43,7 +43,7 @@ pub struct Way {
 }
 
 impl Way {
-    /// In the order of the fields.
+    /// Values in the order of the fields.
     pub fn values(&self) -> [f64; 3] {
         [self.forward_m, self.left_m, self.turn_rad]
     }
@@ -55,7 +55,7 @@ impl From<[f64; 3]> for Way {
     }
 }
 
-/// What was measured on the way.
+/// Totals along the way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Totals {
     /// Greatest angle between the body's z axis and that of the axes in which the way is measured, rad.
@@ -71,7 +71,7 @@ pub struct Totals {
 /// Measures the way of a robot, step by step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Odometer {
-    /// From world axes to those in which the way is measured, with z out of the ground.
+    /// Rotation from world axes to those in which the way is measured, with z out of the ground.
     ground_from_world: Rotation3<f64>,
     start_com: Vector3<f64>,
     start_heading_rad: f64,
@@ -134,7 +134,7 @@ impl Odometer {
         (self.start_com, self.start_heading_rad, self.turn_rad) = (self.com, self.heading_rad, 0.0);
     }
 
-    /// What was measured since the beginning.
+    /// Totals since the beginning.
     pub fn totals(&self) -> Totals {
         self.totals
     }
@@ -150,7 +150,7 @@ pub struct Fall {
 }
 
 impl Fall {
-    /// Whether the robot has tilted, and not only sunk down.
+    /// True if the robot has tilted, not only sunk down.
     pub fn is_toppled(&self) -> bool {
         self.tilt_rad > FALLEN_RAD
     }
@@ -169,7 +169,7 @@ pub struct FallWatch {
 }
 
 impl FallWatch {
-    /// For a robot that stands at present.
+    /// Creates a watch of a robot that stands at present.
     pub fn new(world: &World, ground: &Arc<dyn Ground>) -> Self {
         let up = normal_at_start(ground.as_ref());
         Self {

@@ -25,7 +25,7 @@ pub struct Parameters {
     pub stick_n_s_m: f64,
     /// Coefficient of friction of the shapes of links, which robot files do not have.
     pub shape_friction: f64,
-    /// Of a hoist that holds the root link.
+    /// Stiffness and damping of a hoist that holds the root link.
     pub grip: Grip,
 }
 
@@ -34,8 +34,8 @@ pub struct Parameters {
 const TOLERANCE: f64 = 1e-7;
 /// Depth to which a quarter of a robot's weight presses a contact, m.
 const DEPTH_M: f64 = 3e-4;
-/// Time constant of a contact, s: its damping over its stiffness. A leg of a fourteenth of the robot's mass lands critically damped;
-/// with a quarter of that, feet bounce where they touch down, and gaits with flight come to nine tenths of their way.
+/// Time constant of a contact, s: its damping over its stiffness. A leg of a fourteenth of the robot's mass lands critically
+/// damped; with a quarter of that, feet bounce where they touch down, and gaits with flight come to nine tenths of their way.
 const DAMPING_S: f64 = 6e-3;
 /// Creep of a contact that bears a quarter of the weight and is pulled with as much, m/s.
 const CREEP_M_S: f64 = 9e-4;
@@ -49,7 +49,7 @@ const HOIST_LEVER_M: f64 = 0.3;
 const JOINT_GAP_M: f64 = 2e-5;
 
 impl Parameters {
-    /// For a robot's weight: the same depth, creep and gaps for all.
+    /// Parameters for a robot's weight: the same depth, creep and gaps for all robots.
     pub fn new(robot: &Robot) -> Self {
         let mut settings = Settings::default();
         let mass_kg: f64 = robot.links.iter().map(|link| link.mass_kg).sum();

@@ -1,4 +1,4 @@
-//! What moves against the link that robot files count it to: wheels that spin, and soft feet.
+//! Parts that move relative to the link that robot files count them to: wheels that spin, and soft feet.
 
 use super::foot;
 use crate::body::Inertia;

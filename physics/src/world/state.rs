@@ -25,7 +25,7 @@ pub struct RobotState {
 }
 
 impl RobotState {
-    /// At rest in the nominal pose with the root link's origin at a place.
+    /// State at rest in the nominal pose, with the root link's origin at a position.
     pub fn nominal(robot: &Robot, base_position_m: Vector3<f64>) -> Self {
         Self {
             base_position_m,

@@ -110,7 +110,7 @@ fn symmetric_bounces_stay_symmetric() {
     assert!(motion.position.xy().norm() < 1e-9 && motion.spin.norm() < 1e-9, "{motion:?}");
 }
 
-/// One that falls a little askew tumbles.
+/// Tumbling of a cube that falls slightly askew.
 #[test]
 fn a_cube_that_falls_askew_tumbles() {
     let gravity = Vector3::new(0.0, 0.0, -9.81);

@@ -1,4 +1,4 @@
-//! One body against closed forms and conserved quantities.
+//! Tests of one body against closed forms and conserved quantities.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::ground::Plane;
@@ -74,7 +74,7 @@ fn kilogram() -> Inertia {
     Inertia { mass_kg: 1.0, about_com_kg_m2: Matrix3::identity() * 0.01 }
 }
 
-/// What sticks creeps with the force over the stiffness of sticking; tanh has its own closed form.
+/// Creep speed of a sticking point is the force over the sticking stiffness; tanh has its own closed form.
 #[test]
 fn a_point_on_an_incline_creeps_as_its_friction_model_says() {
     let angle_rad = 10f64.to_radians();
@@ -220,8 +220,8 @@ fn a_box_on_an_incline_creeps_as_its_friction_model_says_and_with_hybrid_frictio
     }
 }
 
-/// Thrown along level ground, a box is stopped by friction where v²/(2 μ g) says, by hybrid friction for good; on an incline
-/// steeper than the cone it slides with g (sin α − μ cos α).
+/// Friction stops a box that is thrown along level ground after v²/(2 μ g), hybrid friction for good. On an incline steeper than
+/// the cone the box slides with g (sin α − μ cos α).
 #[test]
 fn a_box_slides_within_the_cone_and_hybrid_friction_stops_it() {
     for model in [Model::Linear, Model::Tanh, Model::Hybrid] {
@@ -242,7 +242,7 @@ fn a_box_slides_within_the_cone_and_hybrid_friction_stops_it() {
     assert!(stopped.velocity.norm() < 1e-6, "{stopped:?}");
 }
 
-/// What hybrid friction holds does not creep, and takes the weight along the incline.
+/// Hybrid friction holds the particle without creep, and takes its weight along the incline.
 #[test]
 fn a_particle_with_hybrid_friction_stands_on_an_incline() {
     let angle_rad = 20f64.to_radians();
@@ -258,8 +258,8 @@ fn a_particle_with_hybrid_friction_stands_on_an_incline() {
     }
 }
 
-/// On an incline steeper than its cone, or thrown along it, a particle slides with g (sin α − μ cos α) for every model,
-/// and hybrid friction stops it where that says, for good.
+/// Particles on an incline steeper than the cone slide with g (sin α − μ cos α) for every model. Hybrid friction stops a particle
+/// that is thrown along level ground for good, at the predicted distance.
 #[test]
 fn what_slides_is_slowed_by_the_cone_and_hybrid_friction_stops_it() {
     for model in [Model::Linear, Model::Tanh, Model::Hybrid] {

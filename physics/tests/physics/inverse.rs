@@ -132,7 +132,7 @@ fn recover(truth: &Rollout, mut noise: impl FnMut() -> f64) -> Fit {
     minimise(&[0.6_f64.ln(), 0.8], &[], &options, evaluate).unwrap()
 }
 
-/// Without noise they are exact; with noise they scatter as their deviations say.
+/// Estimates are exact without noise; with noise they scatter by their standard deviations.
 #[test]
 fn friction_is_recovered_from_how_a_box_slides() {
     let truth = [0.27_f64.ln(), 1.1];
@@ -318,7 +318,7 @@ fn targets_make_up_for_weak_servos() {
     assert!(after < 0.05 * before, "{before}, {after}");
 }
 
-/// Every term of objectives against central differences of rollouts.
+/// Checks the terms of objectives against central differences of rollouts.
 #[test]
 fn residuals_have_their_derivatives() {
     let robot = robot("agilebot");

@@ -118,7 +118,8 @@ fn a_robot_stands_on_soft_feet() {
     }
 }
 
-/// On an incline the feet of a robot creep, on the mean with what pulls it over what sticks; hybrid friction holds them.
+/// Feet of a robot creep on an incline, on average with the pulling force over the sticking stiffness. Hybrid friction holds
+/// them.
 #[test]
 fn on_an_incline_hybrid_friction_holds_a_robot() {
     let robot = robot("legbot");
@@ -152,7 +153,7 @@ fn on_an_incline_hybrid_friction_holds_a_robot() {
     }
 }
 
-/// Where the centre of mass of AgileBot is after it has swung its legs and driven for two seconds, m; no step in parts.
+/// Centre of mass of AgileBot, m, after it has swung its legs and driven for two seconds. Refuses steps in parts.
 fn driven(scheme: Scheme, per_second: u32) -> Vector3<f64> {
     let robot = robot("agilebot");
     let mut parameters = Parameters::new(&robot);

@@ -58,7 +58,7 @@ fn initial(freedom: Freedom, bodies: &[usize], axis: Vector3<f64>) -> Case {
 }
 
 impl Case {
-    /// With a larger difference, where the solver's tolerance would be too much of a small one.
+    /// Widens the difference, where the solver's tolerance would be too large a part of a small one.
     fn wider(self, times: f64) -> Self {
         Self { difference: times * self.difference, ..self }
     }
@@ -354,7 +354,7 @@ fn swizzlebot_has_derivatives_by_its_targets_gains_and_ground() {
     moving_robot("swizzlebot", Scheme::Bdf1, None, 1e-5);
 }
 
-/// On blades. What little spin does to it is not much more than what the solver's tolerance leaves.
+/// SkaterBot moves on blades. The small effect of spin on it is not much larger than the error of the solver's tolerance.
 #[test]
 fn skaterbot_has_derivatives_by_its_targets_gains_and_ground() {
     moving_robot("skaterbot", Scheme::Bdf2, None, 3e-4);
@@ -368,7 +368,7 @@ fn legbot_on_soft_feet_has_derivatives() {
     moving_robot("legbot", Scheme::Bdf1, Some(material), 1e-5);
 }
 
-/// How far a joint swings: legs lift one after the other.
+/// Amplitude of a joint's swing, rad: legs lift one after the other.
 fn swing_rad(joint: usize) -> f64 {
     0.04 + 0.02 * (joint % 4) as f64
 }

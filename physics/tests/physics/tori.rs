@@ -103,7 +103,8 @@ fn thrown(model: Model) -> (System, Range<usize>, Range<usize>) {
     (System::new(settings(GRAVITY), assembly), on_slope, on_wall)
 }
 
-/// All steps converge, and the momentum changes by what gravity and the contacts give, whose friction is within its cones.
+/// Checks that all steps converge, that the momentum changes by what gravity and the contacts give, and that friction is within
+/// its cones.
 #[test]
 #[ignore = "minutes: cargo xtask nightly --only long"]
 fn tori_bounce_off_a_slope_and_a_wall_under_every_model_of_friction() {

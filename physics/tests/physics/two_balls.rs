@@ -27,7 +27,7 @@ impl Force for Bumper {
         wrenches[1].force += push;
     }
 
-    /// Of balls that meet head-on.
+    /// Derivatives for balls that meet head-on.
     fn derivatives(&self, view: &View<'_>, wrenches: &mut [Wrench], by: &mut [Derivative]) {
         self.wrenches(view, wrenches);
         let apart = view.now[1].position - view.now[0].position;

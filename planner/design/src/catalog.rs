@@ -19,7 +19,7 @@ const SERVOS_MAX: usize = 1000;
 /// A servo or drive with position or speed control.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Servo {
-    /// Its name, as the maker's document has it.
+    /// Name in the maker's document.
     pub name: String,
     /// The maker.
     pub maker: String,
@@ -136,7 +136,7 @@ fn servo(mut table: Table<'_>) -> Option<Servo> {
     })
 }
 
-/// No datasheet has more digits, and robot files read better.
+/// Rounds to three decimals. Datasheets have no more digits, and robot files read better.
 fn to_thousandth(value: f64) -> f64 {
     (value * 1000.0).round() / 1000.0
 }

@@ -14,9 +14,9 @@ use toml_edit::DocumentMut;
 /// A file that has been read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedText {
-    /// How messages name it.
+    /// Name of the file in messages.
     pub name: String,
-    /// What it says.
+    /// Content of the file.
     pub text: String,
 }
 
@@ -32,7 +32,7 @@ impl MotionText {
         Self { document: file.text.parse().unwrap_or_default(), name: file.name }
     }
 
-    /// Its file name without folder and ending, by which parameters name it.
+    /// File name without folder and ending, by which parameters name the motion.
     fn stem(&self) -> &str {
         Path::new(&self.name).file_stem().and_then(|stem| stem.to_str()).unwrap_or_default()
     }
@@ -47,7 +47,7 @@ pub struct Designed {
     text: RobotText,
     motions: Vec<MotionText>,
     original: Vec<f64>,
-    /// Why the motions cannot be asked of the original robot, if it is one that does not reach their targets.
+    /// Error of the original robot if it does not reach the targets of its motions; `None` if it does.
     beyond: Option<DocumentError>,
 }
 
@@ -67,7 +67,7 @@ pub struct Variant {
 }
 
 impl Designed {
-    /// Of a design file's text, the robot file and the motion files that it names, which are in its order.
+    /// Reads the text of a design file, the robot file and the motion files that it names, which are in its order.
     ///
     /// # Errors
     /// Everything that is wrong with one of them, and parameters that do not fit the robot.
@@ -97,8 +97,8 @@ impl Designed {
         Self { file, robot, text, motions, original, beyond: None }.checked()
     }
 
-    /// That the motions can be asked of the original robot, or of one with all parameters at their most or all at their least: targets may be
-    /// beyond the reach of the original.
+    /// Checks that the motions fit the original robot, or one with all parameters at their most or all at their least. Targets
+    /// may be beyond the reach of the original.
     fn checked(mut self) -> Result<Self, DocumentError> {
         self.beyond = self.at(&self.original).err();
         if let Some(error) = &self.beyond {
@@ -112,7 +112,7 @@ impl Designed {
         Ok(self)
     }
 
-    /// Why the motions cannot be asked of the original robot, if they cannot.
+    /// Error of the original robot if it does not reach the targets of its motions; `None` if it does.
     pub fn beyond(&self) -> Option<&DocumentError> {
         self.beyond.as_ref()
     }
@@ -263,7 +263,7 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// As a parameter of the plan of one of the motions, on that plan's samples.
+    /// Parameter of the plan of one of the motions, on that plan's samples.
     pub fn of_motion<'a>(&'a self, motions: &'a [Motion; 2]) -> Parameter<'a> {
         let [ahead, behind] = motions;
         Parameter {

@@ -1,4 +1,4 @@
-//! What motors must do in the motions of a design, and which servos would do it.
+//! Duty of the motors in the motions of a design, and the servos that suffice for it.
 
 use crate::catalog::{Catalog, Servo};
 use crate::plans::Plans;
@@ -10,12 +10,12 @@ use rollwalk_robot::Actuator;
 /// Times per second at which motors are looked at: those of motion libraries.
 const RATE_HZ: f64 = 60.0;
 
-/// What the motors of one model must do: joints or wheels.
+/// Required speeds and torques of the motors of one model, which move joints or wheels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Duty {
     /// Model of the actuator, as the robot file has it.
     pub model: String,
-    /// Whether they turn wheels.
+    /// True if the motors turn wheels.
     pub wheels: bool,
     /// Names of the joints and wheels that it drives.
     pub motors: Vec<String>,
@@ -28,7 +28,7 @@ pub struct Duty {
 }
 
 impl Duty {
-    /// Whether a servo can do it: largest speed and torque, and the torque-speed line of a motor.
+    /// True if a servo suffices: largest speed and torque, and the torque-speed line of a motor.
     pub fn can(&self, servo: &Servo) -> bool {
         let on_line = |[speed, torque]: &[f64; 2]| {
             let stall = servo.stall_torque_nm.map_or(0.0, |stall| torque / stall);
@@ -50,7 +50,7 @@ impl Duty {
     }
 }
 
-/// What the motors of a design must do in its motions, by model.
+/// Duties of the motors of a design in its motions, by model.
 pub fn duties(plans: &Plans) -> Vec<Duty> {
     let mut duties: Vec<Duty> = Vec::new();
     for plan in plans.plans() {
@@ -88,8 +88,8 @@ pub fn duties(plans: &Plans) -> Vec<Duty> {
     duties
 }
 
-/// Speeds and torques of each motor, joints first, then driven wheels, as a library has them: it keeps speeds of wheels and torques
-/// within their limits.
+/// Speeds and torques of each motor, joints first, then driven wheels, as a library has them: it keeps speeds of wheels and
+/// torques within their limits.
 fn points(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
     let (spline, mut inverse) = (PlanSpline::new(plan), InverseDynamics::new(plan));
     let robot = &plan.robot;

@@ -43,7 +43,7 @@ const PARAMETERS_MAX: usize = 64;
 /// Most motions of a design.
 const MOTIONS_MAX: usize = 32;
 
-/// What may change about a robot, and for which motions.
+/// Parameters of a robot that may change, and the motions that they change for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DesignFile {
     /// Name of the design.
@@ -54,7 +54,7 @@ pub struct DesignFile {
     pub motions: Vec<WeightedMotion>,
     /// The parameters; never empty.
     pub parameters: Vec<Parameter>,
-    /// What it is optimised for, if it says so.
+    /// Goal of the optimisation, if the file has one.
     pub goal: Option<Goal>,
     /// Price of a change in a repair, per square of a parameter's unit, if it says so.
     pub repair_pull: Option<f64>,
@@ -68,16 +68,16 @@ const STEP_LEAST: f64 = 1e-6;
 pub struct WeightedMotion {
     /// Path of its file, relative to the design file.
     pub file: String,
-    /// Its weight in objectives.
+    /// Weight of the motion in objectives.
     pub weight: f64,
 }
 
 /// A parameter with its bounds, in its kind's unit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
-    /// What the maker calls it.
+    /// Name in the design file.
     pub name: String,
-    /// What it changes.
+    /// Number that the parameter changes.
     pub place: Place,
     /// Least value.
     pub min: f64,

@@ -1,4 +1,4 @@
-//! What a design is optimised for: the `[goal]` of a design file.
+//! Goal of a design: the `[goal]` of a design file.
 
 use rollwalk_planner::sensitivity::Objective;
 use rollwalk_robot::document::{NamedNumber, Table};
@@ -7,7 +7,7 @@ use rollwalk_robot::document::{NamedNumber, Table};
 /// change of 5 cm counts as much as a thousandth of the objective.
 const PULL: f64 = 4e-5;
 
-/// What is to be small, and what must stay.
+/// Quantities to minimise, and bounds to keep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
     /// Objectives with their weights; each is compared with its value at the original design.
@@ -24,11 +24,11 @@ pub struct Goal {
 /// An objective as people know it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantity {
-    /// What it is.
+    /// Objective of the planner.
     pub objective: Objective,
-    /// Its name in `minimise`.
+    /// Name in `minimise`.
     pub name: &'static str,
-    /// Its name in `keep`, with its unit.
+    /// Name in `keep`, with its unit.
     pub bound: &'static str,
     /// Symbol of its unit; empty for none.
     pub unit: &'static str,
@@ -45,7 +45,7 @@ impl Quantity {
         Self { objective, name, bound, unit, little }
     }
 
-    /// All of them.
+    /// Quantities of all objectives.
     pub const ALL: [Self; 6] = [
         Self::new(Objective::PlanCost, ["plan_cost", "plan_cost", ""], 1e-3),
         Self::new(
@@ -63,7 +63,7 @@ impl Quantity {
         Self::new(Objective::CostOfTransport, ["cost_of_transport", "cost_of_transport", ""], 0.01),
     ];
 
-    /// That of an objective.
+    /// Returns the quantity of an objective.
     pub fn of(objective: Objective) -> Self {
         let found = Self::ALL.into_iter().find(|of| of.objective == objective);
         found.unwrap_or(Self::ALL[0])

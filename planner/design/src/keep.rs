@@ -107,13 +107,13 @@ fn least_change(
     quadratic.minimum().map(|(step, _)| step)
 }
 
-/// How a feature of the motions changes with the parameters.
+/// Feature of the motions, linear in the parameters.
 struct Linear {
-    /// Of each motion: its optimum, and how that changes per unit of each parameter.
+    /// Optimum of each motion, and its change per unit of each parameter.
     optima: Vec<(Optimal, Vec<Change>)>,
     /// The feature, all motions one after the other.
     feature: Vec<f64>,
-    /// Its change per unit of each parameter.
+    /// Change of the feature per unit of each parameter.
     jacobian: DMatrix<f64>,
 }
 

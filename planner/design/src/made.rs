@@ -44,8 +44,8 @@ impl Designed {
     }
 
     /// Plans of a design around `found` that can be made. Of the nearest designs those are planned first of which `predicted` is
-    /// least, and taken to their optima. The first is taken with which all motions hold and keep the bounds of the goal, if the design file has one. If there
-    /// is none, motions that hold are worth more than bounds.
+    /// least, and taken to their optima. The first is taken with which all motions hold and keep the bounds of the goal, if the
+    /// design file has one. If there is none, motions that hold are worth more than bounds.
     ///
     /// # Errors
     /// There is no robot at these values, or the caller stops it.
@@ -84,7 +84,7 @@ impl Designed {
         Ok(plans)
     }
 
-    /// What the goal of the design file keeps, of each motion that has it.
+    /// Quantities that the goal of the design file keeps, for each motion that has them.
     pub fn kept(&self, plans: &Plans) -> Vec<Kept> {
         let Some(goal) = &self.file.goal else { return Vec::new() };
         let of_plan = |plan: &Plan| {
@@ -110,21 +110,21 @@ impl Designed {
 pub struct Kept {
     /// Name of the motion.
     pub motion: String,
-    /// What is kept.
+    /// Quantity that is kept.
     pub quantity: Quantity,
     /// Value in the plan; NaN without one.
     pub value: f64,
-    /// What it must not exceed.
+    /// Largest value.
     pub bound: f64,
 }
 
 impl Kept {
-    /// By how much it is beyond its bound, as a part of the bound; negative within.
+    /// Excess over the bound, as a part of the bound; negative within.
     pub fn excess(&self) -> f64 {
         self.value / self.bound - 1.0
     }
 
-    /// Whether it is within its bound, to what a solve leaves open of it.
+    /// True if the value is within its bound, to the accuracy of a solve.
     pub fn is_within(&self) -> bool {
         self.excess() <= OPEN
     }

@@ -40,7 +40,7 @@ pub struct Step {
     pub quantities: Vec<Vec<f64>>,
 }
 
-/// What optimising found.
+/// Result of an optimisation.
 #[derive(Clone, Debug)]
 pub struct Optimised {
     /// The designs, from the original one on.
@@ -58,18 +58,19 @@ pub struct Optimised {
 }
 
 impl Optimised {
-    /// Gain of the merit by the gain that slopes and curvature predicted, over all steps that were tried and planned; `None` without one.
+    /// Gain of the merit by the gain that slopes and curvature predicted, over all steps that were tried and planned; `None`
+    /// without one.
     pub fn gain_of_predicted(&self) -> Option<f64> {
         let [gain, predicted] = self.gains;
         (predicted > 0.0).then(|| gain / predicted)
     }
 
-    /// Whether another step might have made it better: as many were taken as may be.
+    /// True if another step might have improved the design: the limit of steps was reached.
     pub fn is_cut_short(&self) -> bool {
         self.steps.len() > STEPS_MAX
     }
 
-    /// What the merit is near the last design, by its slopes there.
+    /// Predicted merit near the last design, from its slopes there.
     pub fn predicted(&self, designed: &Designed, values: &[f64]) -> f64 {
         let here = &self.plans.variant.values;
         let change = |k: usize, _| (values[k] - here[k]) / designed.unit(k);
@@ -80,14 +81,14 @@ impl Optimised {
 /// A design with the values and gradients of all quantities.
 struct Point {
     plans: Plans,
-    /// Of each motion and quantity: value, and slopes in units of the parameters.
+    /// Value of each quantity of each motion, and slopes in units of the parameters.
     quantities: Vec<Vec<(f64, DVector<f64>)>>,
     /// Names of motions whose slopes are estimates.
     estimated: Vec<String>,
 }
 
-/// Whether a design is better than another, by the plans as they are: motions that may be played are worth more than the merit, and of
-/// plans that may not be played nothing is known.
+/// True if a design is better than another, by the plans as they are. Motions that may be played count more than the merit. The
+/// merit of a plan that may not be played is unknown.
 pub fn is_better(designed: &Designed, goal: &Goal, one: &Plans, other: &Plans) -> bool {
     let gain = || merit_of(designed, goal, other, other) - merit_of(designed, goal, one, other);
     let is_other = one.variant.values != other.variant.values;
@@ -205,7 +206,7 @@ fn values_of(point: &Point) -> Vec<Vec<f64>> {
 struct Merit {
     objective: f64,
     slope: DVector<f64>,
-    /// Of what is kept: the excess, and its slopes.
+    /// Excess of each kept quantity, and its slopes.
     kept: Vec<(f64, DVector<f64>)>,
 }
 
@@ -254,7 +255,7 @@ impl Outer<'_> {
         Ok(plans)
     }
 
-    /// All quantities of a design with their slopes.
+    /// Quantities of a design with their slopes.
     fn point(&self, plans: Plans, watch: &mut Watch<'_>) -> Result<Point, Failed> {
         self.designed.all_defined(&plans.variant.motions)?;
         let (mut quantities, mut estimated) = (Vec::new(), Vec::new());

@@ -24,18 +24,18 @@ impl Axis {
         })
     }
 
-    /// Its letter.
+    /// Letter of the axis.
     pub fn letter(self) -> char {
         ['x', 'y', 'z'][self.index()]
     }
 
-    /// Its index in a vector.
+    /// Index of the axis in a vector.
     pub fn index(self) -> usize {
         self as usize
     }
 }
 
-/// What a parameter changes.
+/// Kind of number that a parameter changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Length of a link, from joint to next joint, or to its foot or wheel.
@@ -65,7 +65,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All kinds.
+    /// Kinds of parameters.
     pub const ALL: [Self; 12] = [
         Self::Length,
         Self::Joint,
@@ -111,12 +111,13 @@ impl Kind {
         }
     }
 
-    /// Whether it changes a number of a motion file, which a design file names after the motion file: `walk/duration_s`.
+    /// True if the parameter changes a number of a motion file, which a design file names after the motion file:
+    /// `walk/duration_s`.
     pub const fn is_of_motion(self) -> bool {
         matches!(self, Self::MotionLength | Self::MotionTime | Self::MotionAngle)
     }
 
-    /// Whether nothing is left of what it changes at a value of 0 or less.
+    /// True if a value of 0 or less would leave nothing of the changed quantity.
     pub const fn is_positive(self) -> bool {
         matches!(
             self,
@@ -129,16 +130,16 @@ impl Kind {
         )
     }
 
-    /// Whether its value is a coordinate, which a design file names with a dot: `leg/*_knee.z`.
+    /// True if the value is a coordinate, which a design file names with a dot: `leg/*_knee.z`.
     pub const fn has_axis(self) -> bool {
         matches!(self, Self::Joint | Self::Mount | Self::Center)
     }
 }
 
-/// What a parameter changes, and where.
+/// Kind and place of the number that a parameter changes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// What.
+    /// Kind of the number.
     pub kind: Kind,
     /// Template of the link, joint or end effector; none for the robot's own, and for servos. Of numbers of motions the stem of
     /// the motion file.
@@ -152,7 +153,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// Whether it changes a number that another one changes.
+    /// True if both places change the same number.
     pub fn meets(&self, other: &Self) -> bool {
         let same_limbs = self.limbs.is_empty()
             || other.limbs.is_empty()
@@ -167,7 +168,7 @@ impl Place {
     }
 }
 
-/// As design files have it.
+/// Notation of design files.
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} = \"", self.kind.key())?;

@@ -34,7 +34,7 @@ pub enum Failed {
     /// The caller stopped it.
     #[error("interrupted")]
     Interrupted,
-    /// There is no robot at these values of the parameters.
+    /// The values of the parameters give no valid robot.
     #[error(transparent)]
     Robot(#[from] DocumentError),
     /// A motion that the robot cannot do: nothing can be learned of its plan.
@@ -42,7 +42,7 @@ pub enum Failed {
     CannotDo {
         /// Name of the motion.
         motion: String,
-        /// What its plan came to, and why.
+        /// Status or diagnosis of the plan.
         reason: String,
     },
     /// A plan has no derivatives.
@@ -64,23 +64,23 @@ impl Plans {
         self.solutions.iter().map(|solution| &solution.plan)
     }
 
-    /// Whether all motions may be played.
+    /// True if all motions may be played.
     pub fn all_hold(&self) -> bool {
         self.plans()
             .all(|plan| plan.solve.status.is_solved() && Report::new(plan).judgement.is_good())
     }
 
-    /// That the robot can do all of its motions.
+    /// Checks that the robot can do all of its motions.
     ///
     /// # Errors
-    /// The first that it cannot.
+    /// The first motion that it cannot do.
     pub fn all_solved(&self) -> Result<(), Failed> {
         let lost = self.plans().find(|plan| !plan.solve.status.is_solved());
         lost.map_or(Ok(()), |plan| Err(cannot(plan)))
     }
 
-    /// The same plans at their optima, or where their costs are flatter, if all may be played there; the plans as they are otherwise. A
-    /// solve ends when its costs are flat, where torques are still percents from those of the optimum.
+    /// The same plans at their optima, or where their costs are flatter, if all may be played there; the plans as they are
+    /// otherwise. A solve ends when its costs are flat, where torques are still percents from those of the optimum.
     ///
     /// # Errors
     /// The caller stops it.
@@ -120,10 +120,10 @@ fn cannot(plan: &Plan) -> Failed {
 }
 
 impl Designed {
-    /// That motions of this design have all that its goal minimises and keeps.
+    /// Checks that motions of this design have all quantities that its goal minimises and keeps.
     ///
     /// # Errors
-    /// The first that has not.
+    /// The first motion that lacks one.
     pub fn all_defined<'a>(
         &self,
         motions: impl IntoIterator<Item = &'a Motion>,
@@ -192,14 +192,14 @@ fn named(motion: &Motion) -> &str {
 /// A design that could not do its motions, repaired or not.
 #[derive(Clone, Debug)]
 pub enum Repaired {
-    /// It can, at other values.
+    /// Success at other values.
     Feasible {
         /// Plans of the repaired design.
         plans: Box<Plans>,
         /// The designs on the way, from the original one on.
         steps: Vec<repair::Step>,
     },
-    /// No design within the bounds can.
+    /// Failure: no design within the bounds can do its motions.
     Nearest(repair::Nearest),
 }
 

@@ -1,8 +1,8 @@
 //! Repair: the least change within bounds after which a robot can do motions that it cannot do as it is (thesis 2.5.5, Fig. 2.8).
 //!
-//! A design that cannot do a motion has no optimum to differentiate, but a point that violates the constraints least, and that has
-//! a slope along every parameter ([`Shortfall`]). So the energies there, summed over motions, are minimised over the parameters by
-//! Newton's method in a box: the parameters' bounds, and a step of two centimetres at most,
+//! A design that cannot do a motion has no optimum to differentiate, but a point that violates the constraints least, and that
+//! has a slope along every parameter ([`Shortfall`]). So the energies there, summed over motions, are minimised over the
+//! parameters by Newton's method in a box: the parameters' bounds, and a step of two centimetres at most,
 //!
 //! ```text
 //! min_p  Σ_motions min_m E(m, p; s)  +  pull Σ ((p − p₀) / unit)²
@@ -35,8 +35,8 @@ const STEPS: usize = 30;
 const ROUNDS: usize = 8;
 const IN_VAIN: usize = 2;
 const LESS: f64 = 0.7;
-/// Part of the pull that is left after a round in vain. A flaw of the second order, such as a tilt, has no slope where it is cured:
-/// near there a pull outweighs it, and multipliers push past it. Penalties with a weaker pull find the way.
+/// Part of the pull that is left after a round in vain. A flaw of the second order, such as a tilt, has no slope where it is
+/// cured: near there a pull outweighs it, and multipliers push past it. Penalties with a weaker pull find the way.
 const FADES: f64 = 0.1;
 /// Iterations of a plan of a design that may be able to do its motion.
 const ITERATIONS: usize = 60;
@@ -76,7 +76,7 @@ pub struct Made {
     pub motions: Vec<Motion>,
 }
 
-/// What a repair shows while it works.
+/// Progress of a repair.
 #[derive(Clone, Copy, Debug)]
 pub enum Shown<'a> {
     /// An iteration of a planner.
@@ -94,7 +94,7 @@ pub struct Step {
     pub energy: f64,
     /// Worst residual of all motions over its tolerance.
     pub worst_level: f64,
-    /// How often violations had become multipliers before.
+    /// Number of rounds before this step. Each ends with new multipliers.
     pub round: usize,
     /// Newton steps of the motions in all.
     pub newton_steps: usize,
@@ -107,16 +107,16 @@ pub struct Repair {
     pub values: Vec<f64>,
     /// The designs from the original one on.
     pub steps: Vec<Step>,
-    /// Whether the motions can be done.
+    /// Feasibility of the motions.
     pub outcome: Outcome,
 }
 
-/// Whether a design can do its motions.
+/// Feasibility of the motions on a design.
 #[derive(Clone, Debug)]
 pub enum Outcome {
-    /// It can: here are plans of all of them, which converged; one may still fail as it is played, and its status says so.
+    /// Plans of all motions, which converged. A plan may still fail as it is played, which its status shows.
     Feasible(Vec<Solution>),
-    /// No design near the bounds' best one can.
+    /// Failure: no design near the best one within the bounds can do its motions.
     Nearest(Nearest),
     /// The caller stopped the work.
     Interrupted,
@@ -125,7 +125,7 @@ pub enum Outcome {
 /// The design within the bounds that falls short least.
 #[derive(Clone, Debug)]
 pub struct Nearest {
-    /// What it falls short of, by the names of motions that it cannot do.
+    /// Diagnoses of the motions that the design cannot do, with the names of the motions.
     pub misses: Vec<(String, Diagnosis)>,
     /// Names, values and units of the parameters at a bound.
     pub at_bounds: Vec<(String, f64, &'static str)>,
@@ -154,10 +154,10 @@ impl fmt::Display for Nearest {
 /// Reason for which a design cannot be repaired.
 #[derive(Debug, Error)]
 pub enum Failed<E> {
-    /// There is no robot at some values of the parameters.
+    /// Error of the caller where values of the parameters give no valid robot.
     #[error(transparent)]
     Made(E),
-    /// Nothing can be learned of how a motion changes.
+    /// The plan of a motion cannot be differentiated.
     #[error(transparent)]
     NotOptimal(NotOptimal),
 }
@@ -184,8 +184,8 @@ impl<E> From<NotOptimal> for Ended<E> {
 
 /// Changes parameters until all motions can be done.
 ///
-/// `plans` are those of the motions by the robot as it is, in their order; they need not hold. `pull` is above 0. `make` returns the robot and its
-/// motions at values of the parameters, a little beyond their bounds too. `watch` may stop the work.
+/// `plans` are those of the motions by the robot as it is, in their order; they need not hold. `pull` is above 0. `make`
+/// returns the robot and its motions at values of the parameters, a little beyond their bounds too. `watch` may stop the work.
 ///
 /// # Errors
 /// There is no robot at the original values or around them, or the motions are none whose plans can be differentiated.
@@ -230,7 +230,7 @@ struct Neighbours {
 }
 
 impl Neighbours {
-    /// As a parameter of the plan of one of the motions.
+    /// Parameter of the plan of one of the motions.
     fn of_motion(&self, index: usize) -> Parameter<'_> {
         let [ahead, behind] = [&self.ahead, &self.behind]
             .map(|made| Design { robot: &made.robot, motion: &made.motions[index] });

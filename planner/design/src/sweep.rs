@@ -76,7 +76,7 @@ impl Ready {
         unit.map_or_else(|| name.to_owned(), |unit| format!("{name}, {unit}"))
     }
 
-    /// What the design is optimised for.
+    /// Goal of the design.
     fn goal(&self) -> Option<&Goal> {
         self.design.as_ref()?.file.goal.as_ref()
     }

@@ -18,9 +18,9 @@ pub struct RobotText {
 /// Reason for which a parameter changes nothing in a robot file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Nothing {
-    /// What is not there.
+    /// Missing item.
     pub problem: String,
-    /// What is.
+    /// Available items.
     pub help: String,
 }
 
@@ -31,7 +31,7 @@ impl fmt::Display for RobotText {
 }
 
 impl RobotText {
-    /// Of the text of a robot file that has been read.
+    /// Parses the text of a robot file that has been read.
     ///
     /// # Errors
     /// It is no TOML.
@@ -236,7 +236,7 @@ impl RobotText {
         if all.is_empty() { Err(nothing(place, &known)) } else { Ok(Some(all)) }
     }
 
-    /// From a link's joint to its next joint, or to its foot or wheel, in its frame.
+    /// Vector from a link's joint to its next joint, or to its foot or wheel, in the link's frame.
     fn reach(&mut self, place: &Place) -> Result<Vector3<f64>, Nothing> {
         self.named(place, "link")?;
         let ends = [

@@ -20,10 +20,10 @@ const BLADE_SHARE: f64 = 1e-4;
 /// Deviation of a part from a wheel's centre, by its radius, within which it is a part of the wheel.
 const IN_THE_WHEEL: f64 = 0.1;
 
-/// What carries the curved edge of a skate.
+/// Mounting of the curved edge of a skate.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Blades {
-    /// Their links, as in robot files.
+    /// Rigid on the link, as in robot files.
     Fixed,
     /// Wheels of next to no mass: a simulator without contacts that glide along one direction.
     Roll,
@@ -35,9 +35,9 @@ pub struct Body<'r> {
     pub name: String,
     /// Mass, centre of mass and inertia in the body's frame.
     pub inertia: RigidPart,
-    /// What carries it; the root has none.
+    /// Joint or axle to the parent; the root has none.
     pub hinge: Option<Hinge<'r>>,
-    /// What is seen of it, and what touches.
+    /// Visual and collision solids.
     pub solids: Vec<Placed<'r>>,
 }
 
@@ -51,16 +51,16 @@ pub struct Hinge<'r> {
     pub parent_from_body: Isometry3<f64>,
     /// Unit axis in the body's frame.
     pub axis: Vector3<f64>,
-    /// What it is in the robot file.
+    /// Joint or wheel of the robot file.
     pub of: Of<'r>,
 }
 
-/// What a hinge is in the robot file.
+/// Origin of a hinge in the robot file.
 #[derive(Clone, Copy)]
 pub enum Of<'r> {
     /// A joint.
     Joint {
-        /// Its index in the robot.
+        /// Index of the joint in the robot.
         number: usize,
         /// The joint.
         joint: &'r Joint,
@@ -76,11 +76,11 @@ pub enum Of<'r> {
 
 /// A solid in the frame of its body.
 pub struct Placed<'r> {
-    /// Its centre and axes.
+    /// Pose of the solid's centre and axes.
     pub body_from_solid: Isometry3<f64>,
-    /// Its form.
+    /// Geometry of the solid.
     pub form: Geometry,
-    /// What it is for.
+    /// Purpose of the solid.
     pub role: Role<'r>,
 }
 
@@ -99,7 +99,7 @@ pub enum Geometry {
     Tyre(f64),
 }
 
-/// What a solid is for.
+/// Purpose of a solid.
 #[derive(Clone, Copy)]
 pub enum Role<'r> {
     /// A part of a link, to be looked at.
@@ -128,8 +128,8 @@ impl Of<'_> {
     }
 }
 
-/// The bodies of a robot: its links in their order, then the wheels that spin, by end effector. `parts` are the solids of each link;
-/// without them only the links' rooms are seen.
+/// The bodies of a robot: its links in their order, then the wheels that spin, by end effector. `parts` are the solids of each
+/// link; without them only the links' rooms are seen.
 pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec<Body<'r>> {
     let mut wheels = Vec::new();
     let mut bodies: Vec<_> = robot

@@ -1,5 +1,5 @@
-//! Messages that Foxglove and Lichtblick draw: frames of all bodies, their solids, angles of joints, forces of the ground; in a file
-//! ([`recording`]) or as they happen ([`Live`]).
+//! Messages that Foxglove and Lichtblick draw: frames of all bodies, their solids, angles of joints, forces of the ground; in a
+//! file ([`recording`]) or as they happen ([`Live`]).
 //!
 //! A robot is published once as solids that are locked to frames, then as frames, so that a file has its geometry once. A
 //! prefix of all frames tells robots apart: the planned one beside the measured one.

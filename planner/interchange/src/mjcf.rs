@@ -21,8 +21,8 @@ use std::io;
 const STEP_S: f64 = 0.001;
 const CONTACT_TIME_S: f64 = 0.003;
 const IMPRATIO: f64 = 20.0;
-/// Part of the trace of an inertia matrix that is added to each principal moment. It is larger than rounding errors and smaller than any
-/// measurement of inertia.
+/// Part of the trace of an inertia matrix that is added to each principal moment. It is larger than rounding errors and smaller
+/// than any measurement of inertia.
 const INERTIA_SLACK: f64 = 1e-12;
 
 /// A robot as an MJCF model with its stance as the keyframe `stand`. `parts` are the solids of each link, for pictures.
@@ -34,7 +34,8 @@ pub fn mjcf(robot: &Robot, parts: &[Vec<Solid>]) -> io::Result<String> {
     model(robot, parts, &comment, standing(robot).as_slice())
 }
 
-/// A plan as an MJCF model with keyframes from its beginning to its end, named by motion and number. Between two of them controls are linear.
+/// A plan as an MJCF model with keyframes from its beginning to its end, named by motion and number. Between two of them
+/// controls are linear.
 ///
 /// # Errors
 /// None: the text is written to memory.
@@ -150,7 +151,7 @@ fn loads(robot: &Robot) -> Vec<f64> {
     (0..robot.end_effectors.len()).map(load).collect()
 }
 
-/// What bodies are written from.
+/// Input of the body elements.
 struct Bodies<'r> {
     bodies: &'r [Body<'r>],
     loads_n: &'r [f64],
@@ -213,8 +214,8 @@ fn inertial(xml: &mut Xml, body: &Body<'_>) -> io::Result<()> {
     xml.empty("inertial", &attributes)
 }
 
-/// Moments and products of inertia in the order of MuJoCo, which refuses bodies of which one moment exceeds the sum of the two others.
-/// Those of a thin disc are equal, and rounding would decide.
+/// Moments and products of inertia in the order of MuJoCo, which refuses bodies of which one moment exceeds the sum of the two
+/// others. Those of a thin disc are equal, and rounding would decide.
 fn full_inertia(about_com_kg_m2: &Matrix3<f64>) -> [f64; 6] {
     let slack_kg_m2 = INERTIA_SLACK * about_com_kg_m2.trace();
     let i = |row, column| about_com_kg_m2[(row, column)];

@@ -1,5 +1,5 @@
-//! `ros2_control` of ROS 2: the section of a URDF that names interfaces of joints and wheels, and parameters of a controller manager.
-//! <https://control.ros.org/master/doc/getting_started/getting_started.html>.
+//! `ros2_control` of ROS 2: the section of a URDF that names interfaces of joints and wheels, and parameters of a controller
+//! manager. <https://control.ros.org/master/doc/getting_started/getting_started.html>.
 //!
 //! Joints take positions, driven wheels speeds, as the controller's channels do; both report angle, speed and torque. What has no
 //! motor, such as a caster, has no interface.
@@ -36,7 +36,8 @@ pub fn urdf_with_control(robot: &Robot, parts: &[Vec<Solid>], plugin: &str) -> i
     })
 }
 
-/// Parameters of a controller manager, as YAML: a broadcaster of joint states, trajectories for the joints, speeds for the driven wheels.
+/// Parameters of a controller manager, as YAML: a broadcaster of joint states, trajectories for the joints, speeds for the
+/// driven wheels.
 pub fn controllers(robot: &Robot) -> String {
     let bodies = crate::bodies::bodies(robot, &[], crate::bodies::Blades::Fixed);
     let (joints, wheels): (Vec<_>, Vec<_>) =

@@ -1,5 +1,5 @@
-//! Every format as the tools read it that it is for: MuJoCo, Pinocchio and a reader of URDF on the shipped robots, against the poses
-//! of `rollwalk-multibody`.
+//! Exports read by their tools: MuJoCo, Pinocchio and a URDF reader load the shipped robots, and their poses are compared with
+//! those of `rollwalk-multibody`.
 //!
 //! Ignored by default: needs Python packages that `cargo xtask test --only exports` installs. The comparison is
 //! `planner/interchange/tests/consumers.py`.

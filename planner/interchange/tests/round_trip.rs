@@ -1,4 +1,4 @@
-//! What is exported as URDF comes back by the project's own import.
+//! Round trip: the project's own import reads the exported URDF.
 
 use rollwalk_interchange::foxglove::{Figure, Posture};
 use rollwalk_robot::urdf::{Text, import, survey};
@@ -12,8 +12,8 @@ fn shipped(name: &str) -> Robot {
     Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// A shipped robot as it comes back from what it was exported as, with the side file that the survey proposes; and as it was. Mass, joints,
-/// their limits and torques are the same to rounding.
+/// A shipped robot as it comes back from what it was exported as, with the side file that the survey proposes; and as it was.
+/// Mass, joints, their limits and torques are the same to rounding.
 fn come_back(name: &str, exported: impl Fn(&Robot) -> String) -> [Robot; 2] {
     let robot = shipped(name);
     let text = exported(&robot);

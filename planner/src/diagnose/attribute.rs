@@ -28,7 +28,8 @@ const FOOTFALLS: [Family; 3] =
     [Family::AngularDynamics, Family::LinearDynamics, Family::SwingForce];
 /// Relative change of a motor limit up to which weak motors are a likely cause.
 const LIKELY_CHANGE: f64 = 2.0;
-/// Relative change of a motor limit up to which it may be the cause although it is hardly exceeded: it is stiffer than what gives way.
+/// Relative change of a motor limit up to which it may be the cause although it is hardly exceeded: it is stiffer than what
+/// gives way.
 const LITTLE_CHANGE: f64 = 0.5;
 /// Relative change of a goal beyond which the goal is not the cause.
 const HOPELESS_CHANGE: f64 = 1.5;
@@ -69,7 +70,8 @@ impl Group {
         self.pulls.iter().map(|(y, ..)| y * y).sum()
     }
 
-    /// Whether the number that the rows compare with is exceeded, or there is none.
+    /// True if the worst residual exceeds [`LEAST_EXCESS`] times the number that the rows compare with, or if there is no such
+    /// number.
     fn is_exceeded(&self) -> bool {
         let worst = self.pulls.iter().map(|&(.., residual)| residual).fold(0.0, f64::max);
         self.given.is_none_or(|(_, limit)| worst > LEAST_EXCESS * limit)
@@ -168,7 +170,8 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
     groups
 }
 
-/// All swings share one number of the motion file, and motors are exchanged together.
+/// Adds up the slopes of groups that share a number: swings share one number of the motion file, and motors are exchanged
+/// together.
 fn share_numbers(groups: &mut [Group]) {
     let shares = |group: &Group| group.family.kind() == Kind::Limit || group.is_swing();
     let key = |group: &Group| {
@@ -318,7 +321,7 @@ fn culprit(
     }
 }
 
-/// What to change, the motion's own share of a limit included.
+/// Advice on the change that would help, which may be a higher `torque_use` or `speed_use` of the motion.
 fn advice(problem: &Problem, family: Family, mobility: Mobility) -> String {
     let Reserve { torque_use, speed_use } = problem.reserve;
     let share = match family {

@@ -14,13 +14,14 @@ const UPRIGHT: f64 = 0.5;
 /// Mobility of a robot in a motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mobility {
-    /// Whether some end effector leaves the ground.
+    /// True if an end effector leaves the ground.
     some_step: bool,
-    /// Whether some end effector on a limb with joints never leaves the ground.
+    /// True if an end effector on a limb with joints never leaves the ground.
     could_step: bool,
-    /// Whether there are wheels or blades that no joint steers.
+    /// True if there are wheels or blades that no joint steers.
     could_steer: bool,
-    /// Whether the goal is aside or a turn, and all joints turn about axes across the robot, so that feet move in planes ahead.
+    /// True if the goal is sideways or a turn, and the axes of all joints run across the robot, so that feet move in planes
+    /// ahead.
     is_planar_aside: bool,
 }
 

@@ -57,7 +57,7 @@ const CURABLE: f64 = 0.1;
 pub struct Schedule {
     next: usize,
     far_level: f64,
-    /// Whether it has been probed because the worst constraint did not improve.
+    /// True after a probe because the worst constraint did not improve.
     halted: bool,
 }
 
@@ -72,12 +72,12 @@ impl Default for Schedule {
 pub struct Due {
     /// Worst constraint, as a multiple of its tolerance, that counts as far off.
     pub far_level: f64,
-    /// Whether it is too early to end a solve that is only stuck: some find a way after more iterations.
+    /// True if a solve that is only stuck should go on: some converge after more iterations.
     pub is_early: bool,
 }
 
 impl Schedule {
-    /// Whether to probe after an iteration. Probes become rarer, so that slow solves do not spend much time on them.
+    /// Returns the probe that is due after an iteration. Probes become rarer, so that slow solves spend little time on them.
     pub fn due(&mut self, iteration: usize, last: &Iteration) -> Option<Due> {
         if last.no_better == HALTING && !std::mem::replace(&mut self.halted, true) {
             return Some(Due { far_level: self.far_level, is_early: true });

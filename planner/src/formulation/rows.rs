@@ -96,7 +96,7 @@ pub enum Subject {
 }
 
 impl Subject {
-    /// Its name in the robot file; `None` for the whole robot.
+    /// Name in the robot file; `None` for the whole robot.
     pub fn name(self, robot: &Robot) -> Option<String> {
         match self {
             Self::Whole => None,
@@ -128,7 +128,7 @@ pub struct Given {
     pub slope: f64,
 }
 
-/// One residual.
+/// Residual with its scale, tolerance and role.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Family of the residual.
@@ -152,7 +152,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// Whether the row takes part in the energy when it is shifted by its multiplier.
+    /// True if the row takes part in the energy when it is shifted by its multiplier.
     pub fn counts(&self, shift: f64) -> bool {
         match self.role {
             Role::Inequality { band } => self.value + shift > -band,
@@ -160,7 +160,7 @@ impl Row {
         }
     }
 
-    /// Whether it says the same of another robot: only numbers may differ.
+    /// True if the rows differ in numbers only.
     fn is_like(&self, other: &Self) -> bool {
         self.family == other.family
             && self.at == other.at
@@ -170,7 +170,7 @@ impl Row {
     }
 }
 
-/// All rows of a problem at one point.
+/// Rows of a problem at one point.
 #[derive(Clone, Debug, Default)]
 pub struct Rows {
     /// The rows.
@@ -179,21 +179,21 @@ pub struct Rows {
     pub columns: Arc<[usize]>,
     /// Derivatives of scaled residuals with respect to scaled unknowns; undefined for rows without.
     pub derivatives: Vec<f64>,
-    /// Which rows have derivatives.
+    /// Rows that have derivatives.
     pub differentiated: Differentiated,
     /// The timeline at the point.
     pub(super) states: Vec<State>,
 }
 
-/// Which rows have derivatives.
+/// Rows that have derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Differentiated {
-    /// None: values alone are known.
+    /// Empty set: only values are known.
     #[default]
     None,
-    /// Those that count with the multipliers with which they were differentiated.
+    /// Rows that count with the multipliers of the differentiation.
     Counting,
-    /// All.
+    /// Full set.
     All,
 }
 

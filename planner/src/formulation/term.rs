@@ -6,9 +6,9 @@ use crate::families::Family;
 /// Samples from which a term is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Span {
-    /// Every sample of the motion with its neighbours.
+    /// Samples of the motion, each with its neighbours.
     Samples,
-    /// Every interval of the motion: samples 1 and 2 of the window are its ends.
+    /// Intervals of the motion: samples 1 and 2 of the window are the ends of the interval.
     Intervals,
     /// Once: samples 1 and 2 of the window are the first sample and the one at which the
     /// displacement is measured.

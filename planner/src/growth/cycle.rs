@@ -1,8 +1,8 @@
 //! Linear map of small errors over one cycle of a rigid body on springs, and the largest growth in it.
 //!
 //! Errors are x = (δc, δθ, δċ, δω, a): place and turn of the body, their rates, and the horizontal error a of every
-//! contact point. A foot lands where the body's error carries it and stays there; a wheel rolls where it heads. With the arm r from
-//! the centre of mass and the planned force f, legs yield by u = a − δc − δθ × r, and
+//! contact point. A foot lands where the body's error carries it and stays there; a wheel rolls where it heads. With the arm r
+//! from the centre of mass and the planned force f, legs yield by u = a − δc − δθ × r, and
 //!
 //! ```text
 //! δf = K u + D u̇ + δθ × f        u̇ = ȧ − δċ − δω × r − δθ × ṙ
@@ -12,13 +12,13 @@
 use nalgebra::{DMatrix, DMatrixView, Dyn, LU, Matrix3, Vector3};
 use rollwalk_multibody::rotation::{skew, yaw_rotation};
 
-/// One instant of a cycle, in world.
+/// Instant of a cycle, world frame.
 pub struct Instant {
     /// Mass, kg.
     pub mass_kg: f64,
     /// Centre of mass, m.
     pub com: Vector3<f64>,
-    /// Its velocity, m/s.
+    /// Velocity of the centre of mass, m/s.
     pub com_velocity: Vector3<f64>,
     /// Inertia about it, kg·m².
     pub inertia_kg_m2: Matrix3<f64>,
@@ -26,17 +26,17 @@ pub struct Instant {
     pub stiffness_n_m: DMatrix<f64>,
     /// D by K, s.
     pub damping_s: f64,
-    /// All contacts.
+    /// Contacts of all end effectors.
     pub contacts: Vec<Contact>,
 }
 
 /// A contact of an [`Instant`].
 pub struct Contact {
-    /// Its point, m.
+    /// Contact point, m.
     pub position: Vector3<f64>,
     /// Planned force, N; `None` in swing.
     pub force_n: Option<Vector3<f64>>,
-    /// How it rolls.
+    /// Rolling; `None` for a contact that does not roll.
     pub roll: Option<Roll>,
 }
 
@@ -191,7 +191,7 @@ fn rates(at: &Instant, size: usize) -> Option<DMatrix<f64>> {
     Some(out)
 }
 
-/// One step of ẋ = A x on all columns of `map`: (1 − γ h A)⁻² (1 + (1 − 2γ) h A).
+/// Step of ẋ = A x on all columns of `map`: (1 − γ h A)⁻² (1 + (1 − 2γ) h A).
 fn step(rates: &DMatrix<f64>, step_s: f64, map: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let identity = DMatrix::identity(rates.nrows(), rates.ncols());
     let implicit: LU<f64, Dyn, Dyn> = (&identity - rates * (GAMMA * step_s)).lu();

@@ -13,8 +13,8 @@ const STEP_SAMPLES: usize = 5;
 const STANCE_SAMPLES: usize = 2;
 
 impl LibraryFile {
-    /// Completes the transitions without footfalls of their own for the motions that they join, which are read from the files that
-    /// [`LibraryFile::motions`] names and in that order.
+    /// Completes the transitions without footfalls of their own for the motions that they join, which are read from the files
+    /// that [`LibraryFile::motions`] names and in that order.
     #[must_use]
     pub fn stepping(mut self, robot: &Robot, motions: &[Motion]) -> Self {
         for transition in self.transitions.iter_mut().filter(|of| of.footfalls_open) {
@@ -27,8 +27,8 @@ impl LibraryFile {
     }
 }
 
-/// When a gait lifts an end effector that has to step between these motions, in the first of them that lifts it; `None` if it
-/// stays, or rolls.
+/// First sample at which a gait lifts an end effector, in the first of these motions that lifts it; `None` if no motion lifts it,
+/// or if it is a wheel with a motor.
 fn lifted(robot: &Robot, foot: usize, motions: &[&Motion]) -> Option<usize> {
     let stays = robot.end_effectors[foot].contact.actuator().is_some();
     let lifted = |motion: &&Motion| motion.stance.iter().position(|row| !row[foot]);

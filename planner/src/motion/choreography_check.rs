@@ -171,7 +171,7 @@ fn check_swing(
     true
 }
 
-/// Whether an end effector is in stance at all samples of a moment.
+/// True if an end effector is in stance at all samples of a moment.
 fn stands_throughout(motion: &Motion, j: usize, moment: Moment) -> bool {
     let count = motion.stance.len();
     (0..3).all(|k| motion.stance[(moment.sample + k + count - 1) % count][j])
@@ -230,13 +230,13 @@ fn reach_m(robot: &Robot, of: Subject, j: usize) -> f64 {
     limb_m(robot, j) + if of == Subject::Com { com_m(robot) } else { 0.0 }
 }
 
-/// How much further than an end effector on the ground a subject can get, m: it is behind at first and ahead at the end.
+/// Largest distance, m, that a subject gains on an end effector on the ground, from behind it to ahead of it.
 fn sway_m(robot: &Robot, of: Subject, j: usize) -> f64 {
     2.0 * reach_m(robot, of, j)
 }
 
-/// How much further than a wheel's motor drives it the centre of mass can get over a motion, m: it leans from behind to
-/// ahead, and the wheel rolls as its link pitches. Nothing over a period, at whose end all is as at its start.
+/// Largest distance, m, that the centre of mass gains on the travel of a wheel's motor: the robot leans from behind to ahead, and
+/// the wheel rolls as its link pitches. Zero for a periodic motion, which ends as it begins.
 pub(super) fn lean_m(motion: &Motion, robot: &Robot, j: usize) -> f64 {
     if motion.ends == Ends::Periodic {
         return 0.0;

@@ -161,7 +161,7 @@ fn optional(
     if table.has(key) { table.number_in(key, least..=most, unit).map(Some) } else { Some(None) }
 }
 
-/// All three values, or `None` if one is faulty.
+/// Unwraps three values; `None` if one is faulty.
 fn all(values: [Option<Option<f64>>; 3]) -> Option<[Option<f64>; 3]> {
     let [x, y, z] = values;
     Some([x?, y?, z?])

@@ -172,7 +172,7 @@ impl Motion {
 pub(crate) enum Footfalls<'d> {
     /// A table `[footfalls]`.
     Table(Table<'d>),
-    /// Every end effector stays on the ground.
+    /// Stance of all end effectors throughout.
     AllStance,
 }
 

@@ -53,7 +53,7 @@ pub struct Motion {
     /// have level ground, and files of plans name none.
     #[serde(skip)]
     pub ground: ElevationMap,
-    /// Why the motion does not hold without feedback, if it does not: what its author says, for those who play it.
+    /// Reason why the motion does not hold without feedback, by its author for its users; `None` if it holds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub needs_feedback: Option<String>,
 }
@@ -91,7 +91,7 @@ pub enum Ends {
     Periodic,
     /// The robot stands still at both ends.
     AtRest,
-    /// Both ends are states of other motions; the motion is a transition of a motion graph.
+    /// Transition of a motion graph: both ends are states of other motions.
     Prescribed,
 }
 

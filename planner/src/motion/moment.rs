@@ -50,8 +50,8 @@ impl Moment {
 }
 
 impl HeightLimit {
-    /// Whether the limit applies to a sample: to those in the span and to the two that enclose it.
-    /// The end of a period counts as sample 0.
+    /// True if the limit applies to a sample: to the samples in the span and to the two that enclose it. The end of a period
+    /// counts as sample 0.
     pub fn holds_at(&self, motion: &Motion, sample: usize) -> bool {
         let h = motion.interval_s();
         let span = (self.from_s / h + 1e-6).floor()..=(self.to_s / h - 1e-6).ceil();

@@ -4,8 +4,8 @@
 //! speed is zero at lift-off and touch-down. u is 0 at the first sample of a swing and 1 at its last: until then the
 //! force of the foot goes to zero, linearly between samples, and no foot that has left the ground can take it. With the
 //! profile from the last stance sample to the next, held walks came to 0.960 of their way instead of 1.002. Swings of
-//! fewer than five samples have that longer profile. A height target of an end effector scales the profile of the swing in which it lies, so
-//! that the profile passes through it.
+//! fewer than five samples have that longer profile. A height target of an end effector scales the profile of the swing in
+//! which it lies, so that the profile passes through it.
 
 use super::{Ends, Moment, Motion, Subject};
 use std::f64::consts::PI;

@@ -38,7 +38,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Whether a second start that ends like this is enough to give up.
+    /// True if a second start with such a verdict is enough to give up.
     pub fn is_grave(self) -> bool {
         match self {
             Self::Contradiction | Self::FarOff => true,
@@ -53,21 +53,21 @@ impl Verdict {
 pub struct Culprit {
     /// The constraint.
     pub constraint: Family,
-    /// What it is to the user.
+    /// Kind of the constraint.
     pub part: Kind,
     /// End effector, joint or direction that it is about; `null` for the whole robot.
     pub subject: Option<String>,
-    /// When it pulls, first and last time, s.
+    /// First and last time at which the constraint contributes to the violation, s.
     pub time_s: [f64; 2],
-    /// Its largest residual at the nearest point.
+    /// Largest residual of the constraint at the nearest point.
     pub worst: f64,
     /// Unit of `worst`, `given` and `would_do`; a duration that is given is in s whatever this says.
     pub unit: String,
-    /// Its part of the violation at the nearest point, 0 to 1.
+    /// Share of the constraint in the violation at the nearest point, 0 to 1.
     pub share: f64,
     /// Field of the motion or robot file that says how much, where it is one number; or [`DURATION`].
     pub field: Option<String>,
-    /// That number.
+    /// Value of that field.
     pub given: Option<f64>,
     /// A number with which a plan was found, all else as it is; in a robot file, of every motor or foot with the given
     /// one. `null` if none was found near.

@@ -1,6 +1,6 @@
 //! Plans as JSON text: one writer, one reader.
 //!
-//! Every field with its unit and frame: `docs/plan-format.md`. The writer is deterministic: the same plan
+//! Every field with its unit and frame: `docs/formats/plan-format.md`. The writer is deterministic: the same plan
 //! gives the same bytes. Arrays of plain values stay on one line, so that a plan can be read and diffed.
 
 use super::{FORMAT, Plan, VERSION};
@@ -15,10 +15,10 @@ pub(super) const JSON: Format = Format {
     version: VERSION,
     what: "plan",
     make_again: "plan the motion once more",
-    help: "docs/plan-format.md lists every field with its unit and frame; `rollwalk plan` writes such files",
+    help: "docs/formats/plan-format.md lists every field with its unit and frame; `rollwalk plan` writes such files",
 };
 
-/// Why a plan file cannot be used.
+/// Reason for which a plan file is refused.
 #[derive(Clone, Debug, PartialEq, Eq, Error, Diagnostic)]
 pub enum PlanError {
     /// The text is no plan, or a field has a value that no plan can have.
@@ -37,7 +37,7 @@ pub enum PlanError {
 }
 
 impl Plan {
-    /// This plan as readable JSON, ending in a newline.
+    /// Returns the plan as readable JSON, ending in a newline.
     pub fn to_json(&self) -> String {
         // Only maps with non-string keys can fail to become JSON; a plan has no map.
         let pretty = serde_json::to_string_pretty(self).unwrap_or_default();
@@ -248,7 +248,7 @@ mod tests {
         }
     }
 
-    /// Every object and value of a plan, by its path as JSON pointers write it; of lists the first item.
+    /// Collects the paths of all objects and values of a plan as JSON pointers; of a list, those of its first item.
     fn places(value: &Value, path: &str, found: &mut Vec<String>) {
         found.push(path.to_owned());
         match value {

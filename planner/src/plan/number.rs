@@ -175,7 +175,7 @@ heading_rad = 0.03
         assert_eq!(culprit(Family::Slip, "forward_m", 0.4).with_number(&robot, &motion, 1.0), None);
     }
 
-    /// Where the file leaves the number of samples to the duration; one that gives it keeps it.
+    /// Number of samples: follows from the duration if the file leaves it out, else stays.
     #[test]
     fn a_longer_motion_has_the_samples_of_its_file() {
         let own = DUCK.replace("samples = 36\n", "");

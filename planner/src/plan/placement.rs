@@ -23,7 +23,7 @@ impl Placement {
         Self { offset_m: [-x, -y], yaw_rad: -self.yaw_rad }
     }
 
-    /// This placement `times` over, by squaring; negative counts go back.
+    /// Applies this placement `times` over, by squaring. Negative counts apply the inverse.
     pub fn repeated(&self, times: i64) -> Self {
         let mut step = if times < 0 { self.inverse() } else { *self };
         let (mut total, mut left) = (Self::default(), times.unsigned_abs());
@@ -37,7 +37,7 @@ impl Placement {
         total
     }
 
-    /// This placement, then another.
+    /// Applies this placement, then another.
     fn then(&self, next: &Self) -> Self {
         let [x, y, _] = next.point([self.offset_m[0], self.offset_m[1], 0.0]);
         Self { offset_m: [x, y], yaw_rad: self.yaw_rad + next.yaw_rad }

@@ -1,4 +1,4 @@
-//! Where the solve of a plan started.
+//! Start of the solve of a plan.
 
 use serde::{Deserialize, Serialize};
 
@@ -21,7 +21,7 @@ pub enum StartKind {
     Joined,
 }
 
-/// Where a solve started.
+/// Start of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Started {

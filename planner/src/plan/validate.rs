@@ -1,5 +1,5 @@
-//! What a plan must be before anything computes with it: right counts, finite numbers, unit quaternions,
-//! times on the grid, ends that agree with the kind of motion.
+//! Validation of plans before use: counts, finite numbers, unit quaternions, times on the grid, and ends that agree with the kind
+//! of motion.
 
 mod ends;
 

@@ -1,4 +1,4 @@
-//! One attempt: solves a motion from one start, after the solves that this start needs.
+//! Attempt to solve a motion from one start, after the solves that this start needs.
 
 use super::effort::Effort;
 use super::neighbour;

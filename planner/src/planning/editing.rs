@@ -5,8 +5,8 @@
 //! converged and its multipliers. All rows and derivatives of the edited problem are compared with what is kept; where one
 //! differs all is found anew. Where few iterations do not suffice the edit is planned as by [`replan`](super::replan()).
 //!
-//! The first Gauss-Newton step of a re-plan is the change of the plan with its robot (thesis 2.5.1), but for second derivatives of
-//! the constraints, and of the multipliers: the edited problem's rows at the old plan, solved with their own matrix. The
+//! The first Gauss-Newton step of a re-plan is the change of the plan with its robot (thesis 2.5.1), but for second derivatives
+//! of the constraints, and of the multipliers: the edited problem's rows at the old plan, solved with their own matrix. The
 //! iterations after it correct what that leaves. [`crate::sensitivity`] has exact derivatives.
 
 use super::effort::Effort;
@@ -60,7 +60,7 @@ impl fmt::Debug for Editing {
     }
 }
 
-/// What one solve leaves for the next.
+/// Results of one solve that the next reuses.
 struct Kept {
     structure: Structure,
     normal: NormalEquations,
@@ -81,9 +81,9 @@ impl Editing {
     /// Plans the motion of an edited robot, or an edited motion.
     ///
     /// The plan is as good as that of [`replan_solution`](super::replan_solution): constraints are met to the same part of their
-    /// tolerances, and the iterations end when one changes the costs by less than [`Settings::flat`], or the next could not. It is the same
-    /// within what these leave open; its last digits depend on the edits before. As there it is refined if that is among the options, and
-    /// its outcome is in its solve summary. One that did not converge is not where the next edit starts.
+    /// tolerances, and the iterations end when one changes the costs by less than [`Settings::flat`], or the next could not. It
+    /// is the same within what these leave open; its last digits depend on the edits before. As there it is refined if that is
+    /// among the options, and its outcome is in its solve summary. One that did not converge is not where the next edit starts.
     ///
     /// # Errors
     /// The robot has other joints or end effectors, or the motion other ends.

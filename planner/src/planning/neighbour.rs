@@ -102,7 +102,7 @@ pub(crate) fn from_near(
     solved.write(problem, motion, Started { kind: StartKind::Neighbour, seed: 0 })
 }
 
-/// Whether two robots have the same variables: the same joints by name, the same end effectors by name and kind.
+/// True if two robots have the same variables: joints of the same names, and end effectors of the same names and kinds.
 pub(crate) fn same_structure(one: &Robot, other: &Robot) -> bool {
     let joints = |robot: &'_ Robot| robot.joints.iter().map(|j| j.name.clone()).collect::<Vec<_>>();
     let ends = one.end_effectors.iter().zip(&other.end_effectors);

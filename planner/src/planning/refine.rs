@@ -22,7 +22,7 @@ const LEAST_SPACING_S: f64 = 1.0 / 120.0;
 /// Most iterations of a solve on a finer grid, where the plan before it is nearly feasible: of 30 refinements half took 20 or
 /// less, none more than 199.
 const MOST_ITERATIONS: usize = 200;
-/// What a refinement that helps leaves of the worst residual over its tolerance, at most.
+/// Largest factor on the worst residual-to-tolerance ratio with which a refinement counts as helpful.
 const HELPS: f64 = 0.8;
 /// Grids that do not help after which no finer one is tried.
 const IN_VAIN: usize = 2;

@@ -39,8 +39,8 @@ pub fn replan(
     Ok(replan_solution(previous, robot, motion, options, progress)?.plan)
 }
 
-/// Plans the motion of a plan with twice its samples, from that plan; `None` if that would be too many of them, or if no consistent plan
-/// is found.
+/// Plans the motion of a plan with twice its samples, from that plan; `None` if that would be too many of them, or if no
+/// consistent plan is found.
 pub fn replan_finer(
     plan: &Plan,
     options: &Options,

@@ -17,8 +17,8 @@ pub struct Options {
     pub start: Start,
     /// Seed of all random numbers in the start.
     pub seed: u64,
-    /// Whether a plan that does not hold as it is played is planned again with more samples. Without, the samples are
-    /// those of the motion, and [`Report`](crate::report::Report) alone tells what the plan is worth.
+    /// True if a plan that does not hold as it is played is planned again with more samples. If false, the samples are those of
+    /// the motion, and only [`Report`](crate::report::Report) shows whether the plan holds.
     pub refine: bool,
 }
 

@@ -62,8 +62,9 @@ impl<'a> Search<'a> {
         self.candidates.len()
     }
 
-    /// The plan of the first candidate with its diagnosis, as soon as that has found the request infeasible. What is in the way is
-    /// known then; numbers with which the request would work, and other starts, take ten times as long, and may still find a plan.
+    /// The plan of the first candidate with its diagnosis, as soon as that has found the request infeasible. What is in the way
+    /// is known then; numbers with which the request would work, and other starts, take ten times as long, and may still find a
+    /// plan.
     pub fn refusal(&self) -> Option<&Plan> {
         self.refusal.get()
     }
@@ -172,8 +173,7 @@ impl<T> Race<T> {
 enum Standing {
     /// An earlier candidate has decided the race.
     Lost,
-    /// It is the first that can still win. Exactly one running candidate is, so that an interrupt always reaches the
-    /// race.
+    /// First candidate that can still win. Exactly one running candidate leads, so that an interrupt always reaches the race.
     Leads,
     /// An earlier candidate is still running.
     Follows,

@@ -98,7 +98,7 @@ enum Looked {
 struct Works {
     number: f64,
     solution: Solution,
-    /// Whether it was found from scratch, as those who type the number find it.
+    /// True if the plan was found from scratch, as for a user who types the number.
     cold: bool,
 }
 
@@ -109,7 +109,7 @@ struct Look<'a, 'p> {
     nearest: &'a Solution,
     /// Iterations left in which numbers are sought.
     left: usize,
-    /// Whether a number was tried with which contacts that stay leave nothing of the goal.
+    /// True if a trial met the goal by posture alone: its contacts stay, and next to nothing of the goal is left.
     taken_back: bool,
 }
 
@@ -295,7 +295,7 @@ impl Look<'_, '_> {
     }
 }
 
-/// Whether a number works for those who type it: its plan converged, and is consistent as it is played.
+/// True if a number works for a user who types it: its plan converged, and is consistent as it is played.
 fn is_consistent(solution: &Solution) -> bool {
     let plan = &solution.plan;
     plan.solve.status == Status::Converged && Report::as_played(plan).judgement.is_good()
@@ -358,7 +358,7 @@ impl Asked {
         Self { number: culprit.given.unwrap_or_default(), is_duration }
     }
 
-    /// Whether a request with another number instead misses by little.
+    /// True if `number` differs from the requested one by at most [`LITTLE`] of it.
     fn is_near(self, number: f64) -> bool {
         (number - self.number).abs() <= LITTLE * self.number.abs()
     }

@@ -33,7 +33,7 @@ struct Kept<P> {
 }
 
 impl Solution {
-    /// This solution as JSON.
+    /// Returns the solution as JSON.
     pub fn to_json(&self) -> String {
         let (format, version) = (JSON.name.to_owned(), JSON.version);
         let kept =

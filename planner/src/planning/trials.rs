@@ -12,10 +12,10 @@ use rollwalk_robot::Robot;
 
 /// Ways to solve a request; `None` where there is none.
 pub(super) trait Ways {
-    /// From its start, as for those who type its numbers.
+    /// Solves from the start of the request, as for a user who types its numbers.
     fn cold(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Option<Solution>;
 
-    /// From the solution of a neighbour.
+    /// Solves from the solution of a neighbour.
     fn near(
         &self,
         known: &Solution,
@@ -24,7 +24,7 @@ pub(super) trait Ways {
     ) -> Option<Solution>;
 }
 
-/// Those of a motion with periodic or at-rest ends.
+/// Solves of a motion with periodic or at-rest ends.
 pub(super) struct OwnEnds;
 
 impl Ways for OwnEnds {

@@ -18,7 +18,7 @@ use svg::node::element::{Group, Line, Style, Text, Title};
 /// Frames per second, and the most frames of a file.
 const FRAMES_HZ: f64 = 30.0;
 const FRAMES_MAX: f64 = 240.0;
-/// How long the last frame of a motion that does not repeat stays, s.
+/// Duration of the last frame of a motion that does not repeat, s.
 const HOLD_S: f64 = 0.8;
 /// A motion that repeats is shown until the robot has gone so many of its diameters, or turned once, in so many seconds at most.
 const TRAVEL: f64 = 2.5;
@@ -38,7 +38,7 @@ const MARK_WIDTH: f64 = 34.0;
 /// Least distance of marks on the ground, px.
 const MARKS_PX: f64 = 55.0;
 
-/// What an animation shows beside the robot.
+/// Optional parts of an animation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extras {
     /// Forces of the ground, as arrows.
@@ -74,8 +74,8 @@ pub fn animation(plan: &Plan, extras: Extras) -> String {
     format!("{document}\n")
 }
 
-/// The same motion as pictures without motion, for films, and the time that each is shown, s. The last one of a motion that does not
-/// repeat is there as often as it takes to stay.
+/// The same motion as pictures without motion, for films, and the time that each is shown, s. The last one of a motion that
+/// does not repeat is there as often as it takes to stay.
 pub fn frames(plan: &Plan, extras: Extras) -> (f64, Vec<String>) {
     let page = Page::new(plan, extras);
     let run = &page.run;
@@ -94,7 +94,7 @@ pub fn frames(plan: &Plan, extras: Extras) -> (f64, Vec<String>) {
     (run.frame_s(), pictures)
 }
 
-/// What all frames are drawn on.
+/// Layout of all frames.
 struct Page {
     run: Run,
     view: View,
@@ -106,7 +106,7 @@ struct Page {
 
 struct Chart {
     drawing: Group,
-    /// Where its time axis begins and ends, and its top and bottom.
+    /// Start and end of the time axis, and top and bottom of the rows.
     axis_px: [f64; 2],
     rows_px: [f64; 2],
 }
@@ -198,7 +198,7 @@ struct Run {
     shown_s: f64,
     /// Duration of one period, s; of a motion that does not repeat, its duration.
     period_s: f64,
-    /// How long the last frame stays after that, s.
+    /// Duration of the last frame after that, s.
     hold_s: f64,
 }
 
@@ -253,7 +253,7 @@ impl Run {
     }
 }
 
-/// How often a periodic motion is shown.
+/// Number of periods of a periodic motion that are shown.
 fn periods(plan: &Plan, extent_m: f64) -> f64 {
     let placement = &plan.end_placement;
     let [x, y] = placement.offset_m;
@@ -277,7 +277,7 @@ struct View {
 }
 
 impl View {
-    /// So that all of a run fits.
+    /// Fits the view to a whole run.
     fn of(run: &Run, extras: Extras) -> Self {
         let extent_m = run.figure.extent_m();
         let mut points: Vec<Vector3<f64>> = Vec::new();

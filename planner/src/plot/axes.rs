@@ -90,7 +90,7 @@ pub enum Content {
         /// Crosses and bars.
         marks: Vec<Mark>,
     },
-    /// One bar row for each name, filled over spans.
+    /// Bar rows: name and filled spans of each.
     Bars(Vec<(String, Vec<[f64; 2]>)>),
 }
 

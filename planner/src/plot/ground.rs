@@ -22,8 +22,8 @@ impl Played<'_> {
         lifts.then(|| self.limited("swing height (m)", series, Vec::new(), vec![0.0]))
     }
 
-    /// How far inside the support polygon the centre of mass is, seen from above: the convex hull of the contact points in stance. Negative
-    /// outside, and where fewer than three stand; no line in flight.
+    /// Distance of the centre of mass from the border of the support polygon, seen from above, positive inside. The polygon is
+    /// the convex hull of the contact points in stance. Negative outside, and with fewer than three contacts; no line in flight.
     pub(super) fn support(&self) -> Option<Panel> {
         let played = self.states.iter().map(|(t, state, _)| (*t, inside_m(state)));
         let played: Vec<(f64, Option<f64>)> = played.collect();

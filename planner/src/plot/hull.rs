@@ -1,6 +1,7 @@
 //! Convex hulls in the plane: outlines of the drawn robot, and support polygons.
 
-/// Convex hull of points (Andrew's monotone chain), counter-clockwise where y is up. Of points on a line its two ends, of equal ones one.
+/// Convex hull of points (Andrew's monotone chain), counter-clockwise where y is up. Of points on a line its two ends, of equal
+/// ones one.
 pub fn convex_hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let turns_right = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {

@@ -20,7 +20,8 @@ pub(super) struct Group {
 }
 
 impl Played<'_> {
-    /// Limbs with their joints and driven wheels, and the joints that move no end effector; or every joint and driven wheel by itself.
+    /// Limbs with their joints and driven wheels, and the joints that move no end effector; or every joint and driven wheel by
+    /// itself.
     pub(super) fn groups(&self, panels: JointPanels) -> Vec<Group> {
         let robot = &self.plan.robot;
         let wheel = |j: usize| Group {

@@ -1,4 +1,5 @@
-//! Panels of the figure in columns, from the motion as played and the planned samples: those of the body and of the ground's forces.
+//! Panels of the figure in columns, from the motion as played and the planned samples: those of the body and of the ground's
+//! forces.
 
 use super::axes::{Axis, Series};
 pub(super) use super::axes::{Content, Panel};
@@ -8,7 +9,7 @@ use crate::plan::{EndEffectorSample, Plan, Sample};
 use crate::sample::{PlanSpline, Setpoints, driven_wheels};
 use crate::torque::{Actuation, InverseDynamics};
 
-/// What has a panel of angles, speeds and torques of its own.
+/// Grouping of the panels of angles, speeds and torques.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum JointPanels {
     /// A limb: its joints can be compared.
@@ -203,7 +204,7 @@ impl Played<'_> {
         some.then(|| self.limited("wheel motors (rad/s)", series, limits, Vec::new()))
     }
 
-    /// One panel per foot: its force and its friction cone, shaded in stance.
+    /// Force and friction cone of each foot in a panel of its own, shaded in stance.
     fn forces(&self) -> Vec<Panel> {
         let feet = self.plan.robot.end_effectors.iter().enumerate();
         let highest = |e: &EndEffectorSample| e.force_n[2];

@@ -38,7 +38,7 @@ struct Piece {
 }
 
 impl Figure {
-    /// Of a robot.
+    /// Prepares the drawing of a robot.
     pub fn new(robot: &Robot) -> Self {
         let model = Model::new(robot);
         let pose = model.pose(model.nominal_q());
@@ -77,7 +77,7 @@ impl Figure {
         arrows.fold(Group::new(), Group::add)
     }
 
-    /// Where the arrows of the ground's forces begin and end, world, m.
+    /// Start and end points of the arrows for ground forces, world, m.
     pub fn arrows<'a>(
         &'a self,
         sample: &'a Sample,
@@ -179,8 +179,8 @@ impl Figure {
     }
 }
 
-/// Parallel projection of a circle: an ellipse, as wide as the circle across its axis, and narrower along it by as much as the axis
-/// lies in the page. `axis` is the projection of the axis' unit vector, `px_per_m` long if it lies wholly in it.
+/// Parallel projection of a circle: an ellipse, as wide as the circle across its axis, and narrower along it by as much as the
+/// axis lies in the page. `axis` is the projection of the axis' unit vector, `px_per_m` long if it lies wholly in it.
 fn rim(center: [f64; 2], axis: [f64; 2], radius: f64, px_per_m: f64) -> Ellipse {
     let in_page = (axis[0].hypot(axis[1]) / px_per_m).min(1.0);
     let along = radius * (1.0 - in_page * in_page).sqrt();

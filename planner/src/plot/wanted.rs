@@ -34,7 +34,7 @@ impl Played<'_> {
             .collect()
     }
 
-    /// One panel with the path of every subject that has target positions, except the centre of mass.
+    /// Panels with the paths of the subjects that have target positions, except the centre of mass.
     pub(super) fn ways(&self) -> Vec<Panel> {
         let feet = self.plan.robot.end_effectors.iter().enumerate();
         let feet = feet.map(|(j, foot)| (Subject::EndEffector(j), foot.name.as_str()));

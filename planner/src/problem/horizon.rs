@@ -5,7 +5,7 @@ use super::{Problem, Weights};
 use crate::motion::Motion;
 use rollwalk_multibody::euler::Model;
 
-/// What is known of a horizon before it is planned.
+/// Given quantities of a horizon.
 #[derive(Clone, Debug)]
 pub struct HorizonGoal {
     /// Heights of contact points above the ground `[sample][end effector]`, m: 0 in stance.

@@ -134,7 +134,7 @@ pub fn force_scale_n(model: &Model) -> f64 {
 /// Direction in which a placement is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lift {
-    /// As stored.
+    /// Stored values, not placed.
     Identity,
     /// p → R_z(ψ)·p + D.
     Placed,

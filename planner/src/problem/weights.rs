@@ -29,8 +29,8 @@ pub struct Weights {
     /// and foot leave the ground together. Too low, and the force is missing; too high, and swings are too fast.
     pub lift_off_slip: f64,
     /// Pull of the body's velocity towards the wanted one where a motion is steered (m/s and rad/s). Too low, and the robot
-    /// follows late, and too slowly where its legs have to leave their posture for it; too high, and after pushes it follows with its feet at
-    /// the limits of friction, so that plans are rejected (`docs/receding-horizon.md`).
+    /// follows late, and too slowly where its legs have to leave their posture for it; too high, and after pushes it follows
+    /// with its feet at the limits of friction, so that plans are rejected (`docs/receding-horizon.md`).
     pub steering: f64,
     /// Smallest normal force of a foot in stance, as a fraction of its even share of the weight.
     pub least_normal_force: f64,

@@ -1,8 +1,8 @@
 //! Setpoints of a steered robot without feedback: horizons that continue one another as planned.
 //!
-//! Robots whose servos are commanded angles and speeds play plans as they are. Each horizon here begins in the state in which the robot
-//! is by the horizon before, and its setpoints follow those of that one without a step. Feedback is up to the servos, as in a
-//! motion library; `docs/receding-horizon.md` tells when that is enough.
+//! Robots whose servos are commanded angles and speeds play plans as they are. Each horizon here begins in the state in which
+//! the robot is by the horizon before, and its setpoints follow those of that one without a step. Feedback is up to the servos,
+//! as in a motion library; `docs/receding-horizon.md` tells when that is enough.
 
 use super::measured::over_ground;
 use super::trim::Trim;
@@ -49,11 +49,12 @@ pub struct Stretch {
     pub frames: Vec<Frame>,
     /// Iterations of the solve.
     pub iterations: usize,
-    /// Whether its plan was accepted. If not, the plan before goes on.
+    /// True if the plan of the stretch was accepted. Otherwise the previous plan continues.
     pub accepted: bool,
-    /// Velocity of the body in the mean of the stretch: along and to the left of its heading, m/s, and rate of the heading, rad/s.
+    /// Velocity of the body in the mean of the stretch: along and to the left of its heading, m/s, and rate of the heading,
+    /// rad/s.
     pub velocity: [f64; 3],
-    /// Where the body is at its end, and its heading.
+    /// Position of the body over the ground at the end of the stretch, and its heading.
     pub place: Placement,
 }
 
@@ -66,13 +67,13 @@ pub struct Frame {
     pub torques_nm: Vec<f64>,
 }
 
-/// Why a course does not go on.
+/// Reason for which a course ends.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CourseError {
     /// The horizon cannot be planned.
     #[error(transparent)]
     Horizon(#[from] HorizonError),
-    /// No plan was accepted for as long as the last one lasts.
+    /// Solves found no acceptable plan before the last accepted one ended.
     #[error(
         "no plan met the constraints for {for_s:.1} s: `{constraint}` held worst, at {level:.1} of its tolerance"
     )]
@@ -81,7 +82,7 @@ pub enum CourseError {
         for_s: f64,
         /// The constraint that held worst in the last try.
         constraint: String,
-        /// Its residual over its tolerance.
+        /// Residual over tolerance of that constraint.
         level: f64,
     },
 }
@@ -310,7 +311,7 @@ mod tests {
         check_frames(&robot, &all);
     }
 
-    /// In between it stands, in another gait, which sees the command of zero.
+    /// Stand between the taps: another gait, whose command is zero.
     #[test]
     fn a_stick_that_is_tapped_does_not_wind_up_the_correction_of_the_walk() {
         let robot = agilebot();
@@ -327,7 +328,7 @@ mod tests {
         assert_eq!(course.trims[&walk.motion.name].apply(forward), forward);
     }
 
-    /// Its legs have to leave their posture for every step.
+    /// Legbot: its legs leave their posture at each step.
     #[test]
     #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
     fn a_robot_that_cannot_roll_walks_as_fast_as_it_is_steered() {

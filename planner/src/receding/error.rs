@@ -13,9 +13,9 @@ pub enum HorizonError {
     TooShort {
         /// The duration.
         duration_s: f64,
-        /// Its samples.
+        /// Number of samples.
         samples: usize,
-        /// Their spacing.
+        /// Sample spacing, s.
         interval_s: f64,
         /// Fewest samples.
         least: usize,
@@ -25,11 +25,11 @@ pub enum HorizonError {
     OtherGait {
         /// Name of its motion.
         gait: String,
-        /// What differs.
+        /// Differing quantity.
         what: &'static str,
-        /// Its value.
+        /// Value in the gait.
         found: f64,
-        /// That of the horizon.
+        /// Value in the horizon.
         expected: f64,
     },
     /// The state is of another robot.
@@ -37,9 +37,9 @@ pub enum HorizonError {
     OtherRobot {
         /// The field.
         what: &'static str,
-        /// Its length.
+        /// Number of entries.
         found: usize,
-        /// That of the robot.
+        /// Number of entries for the robot.
         expected: usize,
     },
     /// A number is not finite.

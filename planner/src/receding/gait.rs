@@ -14,7 +14,7 @@ use thiserror::Error;
 /// Reason for which a motion is no gait.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum GaitError {
-    /// It does not repeat.
+    /// The motion does not repeat.
     #[error(
         "motion `{motion}` has ends = \"{ends}\": a gait repeats; give a plan with ends = \"periodic\", or stand on all end \
          effectors"
@@ -22,7 +22,7 @@ pub enum GaitError {
     DoesNotRepeat {
         /// Name of the motion.
         motion: String,
-        /// Its ends.
+        /// Ends of the motion.
         ends: Ends,
     },
     /// The spacing of samples is no time.
@@ -36,7 +36,7 @@ pub enum GaitError {
 /// A cyclic footfall pattern at the sample spacing of the horizons that are planned in it.
 #[derive(Clone, Debug)]
 pub struct Gait {
-    /// One period: footfalls, swing height, posture, held wheels and reserve.
+    /// Motion of one period: footfalls, swing height, posture, held wheels and reserve.
     pub(super) motion: Motion,
     /// Variables of each sample as seen from its base: at the origin with heading 0.
     pub(super) cycle: Vec<DVector<f64>>,
@@ -78,7 +78,7 @@ impl Gait {
         Ok(Self { motion: motion.clone(), cycle: cycle.collect(), sway })
     }
 
-    /// All end effectors stand, in the robot's nominal posture: driving, or standing.
+    /// Gait with all end effectors in stance, in the robot's nominal posture: for driving or standing.
     ///
     /// # Errors
     /// The spacing is no time.
@@ -139,7 +139,7 @@ pub(super) fn seen_from_base(layout: &Layout, vars: &DVector<f64>) -> DVector<f6
     Lift::PlacedBack.apply(layout, vars, &base_placement(vars))
 }
 
-/// Where the base is over the ground.
+/// Position of the base over the ground, and its heading.
 pub(super) fn base_placement(vars: &DVector<f64>) -> Placement {
     Placement { offset_m: [vars[BASE_POSITION], vars[BASE_POSITION + 1]], yaw_rad: vars[BASE_YAW] }
 }

@@ -22,7 +22,7 @@ use rollwalk_multibody::{ANGULAR, Frames, LINEAR, RimContact, State, Tree, rotat
 const ROUNDS: usize = 3;
 /// Regularisation of contacts that a robot cannot move apart, m² or (m/s)².
 const DAMPING: f64 = 1e-9;
-/// By how much more the velocity of the body counts than that of joints and rims: contacts that slip say more of joints.
+/// Weight of the velocity of the body relative to that of joints and rims: slip is attributed to the joints.
 const BODY: f64 = 3.0;
 
 /// The nearest state in which the end effectors that stand touch the ground and do not slip, and joints are within their limits.
@@ -60,14 +60,15 @@ pub(super) fn on_contacts(
     state
 }
 
-/// What of a contact is to vanish.
+/// Quantity of a contact that is to be zero.
 #[derive(Clone, Copy, PartialEq)]
 enum Wanted {
     Distance,
     Velocity,
 }
 
-/// Rows of the contacts that stand, over ν, and their residuals: distances from the ground, m, or none for velocities, which are the rows times ν.
+/// Rows of the contacts that stand, over ν, and their residuals: distances from the ground, m, or none for velocities, which
+/// are the rows times ν.
 fn contact_rows(
     tree: &Tree,
     ground: &ElevationMap,
@@ -114,7 +115,7 @@ fn nearest(rows: &DMatrix<f64>, off: &DVector<f64>, weights: &DVector<f64>) -> D
     -(scaled * shares)
 }
 
-/// Where the body is over the ground, and its heading.
+/// Position of the body over the ground, and its heading.
 pub(super) fn over_ground(state: &State) -> Placement {
     let p = state.base_position_m;
     Placement { offset_m: [p.x, p.y], yaw_rad: yaw_pitch_roll(&state.world_from_body).x }

@@ -16,10 +16,10 @@ pub(super) struct Schedule {
     earlier: Vec<Range<i64>>,
 }
 
-/// Where the contact point of an end effector is.
+/// State of the contact point of an end effector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
-    /// Whether it touches the ground.
+    /// True if the end effector touches the ground.
     pub touches: bool,
     /// Height above the ground, m.
     pub height_m: f64,
@@ -62,7 +62,7 @@ impl Schedule {
         *self = Self { gait, begun_at: at, earlier };
     }
 
-    /// Whether end effector `j` stands.
+    /// True if end effector `j` stands at sample `at`.
     pub fn stands(&self, at: i64, j: usize) -> bool {
         if self.earlier[j].contains(&at) {
             return false;

@@ -1,15 +1,16 @@
 //! Correction of the steering command of a [`Course`](super::Course): integral control of the planned velocity.
 //!
-//! A horizon tracks the commanded velocity by a cost, in balance with the posture cost: legs that leave their posture in every step walk too
-//! slowly. An integrator per axis scales the command up. It integrates only
-//! while the command is held and the response to its last change has settled, and a rejected plan halves its state: transients do not wind
-//! it up, and it does not insist on what cannot be planned. Each gait has its own.
+//! A horizon tracks the commanded velocity by a cost, in balance with the posture cost: legs that leave their posture in every
+//! step walk too slowly. An integrator per axis scales the command up. It integrates only while the command is held and the
+//! response to its last change has settled, and a rejected plan halves its state: transients do not wind it up, and it does not
+//! insist on what cannot be planned. Each gait has its own.
 
 use super::Steering;
 
 /// Integral time, s.
 const INTEGRAL_S: f64 = 1.0;
-/// Time for which a command has to be held before its error is integrated, s: longer than robots take to follow one, the start of a gait included.
+/// Time for which a command has to be held before its error is integrated, s: longer than robots take to follow one, the start
+/// of a gait included.
 const SETTLES_S: f64 = 1.5;
 /// Largest change of a held command, as a fraction of it.
 const HELD: f64 = 0.1;
@@ -40,8 +41,8 @@ impl Trim {
         }
     }
 
-    /// Updates the correction with the mean planned velocity of a stretch less the sway of the gait: forward, left, m/s, and yaw rate,
-    /// rad/s.
+    /// Updates the correction with the mean planned velocity of a stretch less the sway of the gait: forward, left, m/s, and
+    /// yaw rate, rad/s.
     pub fn update(&mut self, wanted: Steering, velocity: [f64; 3], stretch_s: f64) {
         let wanted = [wanted.forward_m_s, wanted.left_m_s, wanted.turn_rad_s];
         let mut axes = wanted.iter().zip(&self.held);

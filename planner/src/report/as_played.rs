@@ -14,17 +14,17 @@ use serde::Serialize;
 pub struct LargestTorque {
     /// Name of the joint or of the wheel.
     pub motor: String,
-    /// What the motor turns.
+    /// Kind of the motor.
     pub kind: MotorKind,
     /// The torque, N·m: its amount.
     pub torque_nm: f64,
     /// Limit of the robot file, N·m.
     pub limit_nm: f64,
-    /// When it occurs, s.
+    /// Time of that torque, s.
     pub time_s: f64,
 }
 
-/// What a motor turns.
+/// Kind of a motor: a joint or a wheel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MotorKind {

@@ -6,7 +6,7 @@ use crate::families::Family;
 use rollwalk_multibody::clearance::{GroundPoint, Pair};
 use rollwalk_robot::ClearancePair;
 
-/// What is missing of the margins, over all samples or frames.
+/// Clearance deficits, worst over all samples or frames.
 pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut links = Worst::of(Family::LinkClearance, grid);
     let mut ground = Worst::of(Family::GroundClearance, grid);

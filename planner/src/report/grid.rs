@@ -13,7 +13,7 @@ use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Link};
 /// Least height of the centre of mass that tolerances are fractions of, m: edited plans may have any.
 const HEIGHT_MIN_M: f64 = 0.01;
 
-/// One state of a timeline.
+/// State of a timeline.
 pub struct State<'a> {
     /// The numbers of the plan.
     pub sample: &'a Sample,
@@ -33,7 +33,7 @@ pub struct Timeline<'a> {
     pub model: Model,
     /// `states[i + 1]` belongs to sample i.
     states: Vec<State<'a>>,
-    /// For each link the principal axes of its inertia, in its frame, with the second moments Σ m x² along them, kg·m².
+    /// Principal axes of the inertia of each link, in the link's frame, with the second moments Σ m x² along them, kg·m².
     pub principal: Vec<[(Vector3<f64>, f64); 3]>,
 }
 
@@ -43,7 +43,7 @@ pub struct Window<'a> {
     pub index: usize,
     /// The state before it.
     pub before: &'a State<'a>,
-    /// Its state.
+    /// State at the sample.
     pub here: &'a State<'a>,
     /// The state after it.
     pub after: &'a State<'a>,
@@ -59,7 +59,7 @@ impl<'a> Timeline<'a> {
         Self { plan, model, states, principal }
     }
 
-    /// Every sample with its neighbours.
+    /// Windows around all samples.
     pub fn samples(&self) -> impl Iterator<Item = Window<'_>> {
         self.states.windows(3).enumerate().map(|(index, w)| Window {
             index,
@@ -69,8 +69,8 @@ impl<'a> Timeline<'a> {
         })
     }
 
-    /// Every sample that begins an interval of the motion: all of a periodic motion, whose last interval leads to the
-    /// next period; of any other all but the last.
+    /// Windows around the samples that begin an interval of the motion. In a periodic motion these are all samples, as the last
+    /// interval leads to the next period; in other motions all but the last.
     pub fn intervals(&self) -> impl Iterator<Item = Window<'_>> {
         let count = match self.plan.motion.ends {
             Ends::Periodic => self.plan.samples.len(),
@@ -92,7 +92,7 @@ impl<'a> Timeline<'a> {
         2.0 / (self.neighbours(w).len() as f64 * self.spacing_s().powi(2))
     }
 
-    /// What tolerances as played are fractions of.
+    /// Reference values for tolerances as played.
     pub fn scales(&self) -> Scales {
         let (samples, ground) = (&self.plan.samples, &self.plan.motion.ground);
         let above_m = |sample: &Sample| ground.height_above_m(&sample.com_m.into());
@@ -128,7 +128,7 @@ impl<'a> State<'a> {
         Self { sample, pose: model.pose(&q), frames, ground }
     }
 
-    /// Whether end effector `j` is in stance.
+    /// True if end effector `j` is in stance.
     pub fn stands(&self, j: usize) -> bool {
         self.sample.end_effectors[j].contact
     }

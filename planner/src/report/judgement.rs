@@ -1,21 +1,21 @@
-//! What a plan is worth: one verdict for the planner, the report and libraries.
+//! Judgement of a plan: one verdict for the planner, the report and libraries.
 
 use super::net::TakenBack;
 use super::residual::Row;
 use crate::plan::{Plan, Status};
 use serde::Serialize;
 
-/// What a plan is worth, from its solver's status and from residuals that are recomputed.
+/// Judgement of a plan, from its solver's status and from recomputed residuals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Judgement {
-    /// Every residual is within its tolerance, at the samples and as played.
+    /// Residuals are within their tolerances, at the samples and as played.
     Consistent,
-    /// It is consistent, but at rest, and most of a goal is taken back by the transition to another motion.
+    /// Consistent motion at rest, but the transition to another motion takes most of a goal back.
     TakenBack,
-    /// It is consistent at the samples but not as played, and its motion says that it needs feedback.
+    /// Consistent at the samples but not as played; the motion file states that it needs feedback.
     NeedsFeedback,
-    /// It is consistent at the samples, but not as it is played.
+    /// Consistent at the samples, but not as played.
     FailsAsPlayed,
     /// The solver converged, but a residual at the samples is beyond its tolerance: the plan was changed since.
     BeyondTolerance,
@@ -44,7 +44,7 @@ impl Judgement {
         }
     }
 
-    /// Whether the plan is consistent, or its author knows that it needs feedback.
+    /// True if the plan is consistent, or if its motion file states that it needs feedback.
     pub fn is_good(self) -> bool {
         matches!(self, Self::Consistent | Self::NeedsFeedback)
     }

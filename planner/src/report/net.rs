@@ -1,5 +1,5 @@
-//! Net way of a motion at rest: what is left of a goal once the robot is in the posture again in which it began. A body that shifts over
-//! contacts that stay is shifted back by the transition to whatever comes next.
+//! Net way of a motion at rest: what is left of a goal once the robot is in the posture again in which it began. A body that
+//! shifts over contacts that stay is shifted back by the transition to whatever comes next.
 
 use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
@@ -17,16 +17,16 @@ const WHOLE: f64 = 0.1;
 /// The goal of a motion at rest of which posture adds or takes the largest part.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TakenBack {
-    /// Its field in the motion file.
+    /// Field of the goal in the motion file.
     pub field: &'static str,
-    /// What was asked for, m or rad.
+    /// Requested value, m or rad.
     pub goal: f64,
-    /// What is left of it in the posture of the beginning, m or rad.
+    /// Remaining value in the posture of the beginning, m or rad.
     pub left: f64,
 }
 
 impl TakenBack {
-    /// Of a motion at rest with goals; `None` for others.
+    /// Returns the goal of a motion at rest that posture changes most; `None` for other motions and without goals.
     pub(crate) fn of(plan: &Plan) -> Option<Self> {
         let goal = &plan.motion.goal;
         let goals =
@@ -47,17 +47,17 @@ impl TakenBack {
         (self.left / self.goal - 1.0).abs()
     }
 
-    /// Whether it is worth a word.
+    /// True if the report mentions it.
     pub fn is_said(&self) -> bool {
         self.part() > UNSAID
     }
 
-    /// Whether next to nothing is left of the goal.
+    /// True if next to nothing is left of the goal.
     pub(crate) fn is_whole(&self) -> bool {
         (self.left / self.goal).abs() < WHOLE
     }
 
-    /// Whether it is too much for the motion to have met its goal.
+    /// True if too much is taken back for the motion to have met its goal.
     pub fn is_too_much(&self) -> bool {
         self.part() > ALLOWED
     }
@@ -74,8 +74,8 @@ impl fmt::Display for TakenBack {
     }
 }
 
-/// Way of the centre of mass, if it moved with the contact points: forward and to the left, m, and turn, rad, that fit their places at
-/// the end to those at the beginning best.
+/// Way of the centre of mass, if it moved with the contact points: forward and to the left, m, and turn, rad, that fit their
+/// places at the end to those at the beginning best.
 fn way_of_contacts(plan: &Plan) -> [f64; 3] {
     let [first, last] = plan.ends();
     let count = first.end_effectors.len() as f64;

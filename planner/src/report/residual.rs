@@ -4,7 +4,7 @@ use super::grid::{Timeline, Window};
 use crate::families::{AsPlayed, Family};
 use serde::Serialize;
 
-/// One residual over the whole motion.
+/// Residual over the whole motion.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Family of the residual.
@@ -58,12 +58,12 @@ impl Row {
         Self { family, equation, grid, worst: 0.0, unit, level: None, place: None }
     }
 
-    /// Whether the residual is one between samples.
+    /// True if the residual is evaluated between the samples.
     pub fn is_as_played(&self) -> bool {
         self.grid != Grid::Samples
     }
 
-    /// Whether the residual is beyond its tolerance.
+    /// True if the residual exceeds its tolerance.
     pub fn is_beyond(&self) -> bool {
         self.part_of_level() > 1.0
     }

@@ -14,7 +14,7 @@ pub struct Least {
     pub distance_m: f64,
     /// Name of the end effector, link or links.
     pub subject: String,
-    /// When, s.
+    /// Time of that distance, s.
     pub time_s: f64,
 }
 
@@ -31,7 +31,7 @@ pub struct Room {
 }
 
 impl Room {
-    /// What a motion leaves at the times of a timeline.
+    /// Smallest distances at the times of a timeline.
     pub(super) fn of(timeline: &Timeline) -> Self {
         let swings = feet(timeline).flat_map(|(j, foot)| {
             let highest = highest_of_swings(timeline, j);

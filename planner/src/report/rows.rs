@@ -9,7 +9,7 @@ use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// All residuals that a plan must satisfy at its samples.
+/// Residuals that a plan must satisfy at its samples.
 pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
     let mut found = dynamics(timeline, Grid::Samples);
     found.extend([friction(timeline), rolling_force(timeline), swing_force(timeline)]);

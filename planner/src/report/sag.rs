@@ -14,16 +14,16 @@ const MAY_BE_LOST: f64 = 0.5;
 pub struct Sag {
     /// Name of the end effector in swing.
     pub end_effector: String,
-    /// When it is highest, s.
+    /// Time of the highest point, s.
     pub time_s: f64,
     /// Height that it is planned to have there, m.
     pub height_m: f64,
-    /// What servos without torque feed-forward lose of it, m.
+    /// Height that servos without torque feed-forward lose, m.
     pub lost_m: f64,
 }
 
 impl Sag {
-    /// Whether so much is lost that the swing may touch the ground.
+    /// True if so much is lost that the swing may touch the ground.
     pub fn is_much(&self) -> bool {
         self.lost_m > MAY_BE_LOST * self.height_m
     }
@@ -76,8 +76,8 @@ pub fn sag(timeline: &Timeline) -> Option<Sag> {
     worst
 }
 
-/// How far up an end effector goes against the body, m, where every joint of its limb yields by its torque over its
-/// stiffness. Joints that hold no position do not yield here.
+/// Rise of an end effector relative to the body, m, if each joint of its limb deflects by its torque over its stiffness. Joints
+/// without stiffness do not deflect here.
 fn yields_m(timeline: &Timeline, state: &State, j: usize) -> f64 {
     let limb = timeline.model.chain(j).dofs.iter().zip(&state.pose.end_effectors[j].d_center);
     limb.filter(|(dof, _)| **dof >= JOINTS)

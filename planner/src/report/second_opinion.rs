@@ -1,4 +1,4 @@
-//! Comparison of the report with `docs/check_plan.py`, which shares no code with it: another language, other
+//! Comparison of the report with `docs/formats/check_plan.py`, which shares no code with it: another language, other
 //! kinematics, the same equations.
 
 use super::{Grid, Judgement, Report};
@@ -12,7 +12,7 @@ use std::io::Write;
 use std::ops::ControlFlow;
 use std::process::{Command, Stdio};
 
-const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/check_plan.py");
+const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/formats/check_plan.py");
 
 fn python() -> Command {
     let mut python = Command::new("python3");
@@ -22,11 +22,10 @@ fn python() -> Command {
 
 /// Exit code and table of the script.
 fn check_plan(plan: &Plan) -> (Option<i32>, Value) {
-    let mut child = python()
-        .arg("/dev/stdin")
-        .stdin(Stdio::piped())
-        .spawn()
-        .expect("python3 runs docs/check_plan.py; on Debian: apt-get install -y python3");
+    let mut child =
+        python().arg("/dev/stdin").stdin(Stdio::piped()).spawn().expect(
+            "python3 runs docs/formats/check_plan.py; on Debian: apt-get install -y python3",
+        );
     let mut input = child.stdin.take().expect("piped");
     input.write_all(plan.to_json().as_bytes()).expect("the script reads");
     drop(input);
@@ -64,7 +63,7 @@ fn numeric_fields(document: &mut Value) -> Vec<String> {
     of_field.into_values().filter(|path| path != "version").collect()
 }
 
-/// Whether a plan may have null in a field that also has numbers.
+/// True if a plan may have null in a field that also has numbers.
 fn is_optional(field: &str) -> bool {
     let keys = ["forward_m", "left_m", "turn_rad", "heading_rad", "below_m", "above_m", "level"];
     keys.iter().any(|key| field.ends_with(&format!(".{key}"))) || field.contains(".targets[")

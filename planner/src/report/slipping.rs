@@ -2,8 +2,8 @@
 //!
 //! Splines leave the ground's constraints between samples, so that what stands slips a little there. Peaks of a few
 //! milliseconds are taken up by servos and do no harm; what decides whether a robot comes where it should is the mean.
-//! A slip that adds up within a stance is way that is missing, however slow it is: wheels that are steered cut corners. Slip to and
-//! fro counts twice, since friction gives back nothing of it.
+//! A slip that adds up within a stance is way that is missing, however slow it is: wheels that are steered cut corners. Slip to
+//! and fro counts twice, since friction gives back nothing of it.
 
 use super::grid::{Timeline, Window, feet};
 use super::residual::{Grid, Worst};

@@ -14,7 +14,7 @@ pub(crate) struct Rates {
     pub acceleration: Vec<f64>,
 }
 
-/// What a plan says of one end effector's contact at a time.
+/// Planned contact of one end effector at a time.
 #[derive(Clone, Copy)]
 pub(crate) struct PlannedContact {
     /// Planned force, N; while the end effector lifts off or lands that of the sample in which it stands.

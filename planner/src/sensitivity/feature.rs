@@ -1,4 +1,4 @@
-//! What a change of a design may be asked to leave as it is (thesis 2.5.2): curves of a plan, and how they change.
+//! Features that a change of a design may have to keep (thesis 2.5.2): curves of a plan, and their changes.
 
 use super::Optimal;
 use crate::formulation::rows::Columns;
@@ -26,7 +26,7 @@ pub enum Feature {
 }
 
 impl Feature {
-    /// All features, with the names by which users ask for them.
+    /// Features with their names for users.
     pub const ALL: [(&'static str, Self); 6] = [
         ("pitch", Self::Pitch),
         ("tilt", Self::Tilt),

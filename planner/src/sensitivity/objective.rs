@@ -1,4 +1,4 @@
-//! What a design is judged by, as functions of the rows of its plan, so that their derivatives are those of the rows.
+//! Objectives of a design, as functions of the rows of its plan, so that their derivatives are those of the rows.
 
 use crate::families::Family;
 use crate::formulation::System;
@@ -20,7 +20,7 @@ const NEARLY_NOTHING: f64 = 0.01;
 /// Shortest way of a motion that goes somewhere, m.
 const WAY_MIN_M: f64 = 1e-3;
 
-/// What is to be small.
+/// Quantity to minimise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Objective {
     /// The costs in the energy of the plan.
@@ -39,14 +39,14 @@ pub enum Objective {
 
 /// An objective at the rows of a plan.
 pub(super) struct Evaluated {
-    /// Its value.
+    /// Value of the objective.
     pub value: f64,
-    /// Its derivatives by the values of rows, by their index.
+    /// Derivatives with respect to the values of rows, by their index.
     slopes: Vec<(usize, f64)>,
 }
 
 impl Evaluated {
-    /// Its gradient with respect to the scaled unknowns.
+    /// Gradient with respect to the scaled unknowns.
     pub fn gradient(&self, rows: &Rows, columns: usize) -> Vec<f64> {
         let mut gradient = vec![0.0; columns];
         for &(row, slope) in &self.slopes {
@@ -65,7 +65,7 @@ impl Evaluated {
 }
 
 impl Objective {
-    /// All of them.
+    /// Objectives of a design.
     pub const ALL: [Self; 6] = [
         Self::PlanCost,
         Self::PeakJointSpeed,
@@ -75,12 +75,12 @@ impl Objective {
         Self::CostOfTransport,
     ];
 
-    /// Whether a motion has it: those that go nowhere have no cost of transport.
+    /// True if a motion has the objective: motions that go nowhere have no cost of transport.
     pub fn is_defined(self, motion: &Motion) -> bool {
         self != Self::CostOfTransport || way_m(motion) > WAY_MIN_M
     }
 
-    /// Its value at a plan; NaN where a motion has none.
+    /// Value at a plan; NaN for transitions and for motions without the objective.
     pub fn of_plan(self, plan: &Plan, weights: &Weights) -> f64 {
         let motion = &plan.motion;
         if !self.is_defined(motion) || motion.ends == Ends::Prescribed {
@@ -93,7 +93,7 @@ impl Objective {
         self.at(&problem, motion, &system.values(&unknowns, Rows::default())).value
     }
 
-    /// Its value and derivatives.
+    /// Value and derivatives.
     pub(super) fn at(self, problem: &Problem, motion: &Motion, rows: &Rows) -> Evaluated {
         match self {
             Self::PlanCost => plan_cost(rows),
@@ -186,7 +186,7 @@ fn subject(subject: Subject) -> (u8, usize) {
     }
 }
 
-/// What a row compares with its limit.
+/// Quantity that a row compares with its limit.
 fn compared(row: &Row) -> f64 {
     let limit = row.given.map_or(0.0, |given| -given.slope * given.value);
     row.value * row.scale + limit

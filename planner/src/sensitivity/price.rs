@@ -1,7 +1,7 @@
-//! What limits a motion: prices of its constraints, from their multipliers.
+//! Prices of the constraints that limit a motion, from their multipliers.
 //!
-//! By the envelope theorem the costs of the best plan change with a number that constraints compare with by Σ λ ∂r/∂number,
-//! without solving for anything. A constraint that does not push has no price.
+//! By the envelope theorem a number that constraints compare with changes the costs of the best plan by Σ λ ∂r/∂number. No solve
+//! is needed. A constraint that is not active has no price.
 
 use super::Optimal;
 use crate::families::Family;
@@ -12,7 +12,7 @@ use crate::problem::{Problem, Unknowns};
 /// Part of the costs by which a relaxed constraint must lower them to be worth naming.
 const WORTH: f64 = 1e-6;
 
-/// What a constraint costs.
+/// Price of a constraint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Price {
     /// The constraint.

@@ -1,8 +1,8 @@
-//! What a motion falls short of on a design that cannot do it, and how that changes with the design.
+//! Shortfall of a motion on a design that cannot do it, and its derivatives by the design.
 //!
-//! Such a request has no optimum with multipliers. What there is instead is the point at which the energy with a penalty on every
-//! constraint is least: the violations left there say what the design lacks, and by the envelope theorem the slope of that energy
-//! along a parameter p is ∂E/∂p at fixed unknowns,
+//! Such a request has no optimum with multipliers. Instead there is the point at which the energy with a penalty on every
+//! constraint is least. The violations at that point are the deficits of the design. By the envelope theorem the slope of that
+//! energy along a parameter p is ∂E/∂p at fixed unknowns,
 //!
 //! ```text
 //! dE/dp = Σ_constraints 2ρ s ∂g/∂p + Σ_costs 2w r ∂r/∂p        s = φ(g + s₀)
@@ -46,7 +46,7 @@ pub struct Shortfall {
     steps: usize,
 }
 
-/// What stays as it is while the energy is minimised, and from one design to the next, so that energies can be compared.
+/// Quantities that are held while the energy is minimised, and from one design to the next, so that energies can be compared.
 #[derive(Clone, Debug)]
 struct Held {
     /// Multipliers, as shifts of the rows.
@@ -61,15 +61,15 @@ impl Held {
     }
 }
 
-/// How a shortfall changes with parameters.
+/// Derivatives of a shortfall by parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slopes {
     /// Derivative of the energy by each parameter.
     pub gradient: Vec<f64>,
-    /// Its second derivatives, `[parameter][parameter]`: mixed ones without what second derivatives of rows by two
-    /// parameters add.
+    /// Second derivatives of the energy, `[parameter][parameter]`. The mixed ones omit the second derivatives of rows by two
+    /// parameters.
     pub hessian: Vec<Vec<f64>>,
-    /// How the point moves with each parameter, scaled variables.
+    /// Derivative of the point by each parameter, scaled variables.
     pub unknowns: Vec<Vec<f64>>,
 }
 
@@ -179,8 +179,8 @@ impl Shortfall {
         of_families
     }
 
-    /// Which constraints contradict each other, where, and by how much; `None` if none is violated. Nothing has been tried:
-    /// it names no numbers that would do.
+    /// Contradicting constraints with their times and amounts; `None` if none is violated. Nothing has been tried, so that no
+    /// numbers are suggested.
     pub fn diagnosis(&self) -> Option<Diagnosis> {
         let mut diagnosis = diagnose(&self.problem, &self.rows, Verdict::Contradiction)?;
         diagnosis.culprits.iter_mut().for_each(|culprit| culprit.would_do = None);

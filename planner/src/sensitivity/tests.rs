@@ -45,7 +45,7 @@ fn length(robot: &Robot, by_m: f64) -> Robot {
     robot
 }
 
-/// How far the limbs of both sides are from the middle of the body.
+/// Distance of the limbs on both sides from the middle of the body.
 fn track(robot: &Robot, by_m: f64) -> Robot {
     let mut robot = robot.clone();
     for joint in robot.joints.iter_mut().filter(|joint| joint.parent == 0) {

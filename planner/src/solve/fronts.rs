@@ -38,7 +38,7 @@ pub(super) struct Fronts {
     order: Vec<usize>,
     position: Vec<usize>,
     fronts: Vec<Front>,
-    /// For each position the index of its front.
+    /// Index of the front at each position.
     front_of: Vec<usize>,
     /// The factor, panel by panel, each by columns.
     factor: Vec<f64>,

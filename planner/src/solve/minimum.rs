@@ -48,7 +48,7 @@ struct Step {
     promised: f64,
     /// Square of its length.
     square: f64,
-    /// Whether it ends where the region does.
+    /// True if the step ends at the border of the region.
     is_cut: bool,
 }
 
@@ -77,7 +77,7 @@ impl<'a> Minimum<'a> {
         Ok(here)
     }
 
-    /// One step of Newton's method; whether the minimum had been reached.
+    /// Takes a step of Newton's method; true if the minimum had been reached.
     ///
     /// # Errors
     /// No step lowers the energy.

@@ -23,7 +23,7 @@ impl Multipliers {
         Self { shifts, families: rows.rows.iter().map(|row| row.family).collect(), penalty }
     }
 
-    /// Whether they can be carried: of those that come from outside.
+    /// True if the multipliers can be carried. Multipliers from outside need this check.
     pub(crate) fn are_sound(&self) -> bool {
         let numbers = self.shifts.iter().chain([&self.penalty]);
         self.shifts.len() == self.families.len() && numbers.copied().all(f64::is_finite)

@@ -11,7 +11,7 @@ use crate::formulation::rows::{Columns, Role, Row, Rows};
 /// fronts then, they are made anew.
 pub struct NormalEquations {
     columns: Columns,
-    /// Which rows have counted so far, and the places of those that have.
+    /// Flags of the rows that have counted so far, and the places of these rows.
     counts: Vec<bool>,
     places: Vec<Option<Places>>,
     locals: Locals,

@@ -28,7 +28,7 @@ const STIFFNESS_MAX: f64 = 100.0;
 const DAMPING: f64 = 1e-7;
 /// Longest step of a difference, scaled variables: central differences of rows that are curved over 0.1 and more.
 const DIFFERENCE: f64 = 2e-5;
-/// How exactly derivatives are solved for, and steps towards the optimum, each of which the next one corrects.
+/// Accuracy of derivatives, and of steps towards the optimum, each of which the next one corrects.
 const DERIVATIVE: Effort = Effort { leave: 1e-9, products: 120, refinements: 10, curvature: 1.0 };
 const STEP: Effort = Effort { leave: 1e-3, products: 60, refinements: 3, curvature: 1.0 };
 /// Newton steps in a row after which the method gives up, if each leaves more than this part of the squares of the conditions.
@@ -53,7 +53,7 @@ pub trait Residuals {
     fn rows(&self, step: &[f64], shifts: &[f64], reuse: Rows) -> Rows;
 }
 
-/// What an optimum makes zero: G for every unknown, Φ for every row.
+/// Conditions of an optimum, zero there: G for every unknown, Φ for every row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conditions {
     /// G.
@@ -96,7 +96,7 @@ impl Conditions {
         Self { gradient: negated(&self.gradient), fixed_point: negated(&self.fixed_point) }
     }
 
-    /// How far from an optimum: squares in units of energy.
+    /// Squared distance from an optimum, in units of energy.
     fn squares(&self, penalty: f64) -> f64 {
         dot(&self.gradient, &self.gradient) / penalty
             + penalty * dot(&self.fixed_point, &self.fixed_point)
@@ -106,9 +106,9 @@ impl Conditions {
 /// Change of an optimum.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    /// Of the unknowns, scaled variables.
+    /// Change of the unknowns, scaled variables.
     pub unknowns: Vec<f64>,
-    /// Of the multipliers, as shifts of the rows.
+    /// Change of the multipliers, as shifts of the rows.
     pub shifts: Vec<f64>,
 }
 
@@ -124,10 +124,10 @@ impl Change {
 /// Second derivatives that are taken into account where an optimum is differentiated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Curvature {
-    /// All: changes of the optimum are exact.
+    /// Second derivatives without omission: changes of the optimum are exact.
     Full,
-    /// The positive ones that Gauss and Newton keep: changes are estimates. Of a plan whose optimum Newton's method does not reach, or
-    /// at which the Hessian of the Lagrangian is not positive definite along the constraints.
+    /// The positive ones that Gauss and Newton keep: changes are estimates. Of a plan whose optimum Newton's method does not
+    /// reach, or at which the Hessian of the Lagrangian is not positive definite along the constraints.
     GaussNewton,
 }
 
@@ -140,7 +140,7 @@ pub enum NoOptimum {
     Saddle,
 }
 
-/// How a linear system is solved.
+/// Accuracy and limits of the solution of a linear system.
 #[derive(Clone, Copy)]
 struct Effort {
     /// Part of the residual that conjugate gradients leave, and part of the first solution at which refinement ends.
@@ -305,7 +305,7 @@ impl<'a> Optimum<'a> {
         Ok(sum)
     }
 
-    /// What a solution with stiff constraints leaves of Φ.
+    /// Rest of Φ after a solution with stiff constraints.
     fn left_by(&self, step: &Change) -> Vec<f64> {
         let left = |(shift, [b, open]): (&f64, &[f64; 2])| {
             if *b > 0.0 { (1.0 - b - open) * shift } else { 0.0 }

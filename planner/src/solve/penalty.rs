@@ -93,7 +93,7 @@ struct Descent<'a> {
     rows: Rows,
     /// Memory for the rows of trials.
     spare: Rows,
-    /// No multipliers: a shift of 0 for every row.
+    /// Zero multipliers: a shift of 0 for every row.
     none: Vec<f64>,
     normal: NormalEquations,
     energy: f64,

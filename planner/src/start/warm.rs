@@ -23,7 +23,7 @@ use rollwalk_multibody::euler::JOINTS;
 /// Options of the warm start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WarmStart {
-    /// Whether step 2 leaves the body free to drift, as in the thesis.
+    /// True if step 2 leaves the body free to drift, as in the thesis.
     pub literal: bool,
 }
 

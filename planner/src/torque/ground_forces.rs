@@ -29,7 +29,7 @@ const ON_GROUND_M: f64 = 0.0002;
 /// Height above that at which a foot that lifts off or lands carries half of what it would on the ground, m.
 const CARRIES_HALF_AT_M: f64 = 0.0005;
 
-/// One contact that may carry.
+/// Contact that may carry.
 pub struct Support {
     /// Force per unknown, B.
     directions: Matrix3xX<f64>,
@@ -40,11 +40,11 @@ pub struct Support {
     part: f64,
     /// Force of the full contact, N, that is planned.
     planned_n: Vector3<f64>,
-    /// From the centre of mass to the contact, m.
+    /// Vector from the centre of mass to the contact, m.
     arm: Vector3<f64>,
 }
 
-/// What the motion takes from the ground.
+/// Wrench that the motion takes from the ground.
 pub struct Wanted {
     /// Force, N, and moment about the centre of mass, N·m.
     pub wrench: Vector6<f64>,
@@ -168,7 +168,7 @@ fn without_cones(
     Some(planned + wrenches.transpose() * pull)
 }
 
-/// Whether every three entries are in the second-order cone; not-a-number is not.
+/// True if each three entries are in the second-order cone; false for NaN.
 fn is_within(cones: &DVector<f64>) -> bool {
     cones.as_slice().chunks_exact(3).all(|cone| cone[1].hypot(cone[2]) <= cone[0])
 }
@@ -245,7 +245,7 @@ mod tests {
         }
     }
 
-    /// Both ways to a minimum within the cones lead to the same one.
+    /// Closed form and cone solver lead to the same minimum within the cones.
     #[test]
     fn the_closed_form_is_what_the_cone_solver_finds() {
         let mut random = test_robots::uniform(4);

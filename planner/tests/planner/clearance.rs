@@ -26,7 +26,7 @@ fn plan(robot: &Robot, motion: &str) -> Plan {
     optimise(robot, &motion, first, &mut |_| ControlFlow::Continue(()))
 }
 
-/// What is missing of a clearance at the samples, mm, if links with the shapes of `robot` move as a plan says.
+/// Largest clearance deficit at the samples, mm, if links with the shapes of `robot` move as planned.
 fn missing_mm(plan: &Plan, robot: &Robot, family: Family) -> f64 {
     let report = Report::new(&Plan { robot: robot.clone(), ..plan.clone() });
     report.row(family, Grid::Samples).unwrap().worst

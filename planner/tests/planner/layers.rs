@@ -88,8 +88,8 @@ fn no_layer_uses_one_above_it() {
     assert!(seen > 100, "{seen} uses of modules");
 }
 
-/// All that a solver may know: rows as functions of unknowns, the columns of each slot, families to name the worst row,
-/// and the outcome's status.
+/// Items that solvers may use: rows as functions of unknowns, the columns of each slot, families that name the worst row, and the
+/// outcome's status.
 const SEEN_BY_SOLVERS: &[&str] = &[
     "families::Family",
     "families::FamilySet",

@@ -45,7 +45,7 @@ struct Walker {
 }
 
 impl Walker {
-    /// In the stand in which the gait begins.
+    /// Starts in the stand at the beginning of the gait.
     fn new(robot: &Robot, gait: Gait, duration_s: f64) -> Self {
         let options = HorizonOptions { duration_s, ..HorizonOptions::default() };
         let horizon = Horizon::new(robot, gait, options).unwrap();

@@ -1,4 +1,4 @@
-//! Every shipped robot plans a motion: it converges, and the report finds every residual within its level.
+//! Motions of the shipped robots: each plan converges, and the report finds each residual within its level.
 
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
@@ -13,7 +13,7 @@ use std::path::Path;
 /// The car of thesis sec. 2.5.1 whose front wheels, tilted, no longer roll in parallel.
 const CANNOT_DRIVE: &str = "car_tilted";
 
-/// All other robot files, with a motion file of each.
+/// Robot files other than [`CANNOT_DRIVE`], with a motion file of each.
 const MOTIONS: [(&str, &str); 16] = [
     ("agilebot", "slalom"),
     ("agilebot_sprint", "table_2_1/agilebot_start_stop"),

@@ -25,13 +25,13 @@ pub fn decode(bytes: &[u8]) -> Option<Buses> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bus {
-    /// What they speak.
+    /// Protocol of the actuators.
     pub protocol: Protocol,
     /// Bits per second on the bus.
     pub bit_rate: u32,
-    /// Who makes torque out of position and speed.
+    /// Side that computes the torque: drive or controller.
     pub control: ControlLoop,
-    /// How the controller knows where joints are before their torque comes on.
+    /// Source of the joint positions before torque comes on.
     pub pose: Pose,
 }
 
@@ -48,19 +48,19 @@ impl Default for Bus {
 }
 
 impl Bus {
-    /// Whether its actuators can be commanded a torque.
+    /// True if the actuators of the bus accept torque commands.
     pub fn takes_torque(&self) -> bool {
         self.control == ControlLoop::OnController || self.protocol.capabilities().torque
     }
 
-    /// Whether kp and kd of its actuators can be changed while they run.
+    /// True if kp and kd of the actuators can be changed while they run.
     pub fn takes_gains(&self) -> bool {
         self.control == ControlLoop::OnController
             || self.protocol.capabilities().gains != UpdatePolicy::Never
     }
 
-    /// Whether a host may close a loop over its actuators: torques and gains come with every setpoint. Gains that a drive stores come one actuator after
-    /// the other, and may be lost.
+    /// True if a host may close a loop over the actuators: torques and gains come with every setpoint. Gains that a drive stores
+    /// are sent to one actuator after the other, and may be lost.
     pub fn can_be_tracked(&self) -> bool {
         let gains = self.protocol.capabilities().gains;
         let at_once = gains == UpdatePolicy::EverySetpoint;
@@ -132,7 +132,7 @@ impl Bus {
     }
 }
 
-/// Who makes torque out of position and speed: kp (q* − q) + kd (q̇* − q̇), of a wheel kd (ω* − ω).
+/// Side that computes the torque: kp (q* − q) + kd (q̇* − q̇) of a joint, kd (ω* − ω) of a wheel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlLoop {
@@ -143,14 +143,14 @@ pub enum ControlLoop {
     OnController,
 }
 
-/// How the controller knows where joints are before their torque comes on.
+/// Source of the joint positions before torque comes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pose {
-    /// They measure it. Those that do not cannot be armed.
+    /// Measured by the actuators. Actuators that measure no position cannot be armed.
     Measured,
-    /// Those that do not measure it are taken to be in SAFE, where an operator has put the robot, and
-    /// later where they were sent last. Wherever they are, they jump there.
+    /// Assumed for actuators that measure no position: SAFE at first, where an operator has put the robot, later the last
+    /// setpoint. A joint that stands elsewhere jumps there.
     AssumedSafe,
 }
 

@@ -28,7 +28,7 @@ pub const MAX_TORQUE_NM: f32 = 12.0;
 /// Motors on a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CyberGear {
-    /// Our own address on the bus, which motors answer to.
+    /// Host address on the bus, which motors answer to.
     pub host: u8,
     /// Largest position: [`TABLE_MAX_RAD`] or [`SAMPLE_MAX_RAD`]. The manual has both; which is
     /// right for a motor shows when its feedback is compared with [`MECHANICAL_POSITION`].

@@ -11,9 +11,9 @@ pub struct Feedback {
     pub torque_nm: Option<f32>,
     /// Temperature of the motor, °C.
     pub temperature_c: Option<f32>,
-    /// Whether torque is on.
+    /// True if torque is on.
     pub enabled: Option<bool>,
-    /// Its faults.
+    /// Faults of the actuator.
     pub faults: Option<Faults>,
 }
 
@@ -34,9 +34,9 @@ impl Feedback {
 pub struct Faults(pub u8);
 
 impl Faults {
-    /// No fault.
+    /// Empty set of faults.
     pub const NONE: Faults = Faults(0);
-    /// Its watchdog has expired: no command for too long.
+    /// Watchdog of the actuator expired: no command within its timeout.
     pub const TIMED_OUT: Faults = Faults(1 << 0);
     /// Too hot.
     pub const OVERHEATED: Faults = Faults(1 << 1);
@@ -48,17 +48,17 @@ impl Faults {
     pub const SENSOR: Faults = Faults(1 << 4);
     /// Stopped by an emergency stop of its own protocol.
     pub const ESTOPPED: Faults = Faults(1 << 5);
-    /// It refused a command.
+    /// Command refused by the actuator.
     pub const REFUSED: Faults = Faults(1 << 6);
     /// Anything else.
     pub const OTHER: Faults = Faults(1 << 7);
 
-    /// Whether there is no fault.
+    /// True if there is no fault.
     pub fn none(self) -> bool {
         self.0 == 0
     }
 
-    /// Whether all faults of `other` are present.
+    /// True if all faults of `other` are present.
     pub fn contains(self, other: Faults) -> bool {
         self.0 & other.0 == other.0
     }

@@ -22,7 +22,7 @@ fn most(bits: u32) -> f32 {
 }
 
 impl Signed {
-    /// The nearest code, the upper one halfway between; `None` for what is beyond the scale or NaN.
+    /// Nearest code, the upper one halfway between; `None` for NaN and for values beyond the scale.
     pub fn encode(self, value: f32) -> Option<u16> {
         let most = most(self.bits);
         let scaled = (value / self.max * most + most) * 0.5 + 0.5;
@@ -39,7 +39,7 @@ impl Signed {
 }
 
 impl Unsigned {
-    /// The nearest code; `None` for what is beyond the scale or NaN.
+    /// Nearest code; `None` for NaN and for values beyond the scale.
     pub fn encode(self, value: f32) -> Option<u16> {
         let most = most(self.bits);
         let scaled = value / self.max * most + 0.5;

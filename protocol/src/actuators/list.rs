@@ -1,8 +1,7 @@
 //! The list of actuator protocols, and the one place that dispatches to their codecs.
 //!
-//! A protocol is a row of the list, a codec in the module of that name, and a simulated drive in the
-//! module of that name of `rollwalk-drives`. Robot files, firmware, simulator and tests know it through
-//! [`Protocol`] alone.
+//! A protocol is a row of the list, a codec in the module of that name, and a simulated drive in the module of that name of
+//! `rollwalk-drives`. Robot files, firmware, simulator and tests use it through [`Protocol`] alone.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +19,7 @@ use crate::can::Frame;
 ///
 /// The first is the Rollwalk profile, the default of a bus, which has no settings. A new protocol goes to the end:
 /// postcard encodes a [`Protocol`] by its place in this list, and the hash of a robot's configuration covers that
-/// encoding (`docs/wire-format.md`). In another order, controllers would refuse the libraries of robots with these buses.
+/// encoding (`docs/formats/wire-format.md`). In another order, controllers would refuse the libraries of robots with these buses.
 #[macro_export]
 macro_rules! actuator_protocols {
     ($macro:ident $(, $argument:tt)*) => {
@@ -111,7 +110,7 @@ macro_rules! define_protocol {
             /// Names of the protocols in robot files.
             pub const KEYS: &'static [&'static str] = &[$profile_key, $($key,)*];
 
-            /// Its name in robot files.
+            /// Name of the protocol in robot files.
             pub const fn key(&self) -> &'static str {
                 match self {
                     Self::$Profile => $profile_key,
@@ -127,7 +126,7 @@ macro_rules! define_protocol {
                 }
             }
 
-            /// Every protocol with settings as in practice, some with several.
+            /// Examples of every protocol with practical settings; some protocols have several.
             pub fn examples() -> impl Iterator<Item = Self> {
                 let examples = [Self::$Profile].into_iter();
                 $(let examples = examples.chain(
@@ -141,22 +140,22 @@ macro_rules! define_protocol {
 actuator_protocols!(define_protocol);
 
 impl Protocol {
-    /// What it can do.
+    /// Commands and settings that the protocol supports.
     pub fn capabilities(&self) -> Capabilities {
         with_codec!(self, codec => codec.capabilities())
     }
 
-    /// Its name, for people.
+    /// Name of the protocol, for people.
     pub fn name(&self) -> &'static str {
         with_codec!(self, codec => codec.name())
     }
 
-    /// Whether it runs over a serial line instead of CAN.
+    /// True if the protocol runs over a serial line instead of CAN.
     pub fn is_serial(&self) -> bool {
         with_can_codec!(self, _codec => false, true)
     }
 
-    /// Whether its frames are described by `rollwalk dbc`.
+    /// True if `rollwalk dbc` describes the frames of the protocol.
     pub fn has_dbc(&self) -> bool {
         with_codec!(self, codec => codec.has_dbc())
     }
@@ -166,7 +165,7 @@ impl Protocol {
         with_codec!(self, codec => codec.feedback_hz())
     }
 
-    /// The most that setpoints for so many actuators and their answers take of the bus.
+    /// Largest traffic of setpoints for `actuators` actuators and of their answers.
     pub fn traffic(&self, actuators: u32) -> Traffic {
         with_codec!(self, codec => codec.traffic(actuators))
     }
@@ -189,8 +188,8 @@ impl Protocol {
         with_codec!(self, codec => codec.check_settings(report));
     }
 
-    /// Reports the range of a quantity, by its name in [`Refusal::OutOfRange`], where the codec
-    /// knows more of it than [`Capabilities`] do.
+    /// Reports the range of a quantity, by its name in [`Refusal::OutOfRange`], where the codec gives more detail than
+    /// [`Capabilities`].
     pub fn explain_range(
         &self,
         quantity: &'static str,
@@ -211,12 +210,12 @@ impl Protocol {
         with_can_codec!(self, codec => codec.emit(order, send), Ok(()))
     }
 
-    /// As [`CanCodec::decode`].
+    /// Forwards to [`CanCodec::decode`].
     pub fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
         with_can_codec!(self, codec => codec.decode(received), None)
     }
 
-    /// As [`CanCodec::decode_counted`].
+    /// Forwards to [`CanCodec::decode_counted`].
     pub fn decode_counted(&self, received: &Frame) -> Option<(u8, Decoded)> {
         with_can_codec!(self, codec => codec.decode_counted(received), None)
     }
@@ -233,17 +232,17 @@ impl Protocol {
         with_serial_codec!(self, codec => codec.encode(orders, send), Ok(()))
     }
 
-    /// As [`SerialCodec::receive`].
+    /// Forwards to [`SerialCodec::receive`].
     pub fn receive(&self, buffer: &mut ReceiveBuffer, byte: u8, is_awaited: bool) {
         with_serial_codec!(self, codec => codec.receive(buffer, byte, is_awaited), ());
     }
 
-    /// As [`SerialCodec::take`].
+    /// Forwards to [`SerialCodec::take`].
     pub fn take(&self, buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer> {
         with_serial_codec!(self, codec => codec.take(buffer, is_silent), None)
     }
 
-    /// As [`SerialCodec::ADAPTER_ANSWERS`].
+    /// Returns [`SerialCodec::ADAPTER_ANSWERS`].
     pub fn adapter_answers(&self) -> bool {
         with_serial_codec!(self, codec => adapter_answers(codec), false)
     }

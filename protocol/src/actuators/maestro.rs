@@ -45,14 +45,14 @@ const USUAL_PULSE: Pulse = Pulse {
     limits_us: (992.0, 2000.0),
 };
 
-/// One Maestro on a line.
+/// Settings of a Maestro on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Maestro {
     /// Device number for the Pololu protocol, which can share a line; `None`: the compact protocol.
     pub device: Option<u8>,
-    /// A CRC-7 after every command, as "Enable CRC" in its settings.
+    /// True to append a CRC-7 to every command, as "Enable CRC" in its settings.
     pub crc: bool,
-    /// It knows "Set Multiple Targets": all but the Micro Maestro do.
+    /// True if the board supports "Set Multiple Targets": all but the Micro Maestro do.
     pub set_multiple: bool,
     /// Pulses of its servos.
     pub pulse: Pulse,
@@ -137,7 +137,7 @@ impl Maestro {
         self.command(GET_ERRORS, &[])
     }
 
-    /// All servos to the positions that the settings have for this, which may be "off".
+    /// Moves all servos to their home positions from the settings, which may be "off".
     pub fn go_home(&self) -> Packet {
         self.command(GO_HOME, &[])
     }

@@ -1,4 +1,4 @@
-//! The frames of MIT's mini cheetah drive, which T-Motor's AK series speaks in its MIT mode.
+//! Frames of MIT's mini cheetah drive, which T-Motor's AK series uses in its MIT mode.
 //!
 //! Documents: bgkatz/motorcontrol (`CAN_com`), CubeMars "AK Series Actuator Driver Manual V1.0.8",
 //! section 5.3. A setpoint is 64 bits, most significant first: position 16, speed 12, kp 12, kd 12,
@@ -68,23 +68,23 @@ pub const MODELS: [Model; 7] = [
     model("mini-cheetah", 65.0, 18.0),
 ];
 
-/// Where a drive's answers come from.
+/// Identifier of a drive's answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AnswerId {
-    /// All from this identifier: the mini cheetah's `CAN_MASTER`.
+    /// Common identifier of all answers: the mini cheetah's `CAN_MASTER`.
     Master(u16),
-    /// Each from the drive's own.
+    /// Identifier of the answering drive.
     Own,
 }
 
 /// Drives of one model on a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mit {
-    /// Their model.
+    /// Model of the drives.
     #[serde(with = "named")]
     pub model: Model,
-    /// Where their answers come from.
+    /// Identifier of the drives' answers.
     pub answers_from: AnswerId,
 }
 
@@ -181,9 +181,8 @@ impl Mit {
         })
     }
 
-    /// The codes of a wheel's setpoint: kp is 0, and the torque is what makes the whole,
-    /// kd (ω* − ω) + τ, right to half a step of torque, although ω* is not. At 0 rad/s a
-    /// wheel creeps by at most half a step of torque divided by kd.
+    /// Codes of a wheel's setpoint, with kp 0. The torque compensates the rounding of ω*, so that kd (ω* − ω) + τ is right to
+    /// half a step of torque. At 0 rad/s a wheel creeps by at most half a step of torque divided by kd.
     pub fn wheel(&self, setpoint: &WheelSetpoint) -> Result<Codes, Refusal> {
         without(setpoint.torque_limit_nm, "torque limit")?;
         let kd = setpoint.kd_nm_s_rad.ok_or(Refusal::Missing("kd"))?;
@@ -198,7 +197,7 @@ impl Mit {
         Ok(Codes { torque: torque.ok_or(Refusal::OutOfRange("torque"))?, ..codes })
     }
 
-    /// Where an actuator gives no torque, but for half a step of its scale.
+    /// Codes of a setpoint at which the actuator gives no torque, to within half a step of its scale.
     fn limp(&self, position_rad: f32) -> Result<Codes, Refusal> {
         let gains = Some(Gains { kp_nm_rad: 0.0, kd_nm_s_rad: 0.0 });
         self.joint(&JointSetpoint { position_rad, speed_rad_s: 0.0, torque_nm: 0.0, gains })

@@ -1,5 +1,5 @@
-//! Codecs for servos and wheel drives of several makers: [`Codec`] is what all can do, [`CanCodec`] and
-//! [`SerialCodec`] what their transport adds. Their documents and ours: `docs/actuators.md`.
+//! Codecs for servos and wheel drives of several makers. [`Codec`] has their common functions, [`CanCodec`] and [`SerialCodec`]
+//! those of their transport. The makers' documents and this project's: `docs/actuators.md`.
 //!
 //! | module | speaks to | over |
 //! |---|---|---|
@@ -128,7 +128,7 @@ pub struct WheelSetpoint {
     pub torque_limit_nm: Option<f32>,
 }
 
-/// Why a command cannot be encoded.
+/// Reason why a command cannot be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Refusal {
     /// The protocol has no such address.
@@ -140,28 +140,28 @@ pub enum Refusal {
     /// The protocol needs this value in every such command.
     #[error("{0} is missing")]
     Missing(&'static str),
-    /// Not a number, or beyond the protocol's scale.
+    /// NaN, infinite or beyond the protocol's scale.
     #[error("{0} is beyond its scale")]
     OutOfRange(&'static str),
 }
 
-/// When a quantity is sent to an actuator.
+/// Time at which a quantity is sent to an actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UpdatePolicy {
-    /// In every setpoint.
+    /// Sent in every setpoint.
     EverySetpoint,
-    /// In a command of its own, once.
+    /// Sent once, in a separate command.
     Stored,
-    /// Not in the units of this crate, or not at all.
+    /// Never sent, or not in the units of this crate.
     Never,
 }
 
-/// When an actuator sends feedback.
+/// Time at which an actuator sends feedback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answers {
     /// After every command.
     Always,
-    /// On a timer of its own.
+    /// Sent on a timer of the actuator.
     Cyclic,
     /// After [`Command::Query`] only.
     OnQuery,
@@ -169,7 +169,7 @@ pub enum Answers {
     Never,
 }
 
-/// What an actuator's own watchdog does without commands.
+/// Reaction of an actuator's watchdog to missing commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Watchdog {
     /// Stops, and stays stopped until it is cleared.
@@ -178,24 +178,24 @@ pub enum Watchdog {
     Resumes,
     /// Moves to a position that was configured beforehand.
     GoesHome,
-    /// Not documented.
+    /// Undocumented.
     Unknown,
-    /// There is none: it goes on with what it was sent last.
+    /// Absent: the actuator keeps following the last command.
     Missing,
 }
 
-/// What a protocol can do.
+/// Commands, values and answers that a protocol supports.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capabilities {
     /// Joints can be commanded.
     pub joints: bool,
     /// Wheels can be commanded.
     pub wheels: bool,
-    /// When gains are sent.
+    /// Time at which gains are sent.
     pub gains: UpdatePolicy,
     /// The largest gains that the protocol can carry.
     pub max_gains: Gains,
-    /// When speed and torque limits are sent; setpoints carry only the torque limit of wheels.
+    /// Time at which speed and torque limits are sent; setpoints carry only the torque limit of wheels.
     pub limits: UpdatePolicy,
     /// The speed of a joint's setpoint has an effect.
     pub joint_speed: bool,
@@ -205,21 +205,21 @@ pub struct Capabilities {
     pub torque_alone: bool,
     /// A wheel at a setpoint of 0 rad/s stands still. Where not, it creeps, by less than a step of its scale.
     pub exact_zero_speed: bool,
-    /// When it answers.
+    /// Time at which actuators answer.
     pub answers: Answers,
-    /// It measures its position. Where not, enabling may jump: the pose can only be assumed.
+    /// True if actuators measure their position. Otherwise the pose can only be assumed, and enabling may jump.
     pub measures_position: bool,
-    /// It measures or estimates its torque.
+    /// True if actuators measure or estimate their torque.
     pub measures_torque: bool,
     /// [`Command::Query`] is possible. Where not, and it answers every command, a command that changes
     /// nothing takes its place.
     pub query: bool,
-    /// It reports whether its torque is on. Where not, the last command has to stand for it.
+    /// True if actuators report whether their torque is on. Otherwise the state is taken from the last command.
     pub reports_enabled: bool,
     /// The pose can be read while torque is off: by [`Command::Query`], by [`Command::Disable`]
     /// again where that is answered, or because it comes on a timer.
     pub pose_while_disabled: bool,
-    /// What its watchdog does. None but the Rollwalk profile's is on from the factory.
+    /// Reaction of the watchdog. Only the Rollwalk profile's watchdog is on from the factory.
     pub watchdog: Watchdog,
     /// Largest address.
     pub max_id: u8,
@@ -227,7 +227,7 @@ pub struct Capabilities {
 
 /// An actuator protocol with the settings of the actuators on one bus.
 pub trait Codec: Copy + 'static {
-    /// What is sent: a CAN frame, or a packet for a serial line.
+    /// Unit of transmission: a CAN frame, or a packet for a serial line.
     type Sent;
 
     /// Settings as in practice, for tests.
@@ -236,10 +236,10 @@ pub trait Codec: Copy + 'static {
     /// The name of the protocol or of the model, for people.
     fn name(&self) -> &'static str;
 
-    /// What it can do.
+    /// Commands and settings that the protocol supports.
     fn capabilities(&self) -> Capabilities;
 
-    /// Whether `rollwalk dbc` describes its frames.
+    /// True if `rollwalk dbc` describes the frames.
     fn has_dbc(&self) -> bool {
         false
     }
@@ -285,7 +285,7 @@ pub trait Codec: Copy + 'static {
         Ok(())
     }
 
-    /// The most that setpoints for so many actuators and their answers take of the bus.
+    /// Largest traffic of setpoints for `actuators` actuators and of their answers.
     fn traffic(&self, actuators: u32) -> Traffic;
 
     /// Reads the settings from a robot file.
@@ -301,8 +301,8 @@ pub trait Codec: Copy + 'static {
         let _ = report;
     }
 
-    /// Reports the range of a quantity, by its name in [`Refusal::OutOfRange`], where the codec knows more of
-    /// it than [`Capabilities`] do.
+    /// Reports the range of a quantity, by its name in [`Refusal::OutOfRange`], where the codec gives more detail than
+    /// [`Capabilities`].
     fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         let _ = (quantity, report);
     }
@@ -311,9 +311,9 @@ pub trait Codec: Copy + 'static {
 /// Feedback in a CAN frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Decoded {
-    /// All of it, with a counter.
+    /// Complete feedback, with a counter.
     Counted(crate::actuator::Feedback),
-    /// A part of it.
+    /// Part of the feedback.
     Partial(Feedback),
 }
 
@@ -323,7 +323,7 @@ pub trait CanCodec: Codec<Sent = Frame> {
     /// feedback, among them all whose identifier has another length.
     fn decode(&self, received: &Frame) -> Option<(u8, Feedback)>;
 
-    /// The same, with the counter of protocols whose frames carry everything and count.
+    /// Decodes the same feedback, with the counter of protocols whose frames are complete and counted.
     fn decode_counted(&self, received: &Frame) -> Option<(u8, Decoded)> {
         self.decode(received).map(|(id, feedback)| (id, Decoded::Partial(feedback)))
     }
@@ -352,7 +352,7 @@ fn without<T>(value: Option<T>, name: &'static str) -> Result<(), Refusal> {
     if value.is_none() { Ok(()) } else { Err(Refusal::Unsupported(name)) }
 }
 
-/// As [`without`], for a torque.
+/// Refuses a torque other than 0, for protocols without torque.
 fn without_torque(torque_nm: f32) -> Result<(), Refusal> {
     if torque_nm == 0.0 { Ok(()) } else { Err(Refusal::Unsupported("torque")) }
 }

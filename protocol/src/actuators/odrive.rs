@@ -35,13 +35,13 @@ pub enum Version {
 /// Drives of one kind on a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Odrive {
-    /// Their firmware.
+    /// Firmware version of the drives.
     pub version: Version,
     /// Turns of the motor for a turn of the joint or wheel; negative when it turns the other way.
     pub reduction: f32,
     /// Torque constant of the motor, N·m/A.
     pub torque_constant_nm_a: f32,
-    /// How often they send estimates and torques or currents, Hz (`encoder_rate_ms` and the like).
+    /// Rate at which drives send estimates and torques or currents, Hz (`encoder_rate_ms` and the like).
     pub estimates_hz: u32,
 }
 
@@ -69,7 +69,7 @@ const SET_POS_GAIN: u16 = 0x1A;
 const SET_VEL_GAINS: u16 = 0x1B;
 const GET_TORQUES_06: u16 = 0x1C;
 
-/// How often an ODrive can be set to send estimates, Hz: a period is whole milliseconds, and some to spare.
+/// Accepted rates of an ODrive's estimates, Hz. A period is whole milliseconds; the range is wider.
 const ESTIMATES_HZ: RangeInclusive<u32> = 1..=10_000;
 
 /// Axis states that matter here.
@@ -224,7 +224,7 @@ const EXAMPLE: Odrive = Odrive {
     estimates_hz: 120,
 };
 
-/// What was measured, if it is a number.
+/// Returns `value` unless it is NaN or infinite.
 fn finite(value: f32) -> Option<f32> {
     value.is_finite().then_some(value)
 }

@@ -1,4 +1,4 @@
-//! What codecs on serial lines have in common: the bytes received so far, and whose answer they are.
+//! Receive buffer, packets and answers that all codecs on serial lines share.
 
 use super::feedback::Feedback;
 use heapless::Vec;
@@ -12,25 +12,25 @@ pub type Packet = Vec<u8, MAX_PACKET>;
 #[derive(Clone, Debug, Default)]
 pub struct ReceiveBuffer {
     bytes: Packet,
-    /// Of a packet whose parts are answers, what follows those that have been taken.
+    /// Remaining parts of a packet whose parts are answers of different servos.
     pub(super) parts: Option<Parts>,
 }
 
 /// Parts of a packet that are still to come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Parts {
-    /// How many.
+    /// Number of parts.
     pub left: u8,
-    /// The sum of all bytes before them.
+    /// CRC of all bytes before them.
     pub crc: u16,
 }
 
 /// An answer on a serial line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
-    /// Of the actuator at this address.
+    /// Answer of the actuator at this address.
     Actuator(u8, Feedback),
-    /// Of an adapter that stands between the line and all actuators on it.
+    /// Answer of an adapter between the line and all actuators on it.
     Adapter(Feedback),
 }
 

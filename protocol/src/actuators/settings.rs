@@ -1,4 +1,4 @@
-//! How codecs read their settings from a robot file, and what they report about wrong ones.
+//! Settings of codecs: reading them from a robot file, and reporting wrong ones.
 //!
 //! The reader of robot files implements both traits; a codec names its keys and their ranges.
 
@@ -8,7 +8,7 @@ use core::ops::RangeInclusive;
 /// The keys of a `[[bus]]` table. The reader reports a key that is missing or wrong, and gives a
 /// placeholder for it: 0, `false` or the first word.
 pub trait Keys {
-    /// Whether a key is given.
+    /// True if the key is present.
     fn has(&self, key: &'static str) -> bool;
 
     /// A number.
@@ -23,7 +23,7 @@ pub trait Keys {
     /// An array of two numbers.
     fn pair(&self, key: &'static str) -> (f32, f32);
 
-    /// One of several words, as its place among them.
+    /// Reads a word and returns its index in `words`.
     fn choice(&self, key: &'static str, words: &[&'static str]) -> usize;
 
     /// Reports a value that the codec refuses.
@@ -42,7 +42,7 @@ pub(super) fn or<T>(
 
 /// Collects settings that no actuator can have, wherever they came from.
 pub trait Report {
-    /// The setting `key` has a `problem`; `help` says what would be right.
+    /// Reports that the setting `key` has a `problem`; `help` states valid values.
     fn violated(&mut self, key: &'static str, problem: Arguments<'_>, help: Arguments<'_>);
 }
 

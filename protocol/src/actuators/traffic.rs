@@ -1,5 +1,5 @@
-//! How much of a bus a protocol takes: the most that setpoints and answers can be, stuffing and
-//! waiting included. A configuration whose load is beyond [`MAX_LOAD`] is not run.
+//! Share of a bus that a protocol takes: setpoints and answers in the worst case, stuffing and waiting included. A configuration
+//! whose load is beyond [`MAX_LOAD`] is not run.
 
 use thiserror::Error;
 
@@ -7,7 +7,7 @@ use thiserror::Error;
 /// repeats after errors, and for being wrong.
 pub const MAX_LOAD: f32 = 0.7;
 
-/// What goes over a bus, at worst.
+/// Worst-case traffic on a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Bits of each control period.
@@ -27,15 +27,15 @@ pub struct Overload {
 }
 
 impl Traffic {
-    /// Share of a bus of `bit_rate` bits per second, at so many control periods per second. 1 is
-    /// all of it.
+    /// Share of a bus of `bit_rate` bits per second that the traffic takes at `control_hz` control periods per second. 1 is all
+    /// of it.
     pub fn load(&self, control_hz: f32, bit_rate: f32) -> f32 {
         let period_s =
             self.bits_per_period as f32 / bit_rate + self.waiting_us_per_period as f32 * 1e-6;
         period_s * control_hz + self.bits_per_s as f32 / bit_rate
     }
 
-    /// Refuses what takes more than [`MAX_LOAD`] of the bus, or rates that are none.
+    /// Refuses traffic above [`MAX_LOAD`] of the bus, and invalid rates.
     pub fn check(&self, control_hz: f32, bit_rate: f32) -> Result<(), Overload> {
         let load = self.load(control_hz, bit_rate);
         // A NaN and a negative rate fail this.
@@ -44,8 +44,8 @@ impl Traffic {
     }
 }
 
-/// What a serial line carries whose servos are commanded and asked all at once: bytes in a period, `once` and for `each` of
-/// them, and how long each waits before it answers.
+/// Traffic of a serial line on which all servos are commanded and queried together. A period carries `once` bytes, and `each`
+/// bytes per servo. Every servo waits for its return delay before it answers.
 pub(super) fn polled(actuators: u32, once: u32, each: u32, return_delay_us: u32) -> Traffic {
     // Start bit, 8 bits, stop bit.
     let bits = |bytes: u32| bytes.saturating_mul(10);

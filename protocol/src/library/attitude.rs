@@ -1,4 +1,4 @@
-//! Which way is up while a clip plays: what an IMU should see.
+//! Direction of up while a clip plays, as an IMU measures it.
 
 use super::records::AttitudeRecord;
 
@@ -23,7 +23,7 @@ impl Attitude {
     /// A level body.
     pub const LEVEL: Self = Self { up_body: [0.0, 0.0, 1.0], spread_rad: 0.0 };
 
-    /// The nearest record; `None` for what is no direction, no angle, or beyond [`MAX_TILT_RAD`].
+    /// Nearest record; `None` unless this is a unit vector and an angle, within [`MAX_TILT_RAD`].
     pub(super) fn record(&self) -> Option<AttitudeRecord> {
         let nearest = |x: f32| (x / DIRECTION_LSB + if x < 0.0 { -0.5 } else { 0.5 }) as i16;
         let [up_x, up_y, up_z] = self.up_body.map(nearest);
@@ -33,7 +33,7 @@ impl Attitude {
         (spread >= 0.5 && Self::of(&record).is_some()).then_some(record)
     }
 
-    /// What a record says; `None` when that is no direction, or beyond [`MAX_TILT_RAD`].
+    /// Attitude of a record; `None` if it is no unit vector, or tilted beyond [`MAX_TILT_RAD`].
     pub(super) fn of(record: &AttitudeRecord) -> Option<Self> {
         let up_body = [record.up_x, record.up_y, record.up_z].map(|x| f32::from(x) * DIRECTION_LSB);
         let length_squared = up_body.iter().map(|x| x * x).sum::<f32>();

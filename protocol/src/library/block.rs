@@ -21,7 +21,7 @@ const PORTION: usize = 64;
 pub(super) struct BlockCheck {
     /// Header, bytes from the start of the track's section.
     block: u32,
-    /// CRC of the header and of so many bytes of the payload.
+    /// CRC of the header and of the first `taken` bytes of the payload.
     crc: u32,
     taken: u16,
     over: bool,
@@ -29,21 +29,20 @@ pub(super) struct BlockCheck {
 }
 
 impl BlockCheck {
-    /// Nothing to check.
+    /// Check that is over, without a block.
     pub const NONE: Self = Self { block: u32::MAX, crc: 0, taken: 0, over: true, passed: false };
 
-    /// Of a block of which nothing has been looked at.
+    /// Check of a block, not yet begun.
     pub fn of(block: u32) -> Self {
         Self { block, over: false, ..Self::NONE }
     }
 
-    /// Whether nothing is left to do.
+    /// True if the check is over.
     pub fn is_over(&self) -> bool {
         self.over
     }
 
-    /// Checks what is left of a block, all of it if this check was of another or found it bad; whether it
-    /// is good.
+    /// Checks the rest of a block; all of it if this check was of another block or failed. Returns true if the block is good.
     pub fn finish_for(&mut self, blocks: &[u8], block: u32) -> bool {
         if self.block != block || self.over && !self.passed {
             *self = Self::of(block);
@@ -52,7 +51,7 @@ impl BlockCheck {
         self.passed
     }
 
-    /// One portion more, of the track's section.
+    /// Checks another portion of the block, in the track's section.
     pub fn step(&mut self, blocks: &[u8]) {
         self.take(blocks, PORTION);
     }
@@ -64,7 +63,7 @@ impl BlockCheck {
         }
     }
 
-    /// How many bytes are left; `None` when the block is cut off.
+    /// Takes a portion into the CRC. Returns the number of bytes left; `None` when the block is cut off.
     fn portion(&mut self, blocks: &[u8], portion: usize) -> Option<usize> {
         let block = blocks.get(usize::try_from(self.block).ok()?..)?;
         let (header, rest) = block.split_at_checked(BLOCK_HEADER_LEN)?;
@@ -92,16 +91,16 @@ pub(super) struct BlockPlace {
 }
 
 impl BlockPlace {
-    /// Of a track that the library does not have.
+    /// Place in a track that the library does not have.
     pub const NONE: Self = Self { clip_at: 0, check: BlockCheck::NONE };
 
-    /// Block `n` of the clip that begins at `clip_at`, of which nothing has been checked.
+    /// Block `n` of the clip that begins at `clip_at`, unchecked.
     pub fn new(blocks: &[u8], clip_at: u32, n: u16) -> Result<Self, Unreadable> {
         Ok(Self { clip_at, check: BlockCheck::of(block_of(blocks, clip_at, n)?) })
     }
 }
 
-/// Where the track's section goes on after a block.
+/// Offset of the next block in the track's section.
 pub(super) fn block_end(block: u32, payload: u16) -> Result<u32, Unreadable> {
     block.checked_add(BLOCK_HEADER_LEN as u32 + u32::from(payload)).ok_or(Unreadable)
 }

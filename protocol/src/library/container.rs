@@ -22,7 +22,7 @@ pub(crate) const MINOR_WITH_ATTITUDES: u16 = 1;
 /// The minor version that torques came with. A library without them is written in the version before.
 pub(crate) const MINOR_WITH_TORQUES: u16 = 2;
 
-/// Where a section's payload is.
+/// Position of a section's payload in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Span {
     /// Bytes from the start of the file.
@@ -65,8 +65,8 @@ pub(crate) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(four.try_into().ok()?))
 }
 
-/// Identity of the library that a file begins with, as its header has its length: a signature may follow. `None` if there is
-/// none. That it is sound only validation can tell.
+/// Identity of the library at the start of a file, whose length is in its header: a signature may follow. `None` if there is no
+/// library. Only validation shows that the library is sound.
 pub fn identity(bytes: &[u8]) -> Option<u32> {
     let len = usize::try_from(u32_at(bytes, 12)?).ok()?;
     let library = bytes.get(..len)?;
@@ -110,7 +110,7 @@ fn fill(target: &mut [u8], parts: &[&[u8]]) {
 
 /// The sound outside of a library.
 pub(crate) struct Container {
-    /// What names the library.
+    /// Identity of the library: the digest of the file.
     pub identity: u32,
     /// CRC-32C of everything before the footer, which has it.
     pub body_crc: u32,

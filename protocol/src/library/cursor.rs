@@ -7,12 +7,12 @@ use super::entry::Entry;
 use super::records::FLAG_LOOPING;
 use super::view::{Library, Track};
 
-/// What a step to the next frame did.
+/// Effect of a step to the next frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Advance {
-    /// On to the next frame.
+    /// Moved to the next frame.
     Next,
-    /// From the last frame of a looping motion to its first.
+    /// Moved from the last frame of a looping motion to its first.
     Wrapped,
     /// Still at the last frame of a clip that does not loop.
     AtEnd,
@@ -20,21 +20,21 @@ pub enum Advance {
 
 /// A place in a clip, with the frame there: values, and torques where the library has them.
 ///
-/// Borrows nothing: each step takes the library again, and it must be the one that the cursor was
-/// made with. A step takes a portion of the CRC of the block that follows, so that it has passed when it
-/// is entered. Worst work of a step, for each track: what is left of the CRC of one block, and its first
-/// frame; of a seek: a whole one, the headers of the blocks before (59 at most) and 59 frames.
+/// Borrows nothing: each step takes the library again, and it must be the one that the cursor was made with. A step takes a
+/// portion of the CRC of the following block, so that little is left to check when the block is entered. Worst work of a step,
+/// for each track: the rest of the CRC of one block, and its first frame. Worst work of a seek: the CRC of a whole block, the
+/// headers of the blocks before (59 at most) and 59 frames.
 #[derive(Clone, Copy, Debug)]
 pub struct ClipCursor {
     /// Identity of the library.
     library: u32,
     shape: Shape,
     frame: u16,
-    /// By [`Track`]; only the first where the library has no torques.
+    /// Decoders by [`Track`]; only the first is used without torques.
     tracks: [Decoder; Track::ALL.len()],
 }
 
-const _: () = assert!(size_of::<ClipCursor>() == 452, "docs/motion-library.md says so");
+const _: () = assert!(size_of::<ClipCursor>() == 452, "docs/formats/motion-library.md says so");
 
 impl ClipCursor {
     /// A cursor at a frame of a clip.
@@ -72,7 +72,7 @@ impl ClipCursor {
         self.shape.looping
     }
 
-    /// At the last frame of its clip.
+    /// True at the last frame of the clip.
     pub fn at_last_frame(&self) -> bool {
         self.frame.saturating_add(1) >= self.shape.frames
     }
@@ -118,8 +118,8 @@ impl ClipCursor {
         Ok(())
     }
 
-    /// To the next frame: of a looping motion's last frame the first, of another clip's last frame
-    /// itself. After an error the cursor must not be used any more.
+    /// Moves to the next frame. From the last frame, a looping motion continues at its first frame and another clip stays. After
+    /// an error the cursor must not be used any more.
     pub fn advance(&mut self, library: &Library<'_>) -> Result<Advance, Unreadable> {
         self.check(library)?;
         let next = self.frame.saturating_add(1);
@@ -135,7 +135,7 @@ impl ClipCursor {
         Ok(Advance::Next)
     }
 
-    /// To any frame of the clip. After an error the cursor must not be used any more.
+    /// Moves to any frame of the clip. After an error the cursor must not be used any more.
     pub fn seek(&mut self, library: &Library<'_>, frame: u16) -> Result<(), Unreadable> {
         self.check(library)?;
         if frame >= self.shape.frames {
@@ -146,7 +146,7 @@ impl ClipCursor {
         Ok(())
     }
 
-    /// Whether there is nothing left to check of the blocks that follow.
+    /// True if the blocks that follow need no more checking.
     pub fn is_checked_ahead(&self) -> bool {
         self.tracks.iter().all(Decoder::is_checked_ahead)
     }

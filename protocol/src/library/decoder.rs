@@ -18,7 +18,7 @@ struct ChannelState {
 
 const _: () = assert!(size_of::<ChannelState>() <= 8, "decoder state is 8 bytes a channel at most");
 
-/// What the tracks of a clip have in common.
+/// Properties common to the tracks of a clip.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
     pub clip: ClipId,
@@ -59,14 +59,14 @@ impl Decoder {
         states.map(|state| i32::from_le_bytes(state.delta))
     }
 
-    /// Whether the frame after a keyframe is where its first differences lead, unless they were cut to 16 bits.
+    /// True if the frame after a keyframe has the keyframe's first differences, apart from those cut to 16 bits.
     pub fn keeps_first(&self, keyframe: &Self, channels: u8) -> bool {
         let is_cut = |first: i32| first == i32::from(i16::MIN) || first == i32::from(i16::MAX);
         let mut pairs = keyframe.deltas(channels).zip(self.deltas(channels));
         pairs.all(|(first, then)| first == then || is_cut(first))
     }
 
-    /// To the next frame of the clip, which is not its first.
+    /// Moves to the next frame of the clip, which is not its first.
     pub fn advance(&mut self, blocks: &[u8], shape: &Shape, next: u16) -> Result<(), Unreadable> {
         if next.is_multiple_of(BLOCK_FRAMES) {
             let block = self.after_block()?;
@@ -79,7 +79,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// To any frame of the clip.
+    /// Moves to any frame of the clip.
     pub fn seek(&mut self, blocks: &[u8], shape: &Shape, frame: u16) -> Result<(), Unreadable> {
         let block = block_of(blocks, self.place.clip_at, frame / BLOCK_FRAMES)?;
         self.enter_block(blocks, shape, block, frame - frame % BLOCK_FRAMES)?;
@@ -89,17 +89,17 @@ impl Decoder {
         Ok(())
     }
 
-    /// Whether there is nothing left to check of the block that follows.
+    /// True if the block that follows needs no more checking.
     pub fn is_checked_ahead(&self) -> bool {
         self.place.check.is_over()
     }
 
-    /// Where the track's section goes on after the current block.
+    /// Offset of the next block in the track's section.
     pub fn after_block(&self) -> Result<u32, Unreadable> {
         block_end(self.block, self.payload)
     }
 
-    /// Whether the payload of the current block was used to the last byte, with zeros for padding.
+    /// True if the payload of the current block is used to the last byte, with zeros for padding.
     pub fn block_used_up(&self, blocks: &[u8]) -> bool {
         let padding = (8 - self.bit % 8) % 8;
         u32::from(self.payload) * 8 == self.bit.saturating_add(padding)

@@ -28,7 +28,7 @@ pub fn encode(spec: &LibrarySpec<'_>, out: &mut [u8]) -> Result<usize, EncodeErr
     encode_with_attitudes(spec, &[], out)
 }
 
-/// As [`encode`], with the attitude of each clip, motions first; an empty list writes none.
+/// Counterpart of [`encode`] with the attitude of each clip, motions first; an empty list writes none.
 pub fn encode_with_attitudes(
     spec: &LibrarySpec<'_>,
     attitudes: &[Attitude],
@@ -74,7 +74,7 @@ fn write_manifest(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeE
     })
 }
 
-/// The frames, and before them the table that says where they are.
+/// Writes the frames, after the table of their positions.
 fn write_clips(
     source: &Source<'_>,
     attitudes: &[Attitude],
@@ -108,7 +108,7 @@ fn write_clips(
     })
 }
 
-/// The torques, and before them the table that says where they are.
+/// Writes the torques, after the table of their positions.
 fn write_torques(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeError> {
     w.section(10, 1, |w| {
         let channels = source.spec.config.channels.iter();

@@ -12,12 +12,12 @@ pub struct Entry {
     pub(super) library: u32,
     pub(super) clip: ClipId,
     pub(super) frame: u16,
-    /// By [`Track`].
+    /// Places by [`Track`].
     pub(super) places: [BlockPlace; Track::ALL.len()],
 }
 
 impl Entry {
-    /// A frame of a clip, of which nothing has been checked.
+    /// Entry into a frame of a clip, unchecked.
     pub fn new(library: &Library<'_>, clip: ClipId, frame: u16) -> Result<Self, Unreadable> {
         let record = library.clip_record(clip).ok_or(Unreadable)?;
         if frame >= record.frames {
@@ -32,7 +32,7 @@ impl Entry {
         Ok(Self { library: library.index().id(), clip, frame, places })
     }
 
-    /// Whether it is this frame of this clip.
+    /// True if the entry is at this frame of this clip.
     pub fn is_at(&self, clip: ClipId, frame: u16) -> bool {
         (self.clip, self.frame) == (clip, frame)
     }
@@ -49,7 +49,7 @@ impl Entry {
         library.payload(track.blocks()).inspect(|blocks| place.check.step(blocks)).is_some()
     }
 
-    /// Checks what is left of the blocks.
+    /// Checks the rest of the blocks.
     pub fn check_all(&mut self, library: &Library<'_>) {
         while self.check_a_portion(library) {}
     }

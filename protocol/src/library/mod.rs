@@ -28,7 +28,7 @@
 //!   there.
 //! - **SAFE**: the motion that every motion has a route to; it comes to rest in the safe pose.
 //!
-//! The byte format is normative in `docs/motion-library.md`.
+//! The byte format is normative in `docs/formats/motion-library.md`.
 
 mod attitude;
 mod block;
@@ -68,7 +68,7 @@ pub use spec::{
 pub use validate::validate;
 pub use view::{ClipInfo, ClipKind, Edge, Index, Library};
 
-/// Frames of a second. The only rate that format 1 knows.
+/// Frames per second: the only rate of format 1.
 pub const RATE_HZ: u16 = 60;
 /// Format version: a different major number is refused.
 pub const FORMAT_MAJOR: u16 = 1;
@@ -82,12 +82,12 @@ pub const MAX_TRANSITIONS: usize = 96;
 pub const MAX_CLIPS: usize = MAX_MOTIONS + MAX_TRANSITIONS;
 /// Longest clip, frames: one minute. Also fits the 12 bits of a status message.
 pub const MAX_CLIP_FRAMES: u16 = 3600;
-/// Every so many frames a clip has a keyframe that decoding can start from.
+/// Frames from a keyframe, where decoding can start, to the next.
 pub const BLOCK_FRAMES: u16 = 60;
 /// Longest name of a motion, bytes of UTF-8.
 pub const MAX_NAME: usize = 32;
 
-/// No route, no transition: how tables of edge numbers say "none".
+/// Number in tables of transitions for "no route" and "no transition".
 pub(crate) const NO_EDGE: u8 = 0xFF;
 
 const _: () = {

@@ -76,8 +76,7 @@ pub(crate) fn torque_record(channel: &Channel) -> (i8, i16) {
     (exponent, (channel.max_torque_nm / lsb(exponent)) as i16)
 }
 
-/// The nearest quanta of a torque within the limit, or `None` for one that is no number or beyond the limit by more
-/// than half a quantum.
+/// Nearest quanta of a torque within the limit; `None` for NaN, and beyond the limit by more than half a quantum.
 pub(crate) fn quantise_torque(torque_nm: f32, channel: &Channel) -> Option<i16> {
     let (exponent, limit) = torque_record(channel);
     let in_reach = torque_nm.abs() <= channel.max_torque_nm + 0.5 * lsb(exponent);
@@ -86,8 +85,8 @@ pub(crate) fn quantise_torque(torque_nm: f32, channel: &Channel) -> Option<i16> 
     in_reach.then_some(nearest.min(limit).max(-limit))
 }
 
-/// The nearest quanta within the limits, or `None` for a value that is no number or beyond a limit
-/// by more than half a quantum (granted to values that an optimiser left on the limit).
+/// Nearest quanta within the limits; `None` for NaN, and beyond a limit by more than half a quantum. The half quantum is granted
+/// to values that an optimiser left on the limit.
 pub(crate) fn quantise(value: f32, channel: &Channel, record: &ChannelRecord) -> Option<i16> {
     let lsb = lsb(record.lsb_exponent);
     let in_reach = value >= channel.min - 0.5 * lsb && value <= channel.max + 0.5 * lsb;

@@ -6,7 +6,7 @@
 use super::container::u16_at;
 use serde::{Deserialize, Serialize};
 
-/// What a library is: counts and the robot that it is for.
+/// Counts of a library, and the robot that it is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Manifest {
     #[serde(with = "postcard::fixint::le")]
@@ -19,7 +19,7 @@ pub(crate) struct Manifest {
     pub safe_node: u8,
 }
 
-/// How a channel is quantised, and its limits in quanta.
+/// Quantum of a channel, and its limits in quanta.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct ChannelRecord {
     /// 0 joint position, 1 wheel speed.
@@ -35,7 +35,7 @@ pub(crate) struct ChannelRecord {
     pub max_step: u16,
 }
 
-/// Where the frames of a clip are.
+/// Length and position of a clip's frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct ClipRecord {
     /// [`FLAG_LOOPING`]; the other bits are 0.
@@ -50,7 +50,7 @@ pub(crate) struct ClipRecord {
     pub len: u32,
 }
 
-/// Where the torques of a clip are, as in its [`ClipRecord`].
+/// Position of a clip's torques, like the frames in its [`ClipRecord`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct TorqueClipRecord {
     #[serde(with = "postcard::fixint::le")]

@@ -1,11 +1,11 @@
-//! Why a library is refused, as a value that reads as a sentence.
+//! Reasons for refusing a library, as values that read as sentences.
 
 use super::{ClipId, EdgeId, FORMAT_MAJOR, MAX_CLIP_FRAMES, NodeId, RATE_HZ};
 use crate::text::{Limit, Number};
 use core::fmt;
 use thiserror::Error;
 
-/// A library that must not be played: where it is wrong and why.
+/// A library that must not be played, with the position of the fault and the reason.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{section} at byte {offset}: {why}")]
 pub struct Reject {
@@ -44,7 +44,7 @@ pub enum Section {
     Names,
     /// Quanta of the torques.
     TorqueQuanta,
-    /// Where the torques of each clip are.
+    /// Positions of the torques of each clip.
     TorqueClips,
     /// Blocks of torques.
     Torques,
@@ -106,7 +106,7 @@ impl fmt::Display for Section {
     }
 }
 
-/// What is wrong with a library.
+/// Reason for refusing a library.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Why {
@@ -134,7 +134,7 @@ pub enum Why {
     Corrupted {
         /// Checksum in the file.
         stored: u32,
-        /// Checksum of what was read.
+        /// Checksum of the bytes read.
         computed: u32,
     },
     /// Another major version of the format.
@@ -175,7 +175,7 @@ pub enum Why {
         /// Hash of the robot's configuration.
         robot: u32,
     },
-    /// Not 60 Hz.
+    /// Frame rate other than 60 Hz.
     #[error("frame rate is {found} Hz, must be {RATE_HZ} Hz")]
     WrongRate {
         /// Rate of the file.
@@ -189,10 +189,10 @@ pub enum Why {
         /// Records there should be.
         expected: u32,
     },
-    /// No motion, or more of something than a reader has room for.
+    /// Count of zero where a motion is needed, or beyond the room of a reader.
     #[error("{what}: {found}, must be {min} to {max}")]
     CountOutOfRange {
-        /// What is counted.
+        /// Item counted.
         what: &'static str,
         /// Count in the file.
         found: u32,
@@ -207,7 +207,7 @@ pub enum Why {
         /// Number of the record in its table.
         record: u32,
     },
-    /// Kind, quantum or limits of a channel differ from what the configuration gives.
+    /// Kind, quantum or limits of a channel differ from the configuration's.
     #[error("channel {channel}: kind, quantum or limits differ from the robot's configuration")]
     ChannelMismatch {
         /// Number of the channel.
@@ -218,7 +218,7 @@ pub enum Why {
     ClipLength {
         /// The clip.
         clip: ClipId,
-        /// Its frames.
+        /// Frames of the clip.
         frames: u16,
         /// Fewest frames of such a clip.
         min: u16,
@@ -319,9 +319,9 @@ pub enum Why {
     ExitBeforeEnd {
         /// The transition.
         edge: EdgeId,
-        /// Where it leaves.
+        /// Frame at which the transition leaves.
         exit_frame: u16,
-        /// Where it must leave.
+        /// Frame at which it must leave.
         last: u16,
     },
     /// A transition whose end is not the frame that it joins.

@@ -2,7 +2,7 @@
 
 use super::{MAX_MOTIONS, NO_EDGE};
 
-/// What a route costs and joins.
+/// Transition between two motions, with its length.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arc {
     pub from: u8,
@@ -13,9 +13,8 @@ pub(crate) struct Arc {
 
 const FAR: u32 = u32::MAX;
 
-/// For every start: number of the first transition of the shortest route to `to`, [`NO_EDGE`] where
-/// there is none. Of equally long routes the one over the lowest transition number. From `to` to
-/// itself: the shortest way round.
+/// First transition of the shortest route to `to` from each start, by number; [`NO_EDGE`] without a route. Of equally long
+/// routes, the one that begins with the lowest transition number. The route from `to` to itself is the shortest round trip.
 pub(crate) fn hops_to(to: u8, motions: u8, arcs: &[Arc]) -> [u8; MAX_MOTIONS] {
     // Bellman-Ford towards the target.
     let mut distance = [FAR; MAX_MOTIONS];

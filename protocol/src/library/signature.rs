@@ -1,10 +1,10 @@
-//! The signature behind a library: where it is in a file, and what it covers. What checks and makes it is elsewhere.
+//! Signature behind a library: its position in a file, and the bytes that it covers. Other modules make and check it.
 //!
 //! ```text
 //! library │ `RW-SIGN1` │ fingerprint of the key 8 B │ Ed25519 signature 64 B, over everything before it
 //! ```
 //!
-//! The fingerprint only tells people whose signature it claims to be. `docs/motion-library.md` is normative.
+//! The fingerprint only shows people which key the signature claims. `docs/formats/motion-library.md` is normative.
 
 /// Begins the block behind a signed library.
 pub const SIGNATURE_MAGIC: [u8; 8] = *b"RW-SIGN1";
@@ -22,7 +22,7 @@ pub const SIGNATURE_BLOCK_LEN: usize = HEAD_LEN + SIGNATURE_LEN;
 pub struct SignedFile<'a> {
     /// The library alone.
     pub library: &'a [u8],
-    /// What the signature is over: the library, magic and fingerprint.
+    /// Signed bytes: the library, magic and fingerprint.
     pub message: &'a [u8],
     /// First bytes of the SHA-256 of the public key, as the file has it.
     pub fingerprint: [u8; FINGERPRINT_LEN],

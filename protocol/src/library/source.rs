@@ -99,7 +99,7 @@ impl<'a> Source<'a> {
         self.spec.transitions.iter().enumerate()
     }
 
-    /// Whether any clip has torques: then all must.
+    /// True if any clip has torques: then all must.
     pub fn has_torques(&self) -> bool {
         let motions = self.spec.motions.iter().map(|m| m.torques);
         motions.chain(self.spec.transitions.iter().map(|t| t.torques)).any(|t| !t.is_empty())
@@ -228,8 +228,8 @@ impl<'a> Source<'a> {
         quantise::quantise_torque(torque_nm, limits).map(|_| torque_nm).ok_or(beyond)
     }
 
-    /// Quanta of a torque. Those of a transition are moved by what they are off at its ends, the less the further
-    /// from there.
+    /// Quanta of a torque. Torques of a transition are shifted to match at its ends; the shift fades with the distance from the
+    /// end.
     fn torque_quanta(
         &self,
         clip: ClipRef,
@@ -274,7 +274,7 @@ impl<'a> Source<'a> {
         Ok(quantise::quantise_torque(within, limits).unwrap_or(0))
     }
 
-    /// All clips with their frame counts and flags, motions first.
+    /// Clips with their frame counts and flags, motions first.
     pub fn clips(&self) -> impl Iterator<Item = (ClipRef, usize, u8)> + '_ {
         let motions = self.spec.motions.iter().enumerate().map(|(i, m)| {
             let flags = if m.looping { FLAG_LOOPING } else { 0 };

@@ -1,4 +1,4 @@
-//! What a library is made of, and what can be wrong with it.
+//! Contents of a library, and the errors that they can have.
 
 use super::reject::Reject;
 use super::{MAX_CLIP_FRAMES, MAX_NAME};
@@ -6,14 +6,14 @@ use crate::config::{ConfigError, RobotConfig};
 use core::fmt;
 use thiserror::Error;
 
-/// How far a joint of a transition's first or last frame may be from the motion that it joins,
-/// rad. The encoder moves it onto the motion's frame, so that the library has no gap at all.
+/// Largest distance of a joint in a transition's first or last frame from the motion that it joins, rad. The encoder moves the
+/// joint onto the motion's frame, so the library has no gap.
 pub const JOIN_TOLERANCE_RAD: f32 = 0.005;
 
 /// Frames over which the encoder leads a transition's torques over to those of the motions that it joins: 0.1 s.
 pub const TORQUE_BLEND_FRAMES: usize = 6;
 
-/// What goes into a library.
+/// Contents of a library.
 #[derive(Clone, Copy, Debug)]
 pub struct LibrarySpec<'a> {
     /// The robot that it is for.
@@ -63,7 +63,7 @@ pub struct TransitionSpec<'a> {
 }
 
 impl<'a> TransitionSpec<'a> {
-    /// From frame `exit_frame` of motion `from` to frame `entry_frame` of motion `to`, without torques.
+    /// Transition from frame `exit_frame` of motion `from` to frame `entry_frame` of motion `to`, without torques.
     pub const fn new(
         from: usize,
         exit_frame: u16,
@@ -103,9 +103,9 @@ pub enum EncodeError {
     /// Too few or too many of something.
     #[error("{what}: {found}, must be {min} to {max}")]
     Count {
-        /// What is counted.
+        /// Item counted.
         what: &'static str,
-        /// How many there are.
+        /// Number of items.
         found: usize,
         /// Fewest.
         min: usize,
@@ -149,7 +149,7 @@ pub enum EncodeError {
         /// Number of the other.
         second: usize,
     },
-    /// A value that is no number, or outside the channel's limits.
+    /// A value that is NaN or outside the channel's limits.
     #[error(
         "{clip}, frame {frame}, channel {channel}: {value} is outside the limits {min} to {max} \
          (rad, or rad/s for a wheel)"
@@ -168,7 +168,7 @@ pub enum EncodeError {
         /// Largest value.
         max: f32,
     },
-    /// Some clips have torques and this one has not as many as values.
+    /// Clip whose number of torques differs from its number of values, where other clips have torques.
     #[error("{clip}: {torques} torques are not one for each of its {values} values")]
     TorqueShape {
         /// The clip.
@@ -178,7 +178,7 @@ pub enum EncodeError {
         /// Values given.
         values: usize,
     },
-    /// A torque that is no number, or beyond the channel's limit.
+    /// A torque that is NaN or beyond the channel's limit.
     #[error(
         "{clip}, frame {frame}, channel {channel}: a torque of {torque_nm} N·m is beyond the limit of {limit_nm} N·m"
     )]
@@ -208,9 +208,9 @@ pub enum EncodeError {
         channel: usize,
         /// The torque, N·m.
         torque_nm: f32,
-        /// What it must meet, N·m.
+        /// Required torque, N·m.
         expected_nm: f32,
-        /// How far it may be off, N·m: the channel's limit.
+        /// Allowed difference, N·m: the channel's limit.
         tolerance_nm: f32,
     },
     /// A transition names a motion or a frame that does not exist.
@@ -225,8 +225,8 @@ pub enum EncodeError {
         /// The frame.
         frame: u16,
     },
-    /// An end that is too far from what it must meet: a transition's end from the frame that it
-    /// joins, or a wheel's speed at the end of a motion from 0.
+    /// An end too far from its required value: a transition's end from the frame that it joins, or a wheel's speed at the end of
+    /// a motion from 0.
     #[error(
         "{clip}, frame {frame}, channel {channel}: {value} must be within {tolerance} of \
          {expected}, where it ends (rad, or rad/s for a wheel)"
@@ -240,9 +240,9 @@ pub enum EncodeError {
         channel: usize,
         /// The value.
         value: f32,
-        /// What it must meet.
+        /// Required value.
         expected: f32,
-        /// How far it may be off.
+        /// Allowed difference.
         tolerance: f32,
     },
     /// Two motions have the same code.
@@ -252,7 +252,7 @@ pub enum EncodeError {
         first: usize,
         /// Number of another.
         second: usize,
-        /// Their code.
+        /// Common command code.
         code: u8,
     },
     /// The attitude of a clip is missing, or is not a unit vector with an angle, or beyond [`MAX_TILT_RAD`](super::MAX_TILT_RAD).

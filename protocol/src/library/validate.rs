@@ -18,7 +18,7 @@ use crate::config::{MAX_CHANNELS, RobotConfig};
 
 /// Checks a library for a robot. The result opens it: [`Library::open`].
 ///
-/// Errors: [`Reject`] says where and why, for the first thing that is wrong.
+/// Errors: [`Reject`] states the position and the reason of the first fault.
 pub fn validate(bytes: &[u8], config: &RobotConfig) -> Result<Index, Reject> {
     let Container { identity, body_crc, minor, sections } = container::open(bytes)?;
     let config_fault = |fault| reject(&sections, Section::Manifest, Why::BadConfig(fault));
@@ -152,7 +152,7 @@ impl Validation<'_> {
         Reject { section, offset: span(&self.sections, section).record_offset(record), why }
     }
 
-    /// Each table has as many records as the manifest says, of their size; later versions may have larger ones.
+    /// Checks that each table has as many records as the manifest says, of the right size; later versions may have larger ones.
     fn tables(&self) -> Result<(), Reject> {
         let index = self.library.index();
         let (channels, motions) = (u32::from(index.channels), u32::from(index.motions));
@@ -255,8 +255,8 @@ impl Validation<'_> {
         Ok(())
     }
 
-    /// Every frame of a clip: decodes and is within limits. Values are not too fast, the seam is closed or
-    /// the wheels rest. Answers where its blocks end.
+    /// Checks that every frame of a clip decodes, is within limits, and is not too fast. Then the seam of a looping clip must be
+    /// closed, and the wheels must rest at the end of another motion. Returns the end of its blocks.
     fn frames(
         &self,
         track: Track,

@@ -17,7 +17,7 @@ use serde::de::DeserializeOwned;
 pub struct Index {
     pub(super) len: u32,
     pub(super) id: u32,
-    /// The CRC in the footer: a short look tells whether the bytes are still the same.
+    /// CRC in the footer: comparing it shows quickly if the bytes are still the same.
     pub(super) body_crc: u32,
     pub(super) config_hash: u32,
     pub(super) sections: [Span; SECTIONS],
@@ -30,8 +30,8 @@ pub struct Index {
 }
 
 impl Index {
-    /// Identity of the library: the [digest](crate::crc::file_digest) of all its bytes. HELLO tells it, and a status
-    /// message its lowest byte.
+    /// Identity of the library: the [digest](crate::crc::file_digest) of all its bytes. HELLO contains it, and a status message
+    /// its lowest byte.
     pub fn id(&self) -> u32 {
         self.id
     }
@@ -47,7 +47,7 @@ impl Index {
     }
 }
 
-/// What the blocks of a section hold of every channel.
+/// Quantity of every channel in the blocks of a section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Track {
     Values,
@@ -57,7 +57,7 @@ pub(super) enum Track {
 impl Track {
     pub const ALL: [Self; 2] = [Self::Values, Self::Torques];
 
-    /// Where its blocks are.
+    /// Section with the blocks.
     pub fn blocks(self) -> Section {
         match self {
             Self::Values => Section::Frames,
@@ -65,7 +65,7 @@ impl Track {
         }
     }
 
-    /// Where it says where those of a clip are.
+    /// Section with the positions of each clip's blocks.
     pub fn clips(self) -> Section {
         match self {
             Self::Values => Section::Clips,
@@ -74,7 +74,7 @@ impl Track {
     }
 }
 
-/// What a clip is.
+/// Kind of a clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClipKind {
     /// A node of the graph.
@@ -133,7 +133,7 @@ impl<'a> Library<'a> {
         same.then_some(Self::unchecked(bytes, *index))
     }
 
-    /// For the validator, which reads through the same code as the player.
+    /// View without checks, for the validator, which reads through the same code as the player.
     pub(super) fn unchecked(bytes: &'a [u8], index: Index) -> Self {
         Self { bytes, index }
     }
@@ -148,7 +148,7 @@ impl<'a> Library<'a> {
         &self.index
     }
 
-    /// Whether there are torques with the frames.
+    /// True if there are torques with the frames.
     pub fn has_torques(&self) -> bool {
         self.tracks().len() > 1
     }
@@ -175,12 +175,12 @@ impl<'a> Library<'a> {
         self.index.motions
     }
 
-    /// All motions.
+    /// Motions of the library.
     pub fn nodes(&self) -> impl Iterator<Item = NodeId> + use<> {
         (0..self.index.motions).map(NodeId)
     }
 
-    /// All transitions.
+    /// Transitions of the library.
     pub fn edges(&self) -> impl Iterator<Item = EdgeId> + use<> {
         (0..self.index.transitions).map(EdgeId)
     }
@@ -200,14 +200,14 @@ impl<'a> Library<'a> {
         })
     }
 
-    /// Which way is up during a clip; `None` when the library does not tell.
+    /// Direction of up during a clip; `None` when the library does not contain it.
     pub fn attitude(&self, clip: ClipId) -> Option<Attitude> {
         if clip.0 >= self.clip_count() {
             return None;
         }
         let span = self.span(Section::Clips)?;
         let record = span.record(self.bytes, usize::from(clip.0))?.get(usize::from(CLIP_LEN)..)?;
-        // Libraries of format 1.0, and those that were not told, end here.
+        // Libraries of format 1.0, and clips without an attitude, end here.
         AttitudeRecord::read(record).as_ref().and_then(Attitude::of)
     }
 
@@ -301,7 +301,7 @@ impl<'a> Library<'a> {
         Some(quantise::value(quanta, *exponents.get(channel)?))
     }
 
-    /// Where the blocks of a clip begin, from the start of the track's section, and how many bytes they have.
+    /// Offset of a clip's first block in the track's section, and the number of bytes of its blocks.
     pub(super) fn clip_span(&self, track: Track, clip: ClipId) -> Option<(u32, u32)> {
         let record = self.span(track.clips())?.record(self.bytes, usize::from(clip.0))?;
         // Frames are behind flags and count.

@@ -63,7 +63,7 @@ impl<'a> Writer<'a> {
         self.out.get(start..self.len).unwrap_or(&[])
     }
 
-    /// A section: its head, and what `payload` writes.
+    /// Writes a section: its head, and the content from `payload`.
     pub fn section(
         &mut self,
         tag: u16,

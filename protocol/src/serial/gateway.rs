@@ -10,7 +10,7 @@ use crate::can::Frame;
 use crate::wire::isotp::{Event, Output, Timing};
 use crate::wire::transport::{Endpoint, partner};
 
-/// No pauses and no flow control after the first: there is no bus between a program and its gateway.
+/// Timing without pauses and with a single flow control: there is no bus between a program and its gateway.
 const TIMING: Timing = Timing { block_size: 0, st_min: 0, timeout_us: 1_000_000 };
 
 /// Gateway at one end of a line, the same at host and controller. One conversation at a time.

@@ -1,5 +1,5 @@
-//! Authentication of what a host sends: a frame ahead of each message proves that its sender has the robot's link key, and
-//! that the message is no copy of an earlier one.
+//! Authentication of a host's messages: a frame ahead of each message proves that its sender has the robot's link key, and that
+//! the message is no copy of an earlier one.
 //!
 //! The messages themselves stay as they are, so that tools read them as before. AUTOSAR calls this a secured PDU
 //! collection: the authentic and the cryptographic PDU are sent one after the other (AUTOSAR, Secure Onboard
@@ -56,7 +56,7 @@ pub enum Subject {
 }
 
 impl Subject {
-    /// All of them.
+    /// Subjects in order.
     pub const ALL: [Self; 4] = [Self::Heartbeat, Self::Command, Self::Transfer, Self::Parameter];
 
     /// Class of the message's identifier.
@@ -210,7 +210,7 @@ mod key {
     use hmac::{Hmac, KeyInit, Mac};
     use sha2::Sha256;
 
-    /// What a code is over, so that one for a message is none for an offer.
+    /// Domain of a code: a code for a message is never valid for an offer.
     const OF_MESSAGE: u8 = 1;
     const OF_OFFER: u8 = 2;
 
@@ -239,7 +239,7 @@ mod key {
             first(&self.of_message(session, counter, id, bytes).finalize().into_bytes())
         }
 
-        /// Whether `tag` is that of a message; takes the same time for every wrong one.
+        /// True if `tag` is the tag of a message; takes the same time for every wrong tag.
         pub fn is_tag(
             &self,
             tag: &[u8; TAG_LEN],
@@ -256,7 +256,7 @@ mod key {
             first(&self.of_offer(session, id).finalize().into_bytes())
         }
 
-        /// Whether `tag` is that of an offer.
+        /// True if `tag` is the tag of an offer.
         pub fn is_offer_tag(
             &self,
             tag: &[u8; OFFER_TAG_LEN],

@@ -21,7 +21,7 @@ pub const MOST_VALID_MS: u16 = 1000;
 pub struct Command {
     /// 0 to 15, one more (and around) with each new command.
     pub seq: u8,
-    /// What to do.
+    /// Action requested.
     pub action: Action,
     /// Low 16 bits of the controller's clock in ms (see [`super::HeartbeatReply`]) up to which the
     /// command may be executed; at most [`MOST_VALID_MS`] ahead.
@@ -50,14 +50,14 @@ pub enum Action {
     ArmRequest,
     /// Second step of torque on.
     ArmConfirm {
-        /// From the acknowledgement of the request.
+        /// Nonce from the acknowledgement of the request.
         nonce: u16,
     },
     /// First step out of a latched emergency stop or fault: the acknowledgement has a nonce.
     ClearRequest,
     /// Second step out of a latched emergency stop or fault.
     ClearConfirm {
-        /// From the acknowledgement of the request.
+        /// Nonce from the acknowledgement of the request.
         nonce: u16,
     },
     /// Follow the [`super::Setpoint`]s that the host streams, from SAFE on, until [`Action::Return`].
@@ -71,7 +71,7 @@ pub enum Action {
         /// The same of kd, %, 0 to 127.
         kd_percent: u8,
     },
-    /// Of a later version; the answer is [`CommandResult::UnknownKind`].
+    /// Kind of a later version; the answer is [`CommandResult::UnknownKind`].
     Unknown {
         /// Kind on the wire, 11 to 15.
         kind: u8,
@@ -158,8 +158,8 @@ impl Command {
         Ok((node, Self { seq, action, valid_until_ms: u16::from_le_bytes([v0, v1]) }))
     }
 
-    /// Whether the command has expired by the controller's clock: past `valid_until_ms`, or apparently valid for longer
-    /// than [`MOST_VALID_MS`]. No host sends the latter: the command was delayed until the 16 bits wrapped.
+    /// True if the command has expired by the controller's clock: past `valid_until_ms`, or apparently valid for longer than
+    /// [`MOST_VALID_MS`]. No host sends the latter: the command was delayed until the 16 bits wrapped.
     pub fn expired(self, now_us: u64) -> bool {
         let now_ms = crate::time::wrapping_ms(now_us) as u16;
         self.valid_until_ms.wrapping_sub(now_ms) > MOST_VALID_MS
@@ -171,9 +171,9 @@ coded! {
     CommandResult {
         /// Executed or being executed.
         Ok = 0,
-        /// No motion has this code.
+        /// Command code without a motion.
         UnknownCode = 1,
-        /// Not possible in this state.
+        /// Impossible in this state.
         WrongState = 2,
         /// Arrived after its expiry.
         Expired = 3,
@@ -181,7 +181,7 @@ coded! {
         Unreachable = 4,
         /// Torque is off: arm first.
         NotArmed = 5,
-        /// There is no valid library.
+        /// Valid library missing.
         NoLibrary = 6,
         /// The nonce is not the one last issued, or has expired: start again.
         WrongNonce = 7,
@@ -191,17 +191,17 @@ coded! {
         PoseUnknown = 9,
         /// Older than the last command.
         OutOfOrder = 10,
-        /// This version does not know this kind of command.
+        /// Kind of command that this version does not implement.
         UnknownKind = 11,
         /// A fault persists; the fault report names it.
         FaultPresent = 12,
-        /// Speed 0 or below, or beyond what the robot's limits allow.
+        /// Speed 0 or below, or beyond the robot's limits.
         BadSpeed = 13,
-        /// Only hosts with the robot's link key are obeyed ([`super::authentication`]).
+        /// Authentication missing: only hosts with the robot's link key are obeyed ([`super::authentication`]).
         AuthenticationRequired = 14,
         /// A controller with a key of its owner follows no setpoints of a host: nothing proves whose they are.
         Unproven = 15,
-        /// Not with these actuators: one of them takes no torque, or no gains with its setpoints.
+        /// Unsuitable actuators: one of them takes no torque, or no gains with its setpoints.
         UnfitActuators = 16,
         /// A rate or a part of gains is out of range.
         BadTracking = 17,
@@ -221,8 +221,8 @@ pub struct CommandAck {
     pub state: State,
     /// Motion that the command leads to.
     pub motion: Option<u8>,
-    /// Of an arm or clear request: the nonce to confirm with. Of a played motion: frames until it
-    /// starts. Of tracking: samples a second. Otherwise 0.
+    /// Value of the answer. Arm or clear request: the nonce to confirm with. Played motion: frames until it starts. Tracking:
+    /// samples a second. Otherwise 0.
     pub value: u16,
 }
 

@@ -11,7 +11,7 @@ const DISCOVERED: Kind = Kind::new(7, 1);
 pub struct Discover;
 
 impl Discover {
-    /// Without payload.
+    /// Frame without payload.
     pub fn encode(self, to: Node) -> Frame {
         Frame::known(DISCOVER.id(to), [])
     }
@@ -28,7 +28,7 @@ impl Discover {
 pub struct Discovered {
     /// Serial number of the hardware.
     pub uid: [u8; 6],
-    /// Major protocol version that it speaks.
+    /// Major protocol version of the controller.
     pub protocol_major: u8,
 }
 

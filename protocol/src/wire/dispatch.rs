@@ -104,7 +104,7 @@ mod tests {
         Node::new(3).unwrap()
     }
 
-    /// Each frame is taken for the message that it carries, and by its receiver alone.
+    /// Checks that each frame decodes to its own message, and only at its receiver.
     #[test]
     fn every_message_to_a_controller_arrives() {
         let heartbeat = Heartbeat { seq: 1, host_ms: 2 };

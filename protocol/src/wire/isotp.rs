@@ -30,7 +30,7 @@ pub struct Timing {
 }
 
 impl Default for Timing {
-    /// No pauses, blocks of 16 frames, 1 s timeout.
+    /// Blocks of 16 frames without pauses, 1 s timeout.
     fn default() -> Self {
         Self { block_size: 16, st_min: 0, timeout_us: 1_000_000 }
     }
@@ -58,13 +58,13 @@ impl Pdu {
         self.data.get(..usize::from(self.len)).unwrap_or(&self.data)
     }
 
-    /// As a frame; excess bits of the identifier are dropped.
+    /// Frame with this payload; excess bits of the identifier are dropped.
     pub fn frame(&self, id: u16) -> Frame {
         Frame::standard(id & 0x7FF, self.data()).unwrap_or(Frame::known(id, self.data))
     }
 }
 
-/// Why a message did not get through.
+/// Reason why a message did not get through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum IsoTpError {
     /// A consecutive frame was lost, repeated or out of order.
@@ -87,7 +87,7 @@ pub enum IsoTpError {
     BadFlowControl,
 }
 
-/// Why a message is refused for sending.
+/// Reason why a message is refused for sending.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SendError {
     /// An earlier message is still being sent.
@@ -101,7 +101,7 @@ pub enum SendError {
 /// Effect of a received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// Nothing yet.
+    /// Message incomplete, or frame ignored.
     None,
     /// A message is complete: [`Endpoint::received`].
     Received,
@@ -112,7 +112,7 @@ pub enum Event {
 /// Next action of an endpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// Nothing now.
+    /// Waiting: nothing to send now.
     Idle,
     /// Send this.
     Send(Pdu),
@@ -142,7 +142,7 @@ enum Sending {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Receiving {
     Idle,
-    /// In the middle of a message of `len` bytes.
+    /// Receiving a message of `len` bytes.
     Collecting {
         len: usize,
         sequence: u8,
@@ -151,7 +151,7 @@ enum Receiving {
     },
 }
 
-/// One end of a link, with room for a message of `N` bytes each way.
+/// End of a link, with room for a message of `N` bytes each way.
 #[derive(Clone, Debug)]
 pub struct Endpoint<const N: usize> {
     timing: Timing,
@@ -196,7 +196,7 @@ impl<const N: usize> Endpoint<N> {
         Ok(())
     }
 
-    /// Whether frames of a message remain to be sent.
+    /// True if frames of a message remain to be sent.
     pub fn is_sending(&self) -> bool {
         self.sending != Sending::Idle
     }
@@ -388,7 +388,7 @@ impl<const N: usize> Endpoint<N> {
     }
 }
 
-/// µs of a coded least separation time; reserved codes mean the longest, as the standard says.
+/// Least separation time of a code, µs. As in the standard, reserved codes mean the longest.
 fn st_min_us(code: u8) -> u64 {
     match code {
         0..=0x7F => u64::from(code) * 1000,

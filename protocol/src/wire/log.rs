@@ -8,7 +8,7 @@ pub const MAX_LOG_ENTRIES: usize = 16;
 /// Bytes of an entry.
 pub const LOG_ENTRY_BYTES: usize = 12;
 
-/// No fault, no channel.
+/// Code for no fault and for no channel.
 const NONE: u8 = 0xFF;
 
 /// A change of state, or a fault that appeared.
@@ -24,9 +24,9 @@ pub struct LogEntry {
     pub after: State,
     /// Fault that the event raised.
     pub fault: Option<Fault>,
-    /// As in [`super::FaultReport`].
+    /// Channel concerned, see [`super::FaultReport`].
     pub channel: Option<u8>,
-    /// As in [`super::FaultReport`].
+    /// Offending value, see [`super::FaultReport`].
     pub value: f32,
 }
 
@@ -42,7 +42,7 @@ impl LogEntry {
         [t0, t1, t2, t3, self.event, states, fault, channel, v0, v1, v2, v3]
     }
 
-    /// Decodes an entry; `None` for a state or fault that this version does not know.
+    /// Decodes an entry; `None` for a state or fault that this version does not define.
     pub fn decode(bytes: &[u8; LOG_ENTRY_BYTES]) -> Option<Self> {
         let [t0, t1, t2, t3, event, states, fault, channel, v0, v1, v2, v3] = *bytes;
         Some(Self {
@@ -74,7 +74,7 @@ pub struct Log {
 }
 
 impl Log {
-    /// Without entries.
+    /// Log without entries.
     pub fn new(now_ms: u32, first: u32, next: u32) -> Self {
         let entries = [[0; LOG_ENTRY_BYTES]; MAX_LOG_ENTRIES];
         Self { now_ms, first, next, len: 0, entries }

@@ -18,7 +18,7 @@
 //!
 //! A receiver dispatches with [`ToController::decode`] or [`FromController::decode`]. Every message
 //! has `encode(node) -> Frame` and `decode(&Frame) -> Result<(Node, Self), DecodeError>`.
-//! Integers are little-endian. Layouts are normative in `docs/wire-format.md`; [`SCHEMA`] lists
+//! Integers are little-endian. Layouts are normative in `docs/formats/wire-format.md`; [`SCHEMA`] lists
 //! them in short, and its hash is part of HELLO.
 
 pub mod authentication;
@@ -115,7 +115,7 @@ pub const SCHEMA_HASH: u32 = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(S
 pub struct Node(u8);
 
 impl Node {
-    /// All controllers.
+    /// Address of all controllers.
     pub const BROADCAST: Node = Node(0xF);
 
     /// A controller's address; `None` above 14.
@@ -129,7 +129,7 @@ impl Node {
     }
 }
 
-/// Why a frame is not the message that it was taken for.
+/// Reason why a frame is not the expected message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum DecodeError {
     /// The identifier belongs to another message.

@@ -32,7 +32,7 @@ coded! {
 pub struct ParameterRequest {
     /// 0 to 15, one more (and around) with each new request.
     pub seq: u8,
-    /// What to do.
+    /// Action requested.
     pub action: ParameterAction,
 }
 
@@ -61,7 +61,7 @@ pub enum ParameterAction {
     Save,
     /// Read the origin of the values in force after power-on.
     Origin,
-    /// Of a later version; the answer is [`ParameterResult::UnknownRequest`].
+    /// Kind of a later version; the answer is [`ParameterResult::UnknownRequest`].
     Unknown {
         /// Kind on the wire, 5 to 15.
         kind: u8,
@@ -137,23 +137,23 @@ coded! {
     ParameterResult {
         /// Done.
         Ok = 0,
-        /// There is no such parameter.
+        /// Unknown parameter.
         UnknownParameter = 1,
         /// The robot has no such channel.
         UnknownChannel = 2,
         /// Below the minimum, above the maximum, or not a number: the answer has the limit.
         OutOfRange = 3,
-        /// Not possible in this state.
+        /// Impossible in this state.
         WrongState = 4,
         /// The parameter store failed, or there is none: the values saved before are kept.
         StoreFailed = 5,
         /// Older than the last request.
         OutOfOrder = 6,
-        /// This version does not know this kind of request.
+        /// Kind of request that this version does not implement.
         UnknownRequest = 7,
         /// The actuator of this channel has no such parameter, or its protocol cannot transmit it.
         NotSupported = 8,
-        /// Only hosts with the robot's link key are obeyed ([`super::authentication`]).
+        /// Authentication missing: only hosts with the robot's link key are obeyed ([`super::authentication`]).
         AuthenticationRequired = 9,
     }
 }

@@ -1,8 +1,8 @@
-//! Class 4: what a robot measures at an instant, for a host that closes the loop over the link.
+//! Class 4: measurements of a robot at an instant, for a host that closes the loop over the link.
 //!
-//! After [`super::Action::Track`] the controller sends a batch at a fixed rate, in this order: [`Gyro`] and [`Accelerometer`] if it has an
-//! IMU, [`super::JointTelemetry`] of every channel, and [`Sample`], which ends the batch. The host answers it with a [`super::Setpoint`] for every
-//! channel.
+//! After [`super::Action::Track`] the controller sends a batch at a fixed rate, in this order: [`Gyro`] and [`Accelerometer`]
+//! if it has an IMU, [`super::JointTelemetry`] of every channel, and [`Sample`], which ends the batch. The host answers it with
+//! a [`super::Setpoint`] for every channel.
 
 use super::{DecodeError, Kind, Node};
 use crate::actuator::{SPEED_STEPS, measured, signed};
@@ -67,7 +67,8 @@ pub struct Sample {
     pub number: u8,
     /// The answer in force when this sample was taken; `None` before the first.
     pub answered: Option<Answered>,
-    /// Whether each end effector touches the ground, a bit each, in the order of the robot file, 24 at most; `None` without contact switches.
+    /// Ground contact of each end effector, a bit each, in the order of the robot file, 24 at most; `None` without contact
+    /// switches.
     pub contacts: Option<u32>,
 }
 
@@ -81,8 +82,8 @@ pub struct Answered {
 }
 
 impl Sample {
-    /// `[crc8][number u8][answered u8][delay u8 0.2 ms][contacts, contacts are measured, answered is one: 24, 1, 1, zero 6]`. A longer delay
-    /// is sent as the longest; NaN becomes 0.
+    /// `[crc8][number u8][answered u8][delay u8 0.2 ms][contacts, contacts are measured, answered is one: 24, 1, 1, zero 6]`. A
+    /// longer delay is sent as the longest; NaN becomes 0.
     pub fn encode(self, from: Node) -> Frame {
         let [c0, c1, c2, _] = self.contacts.unwrap_or(0).to_le_bytes();
         let flag = |is: bool, bit: u8| if is { bit } else { 0 };

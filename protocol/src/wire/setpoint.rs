@@ -14,16 +14,17 @@ const MAX_STEPS: i32 = (1 << 23) - 1;
 /// Highest bit of the channel's byte.
 const STIFF: u8 = 1 << 7;
 
-/// Setpoint of one channel: in one frame of a stream, of which there are [`crate::library::RATE_HZ`] a second, or in the answer to a
+/// Setpoint of one channel, in a frame of a stream ([`crate::library::RATE_HZ`] frames a second) or in the answer to a
 /// [`super::Sample`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setpoint {
-    /// Frame of the stream, from 0 after the command [`super::Action::Stream`], modulo 256; number of the sample that is answered.
+    /// Frame of the stream, from 0 after the command [`super::Action::Stream`], modulo 256; number of the sample that is
+    /// answered.
     pub frame: u8,
     /// Channel, as in the robot's configuration; 0 to 127.
     pub channel: u8,
-    /// With the gains of the robot's configuration; otherwise with the parts of them that [`super::Action::Track`] named. Of no meaning in a
-    /// stream.
+    /// True for the gains of the robot's configuration, false for the parts of them that [`super::Action::Track`] named. Ignored
+    /// in a stream.
     pub stiff: bool,
     /// Angle of a joint, rad; speed of a wheel, rad/s.
     pub value: f32,
@@ -32,8 +33,8 @@ pub struct Setpoint {
 }
 
 impl Setpoint {
-    /// `[crc8][frame u8][channel 7 lowest bits, stiff 1][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. Numbers beyond their scale
-    /// saturate; NaN becomes 0.
+    /// `[crc8][frame u8][channel 7 lowest bits, stiff 1][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. Numbers beyond
+    /// their scale saturate; NaN becomes 0.
     pub fn encode(self, to: Node) -> Frame {
         // An f32 has all steps, but a product of two in f32 can be the next one.
         let exact = f64::from(self.value) * f64::from(VALUE_STEPS);

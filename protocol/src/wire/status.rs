@@ -18,7 +18,7 @@ coded! {
         Boot = 0,
         /// Examines configuration, settings and library.
         SelfTest = 1,
-        /// No torque; a library may be written, arming is possible.
+        /// Torque off; a library may be written, arming is possible.
         Disarmed = 2,
         /// Moves slowly from the measured pose to the SAFE pose.
         Aligning = 3,
@@ -32,9 +32,9 @@ coded! {
         Returning = 7,
         /// Joints free but damped (kp 0), so that the robot sinks instead of falling.
         Damped = 8,
-        /// No torque; waits for a clear when a fault is latched.
+        /// Torque off; waits for a clear when a fault is latched.
         TorqueOff = 9,
-        /// No torque; latched until the operator clears it.
+        /// Torque off; latched until the operator clears it.
         EStopped = 10,
         /// Follows setpoints that the host streams.
         Streaming = 11,
@@ -69,7 +69,7 @@ impl State {
         }
     }
 
-    /// Whether motion commands are accepted.
+    /// True if motion commands are accepted.
     pub fn accepts_motions(self) -> bool {
         matches!(self, Self::Ready | Self::Playing)
     }
@@ -94,7 +94,7 @@ pub struct Status {
     pub state: State,
     /// Reaction under way.
     pub severity: Severity,
-    /// All faults.
+    /// Faults present.
     pub faults: FaultBits,
     /// Clip being played: motions, then transitions, as in the library.
     pub clip: Option<u8>,
@@ -135,10 +135,10 @@ impl Status {
     }
 }
 
-/// One fault in detail, sent when it appears and once a second while it lasts.
+/// Report of a fault, sent when it appears and once a second while it lasts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultReport {
-    /// One more (and around) with each report.
+    /// Counter of reports; wraps.
     pub counter: u8,
     /// The fault.
     pub fault: Fault,

@@ -130,7 +130,7 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// Whether requests of this type are about a library transfer, and so need [authentication](super::authentication).
+    /// True if requests of this type are about a library transfer, and so need [authentication](super::authentication).
     pub fn is_transfer(kind: u8) -> bool {
         (BEGIN..=ACTIVATE).contains(&kind)
     }
@@ -238,19 +238,19 @@ coded! {
         OutOfOrder = 3,
         /// A checksum does not match.
         BadCrc = 4,
-        /// No transfer has begun.
+        /// Missing begin of a transfer.
         NotBegun = 5,
         /// Bytes are missing: go on at `next`.
         Incomplete = 6,
-        /// This robot cannot play the library: the reply has section, offset and reason.
+        /// Library that this robot cannot play: the reply has section, offset and reason.
         Rejected = 7,
         /// The transfer is not finished, or another library was.
         NotFinished = 8,
         /// The store cannot be written.
         StoreFailed = 9,
-        /// This version does not know this request.
+        /// Request that this version does not implement.
         UnknownRequest = 10,
-        /// Only hosts with the robot's link key are obeyed ([`super::authentication`]).
+        /// Authentication missing: only hosts with the robot's link key are obeyed ([`super::authentication`]).
         AuthenticationRequired = 11,
     }
 }
@@ -295,11 +295,11 @@ impl Reply {
 /// Answer of a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Response {
-    /// To [`Request::Hello`].
+    /// Answer to [`Request::Hello`].
     Hello(Hello),
-    /// To [`Request::Log`].
+    /// Answer to [`Request::Log`].
     Log(Log),
-    /// To all others.
+    /// Answer to all other requests.
     Reply(Reply),
 }
 

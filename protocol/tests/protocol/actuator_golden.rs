@@ -1,4 +1,4 @@
-//! The bytes of the Rollwalk servo profile. Do not change: servos and gateways speak it.
+//! Bytes of the Rollwalk servo profile. Do not change: servos and gateways depend on them.
 
 use proptest::prelude::*;
 use rollwalk_protocol::actuator::*;
@@ -148,7 +148,7 @@ proptest! {
         prop_assert!(close(got.torque_limit_nm, torque_limit_nm, TORQUE_STEP_NM));
     }
 
-    /// With a torque positions are as fine; gains are within half a percent, torques within 0.4 % or 2.5 mN·m.
+    /// Setpoints with a torque keep the accuracy of positions; gains are within half a percent, torques within 0.4 % or 2.5 mN·m.
     #[test]
     fn setpoints_with_torque_return_within_their_errors(
         position_rad in -6.5f32..6.5,
@@ -187,7 +187,7 @@ proptest! {
         prop_assert!(near(got.torque_limit_nm, torque_limit_nm, 0.008, 2.6e-3), "{got:?}");
     }
 
-    /// What decodes encodes to the same bytes again: one meaning, one encoding.
+    /// Decoded messages encode to the same bytes again: each meaning has a single encoding.
     #[test]
     fn arbitrary_frames(id in 0u16..0x400, data in proptest::collection::vec(any::<u8>(), 0..=8)) {
         let frame = Frame::standard(id, &data).unwrap();

@@ -1,4 +1,4 @@
-//! What holds for every actuator protocol, and what the tests of each one share.
+//! Tests of every actuator protocol, and helpers that the tests of each protocol share.
 
 use proptest::prelude::*;
 use rollwalk_protocol::actuator_protocols;
@@ -22,7 +22,7 @@ pub fn can_text(frame: &Frame) -> String {
     frame.to_string().to_lowercase()
 }
 
-/// What one command sends; nothing when it is refused.
+/// Frames that a command sends; a refused command must send none.
 pub fn sent<P: Codec>(protocol: &P, id: u8, command: Command) -> Result<Vec<P::Sent>, Refusal> {
     let mut frames = Vec::new();
     let result = protocol.emit(&ActuatorCommand { id, command }, &mut |frame| frames.push(frame));
@@ -77,7 +77,7 @@ macro_rules! bits_of {
     };
 }
 
-/// A setpoint that the protocol takes, as its capabilities say.
+/// Setpoint that the protocol accepts by its capabilities.
 fn usable<P: Codec>(protocol: &P, rad: f32) -> JointSetpoint {
     let each_time = protocol.capabilities().gains == UpdatePolicy::EverySetpoint;
     joint(rad, 0.1, 0.0, each_time.then_some((20.0, 0.5)))
@@ -89,7 +89,7 @@ fn usable_wheel<P: Codec>(protocol: &P) -> WheelSetpoint {
     wheel(1.0, kd, (can.limits == UpdatePolicy::EverySetpoint).then_some(2.0))
 }
 
-/// Capabilities are what the commands do.
+/// Capabilities match the commands that are accepted.
 #[test]
 fn capabilities_are_true() {
     fn check<P: Codec<Sent: PartialEq>>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
@@ -130,7 +130,7 @@ fn capabilities_are_true() {
     with_all!(check);
 }
 
-/// Enabling tells the measured pose before torque comes on, or the actuator forgets (Rollwalk).
+/// Enabling sends the measured pose before torque comes on, or the actuator forgets its setpoint (Rollwalk).
 #[test]
 fn enabling_tells_the_measured_pose_before_torque() {
     fn check<P: Codec<Sent: PartialEq>>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
@@ -149,7 +149,7 @@ fn enabling_tells_the_measured_pose_before_torque() {
     with_all!(check);
 }
 
-/// No number, no frame: in no field of any command of any protocol.
+/// NaN and infinity are refused in every field of every command of every protocol.
 #[test]
 fn no_nan_and_no_infinity_is_sent() {
     fn check<P: Codec>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
@@ -188,7 +188,7 @@ fn no_nan_and_no_infinity_is_sent() {
     with_all!(check);
 }
 
-/// All orders are checked before any frame is sent: one that cannot be encoded refuses all of them.
+/// Orders are all checked before any frame is sent: an order that cannot be encoded refuses all of them.
 #[test]
 fn one_bad_order_stops_all() {
     fn check<P: Codec>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
@@ -203,7 +203,7 @@ fn one_bad_order_stops_all() {
     with_all!(check);
 }
 
-/// What one control period sends, for random setpoints, is within what was reckoned for it.
+/// Traffic of a control period, for random setpoints, stays within the declared worst case.
 #[test]
 fn traffic_is_the_worst_case() {
     fn check<P: Codec>(protocol: &P, name: &str, bits: fn(&P::Sent) -> u32) {
@@ -259,7 +259,7 @@ fn loads_of_sixteen_actuators() {
     assert!(MIT.traffic(u32::MAX).check(1.0, 1e6).is_err());
 }
 
-/// The profile behind the trait sends the bytes that `docs/wire-format.md` has.
+/// The profile behind the trait sends the bytes that `docs/formats/wire-format.md` has.
 #[test]
 fn rollwalk_profile_behind_the_trait() {
     let text = |command| can_text(&sent(&Rollwalk, 5, command).unwrap()[0]);
@@ -324,7 +324,7 @@ fn any_command() -> impl Strategy<Value = Command> {
     ]
 }
 
-/// Every number in it is one.
+/// True if every value is finite.
 fn finite(told: Option<(u8, Feedback)>) -> bool {
     told.is_none_or(|(_, f)| {
         let all = [f.position_rad, f.speed_rad_s, f.torque_nm, f.temperature_c];
@@ -333,7 +333,7 @@ fn finite(told: Option<(u8, Feedback)>) -> bool {
 }
 
 proptest! {
-    /// Any command for any address: frames or a refusal.
+    /// Random command for any address: gives frames or a refusal.
     #[test]
     fn any_command_does(command in any_command(), id: u8) {
         for protocol in Protocol::examples() {
@@ -348,7 +348,7 @@ proptest! {
         }
     }
 
-    /// Any frame: feedback or none.
+    /// Random frame: gives finite feedback or none.
     #[test]
     fn any_frame_does(id in 0u32..1 << 29, data in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0xFF), Just(0x7F)], 0..=8)) {
         let frame = Frame::standard(id as u16 & 0x7FF, &data).unwrap();

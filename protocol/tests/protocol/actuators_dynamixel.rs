@@ -1,5 +1,5 @@
-//! Dynamixel Protocol 2.0 against the e-Manual: `dxl/protocol2` (all its examples that concern what is
-//! spoken here), `x/xm430-w210`, `x/xm540-w150`.
+//! Dynamixel Protocol 2.0 against the e-Manual: `dxl/protocol2` (all its examples for the instructions used here),
+//! `x/xm430-w210`, `x/xm540-w150`.
 
 use crate::actuators_all::{joint, sent, wheel};
 use proptest::prelude::*;
@@ -83,7 +83,7 @@ fn answers_of_the_manual() {
     assert_eq!((echo.status(), SERVOS.decode(&echo)), (None, None));
 }
 
-/// What servos make together of answers to a fast sync read: each part ends with the sum of all before it.
+/// Packet that servos build together in answer to a fast sync read: each part ends with the CRC of all bytes before it.
 fn fast(answers: &[(u8, [u8; 10])]) -> Vec<u8> {
     let [low, high] = (1 + 14 * answers.len() as u16).to_le_bytes();
     let mut all = [&HEADER[..], &[BROADCAST, low, high, STATUS]].concat();
@@ -95,7 +95,7 @@ fn fast(answers: &[(u8, [u8; 10])]) -> Vec<u8> {
     all
 }
 
-/// Every part is taken as soon as its last byte is there; then silence.
+/// Parts that are taken from a stream, each as soon as its last byte is there; then the line is silent.
 fn parts(stream: &[u8]) -> Vec<(usize, u8, [u8; 10])> {
     let mut line = ReceiveBuffer::default();
     let mut found = Vec::new();
@@ -128,8 +128,8 @@ fn fast_sync_read_of_the_manual() {
     }
 }
 
-/// A servo that is silent or not understood costs its own part and those behind it, none before; and no header is looked
-/// for in what is known to be data, but in all that turns out to be none.
+/// A silent or misunderstood servo costs its own part and those behind it, none before. Headers are searched for in bytes that
+/// turn out not to be data, and never in known data.
 #[test]
 fn parts_of_an_answer_of_many() {
     let header = [0xFF, 0xFF, 0xFD, 0, 0xFE, 15, 0, 0x55, 0xFF, 0xFF];
@@ -158,7 +158,7 @@ fn parts_of_an_answer_of_many() {
     assert_eq!(std::iter::from_fn(|| take(&mut line, false)).count(), 3);
 }
 
-/// What follows parts that never came, or one that was damaged, is taken as soon as it is there.
+/// Packets after parts that never came, or after a damaged part, are taken as soon as they are there.
 #[test]
 fn a_packet_after_parts_that_failed() {
     let whole = fast(&[(3, [1; 10]), (7, [2; 10])]);
@@ -181,7 +181,7 @@ fn a_packet_after_parts_that_failed() {
     assert_eq!(next(&mut line, false, true), expected);
 }
 
-/// As many as fit into a packet; more are asked one by one.
+/// Fast reads carry as many servos as fit into a packet; more servos are read by an ordinary sync read.
 #[test]
 fn a_line_of_many_is_read_as_ever() {
     let servos = Dynamixel { reads_fast: true, ..SERVOS };
@@ -326,7 +326,7 @@ fn enabling_writes_in_order() {
     assert_eq!(current(one_amp), [(102, vec![1, 0x8C, 0xFE])]);
 }
 
-/// It has no goal current, tells its load where others tell their current, and takes no torque.
+/// Servos without a current sensor have no goal current, report a load in place of the current, and accept no torque.
 #[test]
 fn a_servo_without_a_current_sensor() {
     let servos = Dynamixel { model: table::XL430_W250, ..SERVOS };
@@ -385,7 +385,7 @@ fn measurements() {
     assert!(near(told.torque_nm, -0.269 * 3.0 / 2.3));
 }
 
-/// At how many places a packet begins that ends with a right CRC, whether they overlap or not.
+/// Number of positions at which a packet with a right CRC begins; packets may overlap.
 fn whole_packets(stream: &[u8]) -> usize {
     let whole = |at: &usize| match stream[*at..] {
         [0xFF, 0xFF, 0xFD, 0, _, low, high, ..] => {
@@ -444,9 +444,8 @@ proptest! {
         prop_assert_eq!(&found[0].parameters[..], &parameters[..]);
     }
 
-    /// Whatever stands between them, cut packets and false headers with any length among it, no packet
-    /// is lost. But when what follows makes a cut packet whole (its CRC wants one byte 0xFF more, and a header
-    /// comes), that packet is there and the next one's header is not: such streams are left out.
+    /// Packets survive any garbage between them, cut packets and false headers with any length included. One case is left out: a
+    /// cut packet that lacks a final 0xFF in its CRC is completed by the next header, which is then lost.
     #[test]
     fn packets_survive_garbage(pieces in proptest::collection::vec((garbage(), 0u8..=252, parameters()), 1..4)) {
         let mut stream = Vec::new();
@@ -461,7 +460,7 @@ proptest! {
         }
     }
 
-    /// One wrong bit anywhere, and there is no packet.
+    /// A single wrong bit anywhere hides the packet.
     #[test]
     fn a_wrong_bit_is_noticed(id in 0u8..=252, parameters in proptest::collection::vec(any::<u8>(), 0..30), at: prop::sample::Index) {
         let mut whole = packet(id, STATUS, &parameters).unwrap();

@@ -1,5 +1,5 @@
-//! Feetech's protocol against its manual (FT-SCS), all examples that concern what is spoken here, and against the memory
-//! table of the STS series.
+//! Feetech's protocol against its manual (FT-SCS), all examples for the instructions used here, and against the memory table of
+//! the STS series.
 
 use crate::actuators_all::{joint, sent, wheel};
 use proptest::prelude::*;
@@ -239,7 +239,7 @@ proptest! {
         prop_assert_eq!(heard(&answer(id, status, data)), [Answer { id, status, data }]);
     }
 
-    /// One wrong byte, and there is no such answer: but where it makes another header.
+    /// A single wrong byte hides the answer, unless it makes another header.
     #[test]
     fn a_wrong_byte_is_noticed(id in 0..=MAX_ID, data: [u8; 8], at in 2usize..14, bits in 1u8..) {
         let mut wrong = answer(id, 0, data);
@@ -248,7 +248,7 @@ proptest! {
         prop_assert!(!heard(&wrong).contains(&as_sent));
     }
 
-    /// Any bytes: answers that are on the line, one after the other.
+    /// Random bytes: the answers taken are on the line, one after the other.
     #[test]
     fn any_bytes_do(stream in proptest::collection::vec(
         prop_oneof![3 => Just(0xFFu8), 2 => Just(10), 1 => Just(BROADCAST), 4 => any::<u8>()], 0..600)

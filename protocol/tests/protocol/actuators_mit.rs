@@ -124,7 +124,7 @@ fn any_model() -> impl Strategy<Value = (Mit, JointSetpoint)> {
     })
 }
 
-/// All torque codes, with everything else at its largest: exactly three look like commands.
+/// Exhaustive over all torque codes, with the other fields at their largest: exactly three look like commands.
 #[test]
 fn no_setpoint_is_a_command_exhaustively() {
     for torque in 0..=0xFFF {
@@ -144,7 +144,7 @@ proptest! {
         prop_assert!(Codes::of(&frame).is_some(), "{}", can_text(&frame));
     }
 
-    /// Each field is within half a step of its scale.
+    /// Fields are within half a step of their scale.
     #[test]
     fn fields_round_to_nearest((mit, setpoint) in any_model()) {
         let codes = mit.joint(&setpoint).unwrap();

@@ -119,8 +119,7 @@ fn heartbeats_of_0_5_and_0_6_differ() {
     assert_eq!(faults(&PRO, [0, 0, 0, 2, 1, 0, 0, 0]), Faults::ESTOPPED);
 }
 
-/// ODrive issue 700: the heartbeat's error stays 0 while the motor, encoder or controller is in
-/// error. Only the flags tell.
+/// ODrive issue 700: the heartbeat's error stays 0 while the motor, encoder or controller is in error. Only the flags show it.
 #[test]
 fn heartbeat_without_axis_error_still_tells_of_a_broken_motor() {
     for byte in 5..8 {
@@ -154,14 +153,14 @@ fn what_it_measures() {
     assert_eq!(PRO.decode(&Frame::standard(0x029, &[0; 7]).unwrap()), None);
 }
 
-/// Any frame feeds the watchdog of a drive, so nothing may be sent only to ask.
+/// Queries are refused: any frame feeds the watchdog of a drive, so nothing may be sent only to ask.
 #[test]
 fn nothing_is_asked() {
     assert_eq!(sent(&DRIVE, 1, Command::Query), Err(Refusal::Unsupported("query")));
 }
 
 proptest! {
-    /// Any error of the axis shows.
+    /// Errors of the axis always set a fault.
     #[test]
     fn no_error_goes_unseen(error in 1u32.., new: bool) {
         let [a, b, c, d] = error.to_le_bytes();

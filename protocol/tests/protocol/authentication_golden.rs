@@ -1,5 +1,5 @@
 //! The bytes of an authenticated link. Codes are those of another implementation: Python's `hmac`, over what
-//! `docs/wire-format.md` lists.
+//! `docs/formats/wire-format.md` lists.
 
 use proptest::prelude::*;
 use rollwalk_protocol::can::Frame;
@@ -108,7 +108,7 @@ mod codes {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(if cfg!(miri) { 2 } else { 256 }))]
 
-        /// One bit of whatever the code is over, of the tag or of the key, and the tag is wrong.
+        /// A single changed bit in the message, in the tag or in the key makes the tag wrong.
         #[test]
         fn every_bit_counts(
             number: u64, nonce: u64, counter: u32, id in 0u16..0x800, data: [u8; 8], bit in 0usize..64,

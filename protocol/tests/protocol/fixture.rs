@@ -33,7 +33,7 @@ pub fn wheel(id: u8) -> Channel {
     }
 }
 
-/// Some joints, then some wheels.
+/// Robot with `joints` joints, then `wheels` wheels.
 pub fn robot(joints: u8, wheels: u8) -> RobotConfig {
     let channels = (0..joints).map(joint).chain((0..wheels).map(wheel)).collect();
     RobotConfig { robot: robot_id("fixture"), channels }
@@ -55,11 +55,11 @@ pub struct Fixture {
     pub from_trot: Vec<f32>,
     pub to_drive: Vec<f32>,
     pub from_drive: Vec<f32>,
-    /// Of each clip, motions first; empty for none.
+    /// Torques of each clip, motions first; empty for none.
     pub torques: [Vec<f32>; 7],
 }
 
-/// From the first to the last of two poses with zero speed at both ends.
+/// Frames from the pose `from` to the pose `to`, with zero speed at both ends.
 pub fn blend(count: usize, from: &[f32], to: &[f32]) -> Vec<f32> {
     frames(count, |k| {
         let s = k as f32 / (count - 1) as f32;

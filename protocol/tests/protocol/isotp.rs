@@ -153,7 +153,7 @@ fn a_lost_repeated_or_swapped_frame_is_noticed() {
     }
 }
 
-/// Moves frames between two ends until both are silent; `bus` may change what is on its way.
+/// Moves frames between two ends until both are silent; `bus` may change frames in transit.
 fn exchange(a: &mut End, b: &mut End, mut bus: impl FnMut(Vec<u8>) -> Vec<Vec<u8>>) -> (u32, u32) {
     let (mut received, mut failed, mut now_us, mut idle) = (0, 0, 0, 0);
     while idle < 30 {
@@ -200,8 +200,7 @@ proptest! {
         prop_assert_eq!(b.received(), &m[..]);
     }
 
-    /// One lost frame, whichever: an error or nothing at all, never a wrong message; and the next
-    /// message gets through.
+    /// A lost frame, at any position, gives an error or nothing, never a wrong message. The next message gets through.
     #[test]
     fn a_lost_frame_is_an_error(
         m in proptest::collection::vec(any::<u8>(), 1..=600),

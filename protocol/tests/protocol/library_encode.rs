@@ -197,9 +197,8 @@ fn the_largest_library_fits_the_format() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Any motion within limits and speeds, of any number of channels and frames, whatever the
-    /// limits: what comes out is within the limits and half a quantum from what went in (a whole
-    /// and a half where the limits cut it).
+    /// Random motion within limits and speeds, of any number of channels and frames, with any limits. Decoded values are within
+    /// the limits, and half a quantum from the encoded ones (1.5 quanta where the limits cut them).
     #[test]
     fn any_motion_returns_within_its_limits(
         joints in 0u8..5,

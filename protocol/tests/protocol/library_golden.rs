@@ -105,7 +105,7 @@ fn spec_bytes(with_torques: bool) -> Vec<u8> {
     bytes
 }
 
-/// It nods with its body, too.
+/// Attitudes of the clips: the robot nods with its body, too.
 const ATTITUDES: [Attitude; 4] = [
     Attitude::LEVEL,
     Attitude { up_body: [-0.6, 0.0, 0.8], spread_rad: 0.25 },

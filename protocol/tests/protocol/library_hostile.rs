@@ -65,8 +65,7 @@ fn the_good_one_is_playable() {
     assert_playable(bytes, &index, &fixture.config);
 }
 
-/// Every single byte behind the checksums, set to several values. Miri, a hundred times slower, takes
-/// some.
+/// Forges every single byte behind the checksums with several values. Miri, a hundred times slower, takes a sample.
 #[test]
 fn every_forged_byte() {
     let (fixture, bytes) = golden();

@@ -1,4 +1,4 @@
-//! Every reason to refuse a library, with the sentence that says so.
+//! Reasons to refuse a library, each with its message.
 
 use crate::fixture::{Fixture, robot};
 use crate::refusal::{self, expect};
@@ -293,7 +293,7 @@ fn padding_must_be_zero_and_short() {
     expect(reject, Section::Frames, sentence);
 }
 
-/// What follows the last frame of a block is checked of each, not of a clip's last one alone.
+/// Bytes after the last frame are checked in every block, not only in a clip's last one.
 #[test]
 fn no_block_has_more_than_its_frames() {
     // `trot` has two blocks.
@@ -485,7 +485,7 @@ fn nothing_follows_the_last_block() {
     assert_eq!(reject.section, Section::Frames);
 }
 
-/// What the page says is 0, absent or of one size is so.
+/// Fields that the format page declares 0, absent or of a fixed size are checked.
 #[test]
 fn nothing_is_hidden_between_the_fields() {
     expect(refusal(|bytes| bytes[16] = 1), Section::Header, "not a motion library");

@@ -1,4 +1,4 @@
-//! How many bytes a second of motion takes: a regression of the packing is caught from both sides.
+//! Bytes per second of motion: bounds on both sides catch a regression of the packing.
 
 use crate::fixture::{encode_vec, frames, robot};
 use rollwalk_protocol::config::RobotConfig;
@@ -66,7 +66,7 @@ fn bytes_per_second(joints: u8, wheels: u8, with_torques: bool) -> f32 {
 
 #[test]
 fn a_second_of_gait() {
-    // Measured when the format was fixed: see docs/motion-library.md. Raw f32: 240 a channel.
+    // Measured when the format was fixed. Raw f32: 240 a channel.
     for (joints, wheels, measured, with_torques) in
         [(16, 0, 418.5, 1305.5), (16, 4, 565.5, 1536.0), (12, 4, 462.0, 1223.0)]
     {

@@ -1,4 +1,4 @@
-//! Torques in a library: what goes in comes out, ends of transitions join, and what is wrong is refused.
+//! Torques in a library: values return, ends of transitions join, and faults are refused.
 
 use crate::fixture::{Fixture, encode_vec, frames, robot};
 use crate::refusal::{self, expect};
@@ -210,7 +210,7 @@ fn what_is_wrong_with_torques_is_refused() {
     expect(wider, Section::TorqueQuanta, "1 records, the manifest asks for 3");
 }
 
-/// A reader of a later minor version's libraries takes what it knows, also of the torques.
+/// A reader of a later minor version's libraries reads the known parts of records, also of the torques.
 #[test]
 fn wider_records_of_a_later_version_are_read() {
     let fixture = Fixture::with_torques();
@@ -231,8 +231,8 @@ fn wider_records_of_a_later_version_are_read() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Any torques within the limits, whatever these are: what comes out is within the limits, and half a quantum from
-    /// what went in (a whole one where the limit cuts it); the quantum is the limit in 1024 to 2047 parts.
+    /// Random torques within the limits, for any limit. Decoded torques are within the limits, and half a quantum from the
+    /// encoded ones (a whole quantum where the limit cuts them). The quantum is the limit in 1024 to 2047 parts.
     #[test]
     fn any_torques_return_within_their_limits(
         channels in 1u8..6,

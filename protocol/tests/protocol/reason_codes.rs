@@ -1,10 +1,10 @@
 //! The numbers under which a controller names the reason of a refusal. Do not change: they are on the
-//! wire and in `docs/motion-library.md`.
+//! wire and in `docs/formats/motion-library.md`.
 
 use rollwalk_protocol::config::ConfigError;
 use rollwalk_protocol::library::{ClipId, EdgeId, NodeId, Section, Why};
 
-/// Every reason with the words of the page.
+/// Reasons, each with the words of the page.
 fn reasons() -> [(Why, &'static str); 33] {
     let (clip, frame, channel) = (ClipId(0), 0, 0);
     let (edge, node, safe, from, to) = (EdgeId(0), NodeId(0), NodeId(0), NodeId(0), NodeId(0));
@@ -50,11 +50,11 @@ fn reasons() -> [(Why, &'static str); 33] {
 
 #[test]
 fn reasons_are_pinned_and_on_the_page() {
-    let page = include_str!("../../../docs/motion-library.md");
+    let page = include_str!("../../../docs/formats/motion-library.md");
     for (i, (why, words)) in reasons().into_iter().enumerate() {
         assert_eq!(usize::from(why.code()), i + 1, "{why:?}");
         let cell = format!("| {} {words} |", i + 1);
-        assert!(page.contains(&cell), "docs/motion-library.md has no {cell:?}");
+        assert!(page.contains(&cell), "docs/formats/motion-library.md has no {cell:?}");
     }
 }
 

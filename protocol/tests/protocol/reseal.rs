@@ -1,6 +1,5 @@
-//! Surgery on libraries: parts by their place in the documented format, and checksums made good
-//! again, so that what is behind the checksums gets tested. A second reader of the format. The fuzz
-//! targets have it too.
+//! Edits of libraries: finds parts by their place in the documented format, and corrects the checksums, so that the checks behind
+//! them are reached. A second reader of the format. The fuzz targets use it, too.
 
 use rollwalk_protocol::crc::crc32c;
 use std::ops::Range;

@@ -150,7 +150,7 @@ fn blocks_of_wrong_size_or_content_are_refused() {
 }
 
 proptest! {
-    /// What decodes encodes to the same bytes again.
+    /// Decoded messages encode to the same bytes again.
     #[test]
     fn arbitrary_messages(
         kind in prop_oneof![any::<u8>(), proptest::sample::select(&[0x01u8, 0x02, 0x10, 0x11, 0x12, 0x13, 0x81, 0x82, 0x90][..])],

@@ -23,8 +23,8 @@ fn schema_is_pinned() {
 
 #[test]
 fn the_format_page_has_the_schema() {
-    let page = include_str!("../../../docs/wire-format.md").replace("\r\n", "\n");
-    assert!(page.contains(&format!("```text\n{SCHEMA}```")), "docs/wire-format.md differs");
+    let page = include_str!("../../../docs/formats/wire-format.md").replace("\r\n", "\n");
+    assert!(page.contains(&format!("```text\n{SCHEMA}```")), "docs/formats/wire-format.md differs");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Any frame: decoded to a message that encodes to the same frame again, or refused. Never a panic.
+//! Random frames: each decodes to a message that encodes to the same frame again, or is refused. Never a panic.
 
 use proptest::prelude::*;
 use rollwalk_protocol::can::Frame;
@@ -57,7 +57,7 @@ proptest! {
         );
     }
 
-    /// Identifiers of 29 bits belong to drives: none says anything on the link, whatever its number.
+    /// Identifiers of 29 bits belong to drives: none is a message on the link, for any number.
     #[test]
     fn no_message_has_an_identifier_of_29_bits(frame in frame(), low in 0u32..1 << 18) {
         let id = u32::from(frame.standard_id().unwrap());

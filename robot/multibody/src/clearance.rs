@@ -15,7 +15,7 @@ use rollwalk_robot::ClearancePair;
 use rollwalk_robot::Robot;
 use rollwalk_robot::shape::Shape;
 
-/// What must keep clear, prepared once.
+/// Shapes and points that must keep clear, prepared once.
 #[derive(Clone, Debug, Default)]
 pub struct Clearance {
     shapes: Vec<LinkShape>,
@@ -44,9 +44,9 @@ pub struct Pair {
 pub struct GroundPoint {
     /// Index of its link.
     pub link: usize,
-    /// Its centre in the link frame, m.
+    /// Centre in the link frame, m.
     pub center_in_link_m: Vector3<f64>,
-    /// Its radius, m.
+    /// Radius, m.
     pub radius_m: f64,
     /// Height above the ground that its lowest point must keep, m.
     pub least_m: f64,
@@ -61,7 +61,7 @@ struct LinkShape {
     reach_m: f64,
 }
 
-/// All shapes of pairs, in world.
+/// Shapes of all pairs, in world.
 #[derive(Clone, Debug)]
 pub struct PlacedShapes(Vec<Placed>);
 

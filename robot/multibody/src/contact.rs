@@ -35,7 +35,7 @@ pub struct RimContact {
     pub center: Vector3<f64>,
     /// Unit axis a in world; zero for a foot.
     pub axis: Vector3<f64>,
-    /// From the centre to the contact point, ρ in world, m.
+    /// Vector from the centre to the contact point, ρ in world, m.
     pub lever: Vector3<f64>,
     /// Index in ν of the spin; `None` for what does not spin.
     pub wheel_dof: Option<usize>,

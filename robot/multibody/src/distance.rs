@@ -19,7 +19,7 @@ const ROUNDING_M: f64 = 1e-16;
 /// Limit of steps along a capsule's axis. Outside of a box it takes about five, inside up to fifty.
 const STEPS: usize = 100;
 
-/// All points within a radius of a line segment, in world.
+/// Points within a radius of a line segment, in world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capsule {
     /// First and other end of the segment, m.
@@ -31,7 +31,7 @@ pub struct Capsule {
 /// A box, in world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedBox {
-    /// Its centre, m.
+    /// Centre, m.
     pub center: Vector3<f64>,
     /// World-from-box rotation.
     pub world_from_box: Matrix3<f64>,

@@ -35,12 +35,12 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Of a true distance: its gradient is a unit vector.
+    /// Surface of a true distance: its gradient is a unit vector.
     fn exact(gap_m: f64, normal: Vector3<f64>, curvature: Matrix3<f64>) -> Self {
         Self { gap_m, gradient: normal, normal, curvature }
     }
 
-    /// Of a function that is 0 on the surface and grows outwards, with gradient and Hessian: the gap is the distance to
+    /// Surface of a function that is 0 on the surface and grows outwards, with gradient and Hessian. The gap is the distance to
     /// first order, f/|∇f|.
     fn of_level(value: f64, gradient: &Vector3<f64>, hessian: &Matrix3<f64>) -> Self {
         let slope = gradient.norm().max(f64::MIN_POSITIVE);
@@ -59,8 +59,8 @@ pub trait Ground: std::fmt::Debug + Send + Sync {
     /// The ground as seen from a point in world axes, m.
     fn at(&self, point: &Vector3<f64>) -> Surface;
 
-    /// Whether the gap is the distance at all points outside. Spheres and wheels then touch where their centres are nearest,
-    /// edges included; else where their own surface is deepest.
+    /// True if the gap is the distance at all points outside. Spheres and wheels then touch where their centres are nearest,
+    /// edges included; otherwise they touch where their own surface is deepest.
     fn is_distance(&self) -> bool {
         false
     }
@@ -71,7 +71,7 @@ pub trait Ground: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// Every part of a ground for itself; of one without parts, the ground.
+/// Parts of a ground; the ground itself if it has no parts.
 pub fn parts_of(ground: &Arc<dyn Ground>) -> Vec<Arc<dyn Ground>> {
     let parts = ground.parts();
     if parts.is_empty() { vec![Arc::clone(ground)] } else { parts }

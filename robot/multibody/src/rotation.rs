@@ -22,7 +22,8 @@ pub fn from_yaw_pitch_roll(ypr_rad: &Vector3<f64>) -> Matrix3<f64> {
     yaw_rotation(ypr_rad.x) * pitch * roll
 }
 
-/// Of the two quaternions of a rotation, `[w, x, y, z]`, the one that is nearer to another: signs are continuous along a motion.
+/// Quaternion of a rotation, `[w, x, y, z]`, with the sign that is nearer to another quaternion: signs are continuous along a
+/// motion.
 pub fn nearer_quaternion(wxyz: [f64; 4], other: &[f64; 4]) -> [f64; 4] {
     let dot: f64 = wxyz.iter().zip(other).map(|(a, b)| a * b).sum();
     if dot < 0.0 { wxyz.map(|component| -component) } else { wxyz }

@@ -18,9 +18,9 @@ pub struct Standing {
     pub frames: Frames,
     /// Centre of mass, m.
     pub com: Vector3<f64>,
-    /// By end effector.
+    /// Contacts by end effector.
     pub contacts: Vec<StandingContact>,
-    /// Whether the weight is balanced by contacts that push. If not, forces are even and the robot tips.
+    /// True if contacts that push balance the weight. If false, forces are even and the robot tips.
     pub balanced: bool,
     /// Torque that each joint holds, N·m.
     pub torque_nm: Vec<f64>,
@@ -33,7 +33,7 @@ pub struct StandingContact {
     pub position: Vector3<f64>,
     /// Force of the ground, upward, N; 0 if it hangs above the ground.
     pub force_n: f64,
-    /// How far the body sinks towards the contact as joints yield by torque / stiffness, m.
+    /// Distance by which the body sinks towards the contact as joints deflect by torque / stiffness, m.
     pub sag_m: f64,
 }
 

@@ -17,7 +17,7 @@ pub struct State {
 }
 
 impl State {
-    /// At rest in the nominal pose, with the root link at the origin.
+    /// State at rest in the nominal pose, with the root link at the origin.
     pub fn nominal(tree: &Tree) -> Self {
         Self {
             base_position_m: Vector3::zeros(),

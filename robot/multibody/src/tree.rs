@@ -14,7 +14,7 @@ pub struct Tree {
     total_mass_kg: f64,
     /// Parent-from-joint rotations at angle 0.
     parent_from_joint: Vec<Matrix3<f64>>,
-    /// For each link the joints between it and the base, base first.
+    /// Joints between each link and the base, base first.
     joints_to_link: Vec<Vec<usize>>,
     /// Mass of all links beyond each joint, kg.
     carried_mass_kg: Vec<f64>,

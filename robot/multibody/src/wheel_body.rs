@@ -47,7 +47,7 @@ pub fn spinning_wheels(robot: &Robot, link: usize) -> Vec<(usize, RigidPart)> {
     }
 }
 
-/// What is left of a link without some of its parts.
+/// Rigid rest of a link without some of its parts.
 pub fn rest_of_link<'p>(
     robot: &Robot,
     link: usize,

@@ -1,4 +1,4 @@
-//! What reports show of a text: the lines of faults without what a terminal would obey, and long lines cut.
+//! Excerpts of a text for reports: the lines of faults, safe for terminals, with long lines cut.
 
 use super::{Fault, Span};
 use rollwalk_protocol::text::is_hidden;

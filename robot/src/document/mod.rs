@@ -36,7 +36,7 @@ const WORDS_MAX: usize = 1000;
 /// A mistake in a document.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// What is wrong, naming the item and the field.
+    /// Fault, with the names of item and field.
     pub message: String,
     /// Short note at the offending text.
     pub label: String,
@@ -44,7 +44,7 @@ pub struct Fault {
     pub span: Span,
     /// Line of the span's start, counted from 1.
     pub line: usize,
-    /// What would be right.
+    /// Correct value, or a remedy.
     pub help: String,
     /// Span in the excerpt that reports show.
     shown: Span,
@@ -124,7 +124,7 @@ impl DocumentError {
         self.source.name()
     }
 
-    /// All faults in file order; never empty.
+    /// Faults in file order; never empty.
     pub fn faults(&self) -> impl Iterator<Item = &Fault> {
         std::iter::once(&*self.first).chain(&self.rest)
     }
@@ -174,7 +174,7 @@ pub struct Document<'t> {
     faults: RefCell<Vec<Fault>>,
 }
 
-/// Whether the line of a text at a place has a number with a comma right before that place, or at it: `= 0,6`.
+/// True if the line of a text at a place has a number with a decimal comma right before that place, or at it: `= 0,6`.
 fn has_decimal_comma(text: &str, at: usize) -> bool {
     let start = text[..at.min(text.len())].rfind('\n').map_or(0, |end| end + 1);
     let line = text[start..].lines().next().unwrap_or_default();
@@ -235,7 +235,7 @@ impl<'t> Document<'t> {
         }
     }
 
-    /// Whether no fault has been noted yet.
+    /// True if no fault has been noted yet.
     pub fn is_clean(&self) -> bool {
         self.faults.borrow().is_empty()
     }

@@ -31,8 +31,8 @@ const VARIANTS: [&str; 2] = ["-T", "-R"];
 /// Letters of the shortest word that says what a name is about: shorter ones are units.
 const WORD_MIN: usize = 3;
 
-/// What a number beyond its range would be in the unit in which such numbers are often given; empty if that is beyond it, too. `unit` begins with that of the range,
-/// or with words about a share.
+/// Hint that reads a number beyond its range in another common unit; empty if it is out of range in that unit, too. `unit` begins
+/// with the unit of the range, or with words about a share.
 pub fn in_other_unit(value: f64, range: &RangeInclusive<f64>, unit: &str) -> String {
     let is_share = *range.start() >= 0.0 && *range.end() <= 1.0;
     let (other, right, times) = match unit.split(' ').next().unwrap_or_default() {
@@ -74,8 +74,8 @@ fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + Clone) ->
     }
 }
 
-/// How alike two names are, up to 1; `None` if one is no slip in typing the other. The words that they have in common do not
-/// excuse that the rest differs: `driving_wheel` and `passive_wheel` are mostly `_wheel`.
+/// Similarity of two names, up to 1; `None` if one is no slip in typing the other. Common words do not excuse a different rest:
+/// `driving_wheel` and `passive_wheel` are mostly `_wheel`.
 fn likeness(given: &str, name: &str) -> Option<f64> {
     let similarity = strsim::normalized_damerau_levenshtein;
     let letters = |name: &str| {
@@ -104,7 +104,7 @@ fn likeness(given: &str, name: &str) -> Option<f64> {
     (least >= SLIP).then_some(whole)
 }
 
-/// Whether a name is that of a product. Its neighbours in a series are other things, however alike their names are.
+/// True if a name is that of a product. Neighbours in a product series are other things, however similar their names.
 fn is_model(name: &str) -> bool {
     let has = |kind: fn(&char) -> bool| name.chars().any(|c| kind(&c));
     has(char::is_ascii_digit) && has(char::is_ascii_uppercase)

@@ -78,7 +78,7 @@ impl<'d> Table<'d> {
         self.span.clone()
     }
 
-    /// Whether the key is present. Counts as asking for it.
+    /// True if the key is present. Counts as asking for it.
     pub fn has(&self, key: &'static str) -> bool {
         self.raw(key).is_some()
     }
@@ -129,7 +129,7 @@ impl<'d> Table<'d> {
         self.table.iter().filter_map(read).collect()
     }
 
-    /// How messages about this table begin; those about the whole file need no words for it.
+    /// Start of messages about this table; empty for the whole file.
     fn start(&self) -> String {
         if self.what.is_empty() { String::new() } else { format!("{}: ", self.what) }
     }
@@ -168,7 +168,7 @@ impl<'d> Table<'d> {
         self.is_name(key, &name, self.span_of(key)).then_some(name)
     }
 
-    /// Whether `key` has or is a name that tables and messages can show; else notes a fault.
+    /// True if tables and messages can show the name that `key` has or is; otherwise notes a fault.
     fn is_name(&self, key: &str, name: &str, span: Span) -> bool {
         let (problem, label) = if name.is_empty() {
             ("is empty".to_owned(), "no name")
@@ -276,7 +276,7 @@ impl<'d> Table<'d> {
         })
     }
 
-    /// Whether the value of a key is an array.
+    /// True if the value of a key is an array.
     pub fn is_array(&self, key: &'static str) -> bool {
         self.raw(key).is_some_and(|value| value.get_ref().is_array())
     }
@@ -318,13 +318,13 @@ impl<'d> Table<'d> {
         tables
     }
 
-    /// As [`tables`](Self::tables), with a bound on their number: beyond it, a fault and no tables.
+    /// Reads tables like [`tables`](Self::tables), with a bound on their number: beyond it, notes a fault and returns none.
     pub fn tables_up_to(&self, key: &'static str, most: usize) -> Vec<Table<'d>> {
         let tables = self.tables(key);
         if self.count(key, tables.len(), most) { tables } else { Vec::new() }
     }
 
-    /// Whether there are no more of something than there may be; else notes a fault.
+    /// True if `count` is at most `most`; otherwise notes a fault.
     pub fn count(&self, key: &str, count: usize, most: usize) -> bool {
         if count > most {
             let help = format_args!("allowed are at most {most}");

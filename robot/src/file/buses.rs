@@ -33,12 +33,12 @@ pub(super) fn read(mut table: Table<'_>) -> Option<(u8, Bus, Table<'_>)> {
     Some((u8::try_from(number?).ok()?, bus, table))
 }
 
-/// Whether an optional key has the second of two values; the first is the default.
+/// True if an optional key has the second of two values; the first is the default.
 fn second(table: &Table<'_>, key: &'static str, values: [&'static str; 2]) -> bool {
     table.given(key, |table, key| table.choice(key, &values)) == Some(1)
 }
 
-/// What codecs read their settings from.
+/// Source of the settings of codecs.
 impl Keys for Table<'_> {
     fn has(&self, key: &'static str) -> bool {
         self.has(key)

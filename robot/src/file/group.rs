@@ -9,7 +9,7 @@ use crate::document::Table;
 use crate::rules;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// Where a limb or a joint is.
+/// Key for the position of a limb or a joint.
 pub(super) const ORIGIN: &str = "origin_in_parent_m";
 
 /// A limb: a template placed on a link.
@@ -56,7 +56,7 @@ impl<'d> Limb<'d> {
 pub(super) struct Group<'g, 'd> {
     pub table: &'g Table<'d>,
     pub is_template: bool,
-    /// Where a template is placed; none for the robot's own tables.
+    /// Limb that places the template; `None` for the robot's own tables.
     pub limb: Option<&'g Limb<'d>>,
 }
 

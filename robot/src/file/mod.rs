@@ -28,8 +28,8 @@ impl Robot {
         Ok(Self::with_parts_from_toml(file_name, text)?.0)
     }
 
-    /// As [`from_toml`](Self::from_toml), with the parts that the file gives for every link, in the robot's order: what the
-    /// robot looks like, which nothing computes with.
+    /// Reads a robot file like [`from_toml`](Self::from_toml), and returns the parts of every link as well, in the robot's order.
+    /// Parts describe the look of the robot; nothing computes with them.
     ///
     /// # Errors
     /// As [`from_toml`](Self::from_toml).

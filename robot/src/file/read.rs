@@ -101,7 +101,7 @@ pub(super) fn robot<'d>(
     document.is_clean().then_some((reader.robot, reader.parts, reader.places))
 }
 
-/// Whether a robot has no more items than the rules allow, limbs counted: they take time with the square of their number.
+/// True if a robot has no more items than the rules allow, limbs counted. The rules take time with the square of their number.
 fn few_enough(root: &Table<'_>, groups: &[Group<'_, '_>]) -> bool {
     let few = ["link", "joint", "end_effector"].map(|key| {
         let count = groups.iter().map(|group| group.table.tables(key).len()).sum();

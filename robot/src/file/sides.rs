@@ -10,8 +10,8 @@ const MIDDLE_M: f64 = 1e-3;
 const COUNTERPART_M: f64 = 5e-3;
 
 impl Robot {
-    /// Doubts about limbs of a valid robot file whose `side` is not the one on which they are mounted: their template is not mirrored, or
-    /// mirrored where it should not be. A [`Robot`] does not say so any more.
+    /// Doubts about limbs of a valid robot file whose `side` is not the one on which they are mounted: their template is not
+    /// mirrored, or mirrored where it should not be. A [`Robot`] does not say so any more.
     pub fn side_doubts(file_name: &str, text: &str) -> Vec<String> {
         let Ok(document) = Document::parse(file_name, text) else { return Vec::new() };
         let root = document.root();

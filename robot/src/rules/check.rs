@@ -1,4 +1,4 @@
-//! All rules of a robot, item by item; collects every violation. Those of the robot as a whole are here.
+//! Rules of a robot, item by item: collects every violation. Rules of the robot as a whole are here.
 
 use super::{Place, Violation};
 use crate::actuator::Actuator;
@@ -13,7 +13,7 @@ use std::fmt;
 
 /// Lengths and offsets of a robot that fits on a desk or in a hall, m.
 pub(crate) const LENGTH_MAX_M: f64 = 10.0;
-/// What is right for a vector that [`is_a_length`] refuses.
+/// Help for a vector that [`is_a_length`] refuses.
 pub(crate) fn length_help() -> String {
     format!("each coordinate is within ±{LENGTH_MAX_M} m; millimetres need dividing by 1000")
 }
@@ -22,7 +22,7 @@ pub(super) const RADIUS_MAX_M: f64 = 1.0;
 /// Most items of a kind: a controller has 24 channels, and what they move is hardly more. Bounds the time of all rules.
 pub(crate) const ITEMS_MAX: usize = 64;
 
-/// All rules that `robot` breaks, in the order of its items.
+/// Rules that `robot` breaks, in the order of its items.
 pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
     let mut check = Check { robot, place: Place::Robot, what: "the robot".into(), found: vec![] };
     check.counts();
@@ -218,7 +218,7 @@ impl Check<'_> {
     }
 }
 
-/// All motors with their places and names in messages.
+/// Motors with their places and names in messages.
 fn motors(robot: &Robot) -> impl Iterator<Item = (Place, String, Channel<'_>)> {
     let joints = robot.joints.iter().enumerate().map(|(index, joint)| {
         (Place::Joint(index), format!("joint `{}`", joint.name), Channel::Joint(joint))
@@ -237,7 +237,7 @@ pub(super) enum Bound {
     Above(f64),
 }
 
-/// Whether every coordinate is one of a robot.
+/// True if each coordinate is within ±[`LENGTH_MAX_M`]; false for NaN.
 pub(crate) fn is_a_length(vector: &Vector3<f64>) -> bool {
     vector.iter().all(|value| value.abs() <= LENGTH_MAX_M)
 }

@@ -75,7 +75,7 @@ impl Check<'_> {
         }
     }
 
-    /// What is left of a link without the balls of its soft feet.
+    /// Checks mass and inertia of a link without the balls of its soft feet.
     pub(super) fn rigid_rest(&mut self, index: usize, link: &Link) {
         let on_link = self.robot.end_effectors.iter().filter(|of| of.link == index);
         let feet: Vec<_> = on_link

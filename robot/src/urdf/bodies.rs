@@ -52,7 +52,7 @@ pub(super) struct Rigid {
     pub locked: HashMap<usize, f64>,
     /// Joints whose child is a wheel.
     pub wheels: HashSet<usize>,
-    /// From root link axes to x forward, y left, z up.
+    /// Rotation from root link axes to x forward, y left, z up.
     pub body_from_root: UnitQuaternion<f64>,
 }
 
@@ -95,7 +95,7 @@ pub(super) fn merge(
     Bodies { bodies, moving, places }
 }
 
-/// How a joint at `position` moves its child.
+/// Motion of a child by its joint at `position`, rad or m.
 pub(super) fn motion(kind: Kind, axis: &Vector3<f64>, position: f64) -> Isometry3<f64> {
     match kind {
         Kind::Revolute | Kind::Continuous => {

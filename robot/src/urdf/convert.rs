@@ -300,7 +300,7 @@ pub(super) fn idle_joints(bodies: &Bodies, tips: &[usize]) -> Vec<usize> {
     (0..bodies.moving.len()).filter(|&joint| !carries[bodies.moving[joint].child]).collect()
 }
 
-/// Where a joint is locked in the proposed side file: next to 0 within its limits, rad or m.
+/// Position of a locked joint in the proposed side file: next to 0 within its limits, rad or m.
 pub(super) fn locked_position(joint: &Joint) -> f64 {
     match (joint.kind, joint.limit.lower, joint.limit.upper) {
         (Kind::Planar | Kind::Floating, _, _) => 0.0,

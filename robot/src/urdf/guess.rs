@@ -29,7 +29,7 @@ pub(super) struct End {
     /// Centre in that link.
     pub center_in_link_m: Vector3<f64>,
     pub radius_m: f64,
-    /// Whether the radius comes from the URDF.
+    /// True if the radius comes from the URDF.
     pub measured: bool,
     pub kind: EndKind,
     pub tip: Tip,
@@ -109,7 +109,7 @@ pub(super) fn axles(urdf: &Urdf, graph: &Graph, tree: &Tree, rigid: &Rigid) -> V
     axles
 }
 
-/// Whether a joint has no motor in a file that has some; one without any says nothing of motors.
+/// True if a joint has no motor in a file that has motors. A file without any does not describe motors.
 pub(super) fn lacks_motor(urdf: &Urdf, joint: &Joint) -> bool {
     !joint.has_motor && urdf.joints.iter().any(|other| other.has_motor)
 }

@@ -12,7 +12,8 @@ use std::ops::RangeInclusive;
 /// Limit of a joint that turns without end: below 2π also when written with twelve digits.
 pub(super) const TURN_RAD: f64 = std::f64::consts::TAU - 1e-6;
 
-/// Limits that are rather degrees than radians, in absolute value: three turns and less are some joint's, and files without limits have more.
+/// Limits that are rather degrees than radians, in absolute value: three turns and less are some joint's, and files without
+/// limits have more.
 const DEGREES: RangeInclusive<f64> = 19.0..=360.0;
 
 /// Limits of a joint and its angle in the standing pose, rad.

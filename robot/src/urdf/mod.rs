@@ -1,9 +1,9 @@
 //! Import of URDF and MJCF: either, and a side file with what both lack, become the text of a robot file.
 //!
-//! Text in, text and warnings out. Six steps: `xml` reads the URDF, or `mjcf` a model of MuJoCo, as a `model`, `tree` makes a tree of it, `side`
-//! reads the side file, `bodies` merges what is rigid, `convert` drafts the robot file and `emit`
-//! writes it. The result passes every rule of robot files. [`survey`] lists the contents of a URDF and
-//! writes a first side file. Described in `docs/urdf-import.md`.
+//! Text in, text and warnings out. Six steps: `xml` reads the URDF, or `mjcf` a model of MuJoCo, as a `model`, `tree` makes a
+//! tree of it, `side` reads the side file, `bodies` merges what is rigid, `convert` drafts the robot file and `emit` writes it.
+//! The result passes every rule of robot files. [`survey`] lists the contents of a URDF and writes a first side file. Described
+//! in `docs/urdf-import.md`.
 
 mod bodies;
 mod convert;

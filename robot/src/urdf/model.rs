@@ -8,7 +8,8 @@ use nalgebra::{Isometry3, Unit, Vector3};
 /// of their number.
 pub(super) const ITEMS_MAX: usize = 2000;
 
-/// Most joints that move: ten times as many as a controller has channels. Poses and loads take time with the cube of their number.
+/// Most joints that move: ten times as many as a controller has channels. Poses and loads take time with the cube of their
+/// number.
 pub(super) const MOVING_MAX: usize = 256;
 
 /// Contents of a URDF file.
@@ -35,7 +36,7 @@ pub(super) struct Link {
 pub(super) struct Shape {
     pub link_from_shape: Isometry3<f64>,
     pub solid: Solid,
-    /// Whether it is collision geometry; else it is visual.
+    /// True for collision geometry, false for visual geometry.
     pub collision: bool,
 }
 
@@ -52,7 +53,7 @@ pub(super) enum Solid {
     Box {
         size_m: Vector3<f64>,
     },
-    /// In a file of its own, which is not read.
+    /// Mesh in a file of its own, which is not read.
     Mesh,
 }
 
@@ -79,7 +80,7 @@ pub(super) struct Joint {
     pub axis: Unit<Vector3<f64>>,
     /// The joint that this one follows.
     pub mimics: Option<String>,
-    /// Whether the file says anything of a motor: a torque, or an actuator of a model of MuJoCo.
+    /// True if the file describes a motor: a torque, or an actuator of a MuJoCo model.
     pub has_motor: bool,
     pub limit: Limit,
 }

@@ -190,7 +190,7 @@ impl<'s> Motors<'s> {
 
 /// A limit that URDF has.
 struct Limit {
-    /// Of [`super::side::NUMBERS`].
+    /// Index in [`super::side::NUMBERS`].
     index: usize,
     /// Attribute of `<limit>`.
     attribute: &'static str,

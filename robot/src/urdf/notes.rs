@@ -19,7 +19,7 @@ impl<'t> Notes<'t> {
         Self { file_name, text, faults: Vec::new(), warnings: Vec::new() }
     }
 
-    /// Whether further faults are not noted: there are enough.
+    /// True if there are enough faults: further ones are not noted.
     pub fn is_full(&self) -> bool {
         self.faults.len() >= FAULTS_MAX
     }

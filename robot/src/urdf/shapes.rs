@@ -63,7 +63,7 @@ pub(super) fn shapes(
     all
 }
 
-/// Of the solids of a link.
+/// Shapes of the solids of a link.
 fn of_solids(
     link: &Link,
     body_from_link: &Isometry3<f64>,
@@ -84,14 +84,14 @@ fn of_solids(
     })
 }
 
-/// Of a link whose mesh is not read.
+/// Shape of a link whose mesh is not read, from its inertia.
 fn of_inertia(link: &Link, body_from_link: &Isometry3<f64>, root: bool) -> Option<Shape> {
     let (link_from_box, size_m) = inertia_box(link.mass.as_ref()?)?;
     cuboid(&(body_from_link * link_from_box), size_m, root)
 }
 
-/// What is left of a guessed shape that does not touch the ground before the foot or wheel of its body does: a shin that reaches
-/// below its foot would drag along. A shape at the foot is the foot.
+/// Shortens a guessed shape so that the foot or wheel of its body touches the ground first: a shin that reaches below its foot
+/// would drag. `None` for a shape at the foot, which is the foot.
 fn behind(shape: Shape, tip: &Tip) -> Option<Shape> {
     let Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } = shape else {
         return Some(shape);
@@ -184,7 +184,7 @@ fn thinned(mut shapes: Vec<Shape>, tips: &[&Tip]) -> Vec<Shape> {
     kept
 }
 
-/// Whether a shape is a capsule inside another one.
+/// True if a shape is a capsule inside another one.
 fn within(shape: &Shape, ends: &[Vector3<f64>; 2], radius_m: f64) -> bool {
     let Shape::Capsule { from_in_link_m, to_in_link_m, radius_m: own_m } = shape else {
         return false;

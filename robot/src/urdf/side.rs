@@ -32,7 +32,7 @@ pub(super) struct ActuatorSide {
     pub name: String,
     pub span: Span,
     pub model: Option<String>,
-    /// In the order of [`NUMBERS`].
+    /// Values in the order of [`NUMBERS`].
     pub numbers: [Option<f64>; NUMBERS.len()],
 }
 

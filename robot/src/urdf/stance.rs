@@ -39,7 +39,7 @@ pub(super) struct Tip {
 
 #[derive(Clone, Debug)]
 pub(super) struct Stance {
-    /// By joint, in the order of [`Bodies::moving`].
+    /// Joint angles in the order of [`Bodies::moving`].
     pub angles_rad: Vec<f64>,
     /// Centres of the tips in the frame of the root.
     pub tips_m: Vec<Vector3<f64>>,

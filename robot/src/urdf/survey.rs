@@ -22,9 +22,9 @@ pub struct Survey {
     pub root: String,
     /// Mass of its tree, kg.
     pub mass_kg: f64,
-    /// Its links, parents first.
+    /// Links, parents first.
     pub links: Vec<String>,
-    /// Its joints but the fixed ones, parents first.
+    /// Joints except the fixed ones, parents first.
     pub joints: Vec<SurveyJoint>,
     /// Likely feet and wheels.
     pub end_effectors: Vec<SurveyEnd>,
@@ -61,7 +61,7 @@ pub struct SurveyEnd {
     pub contact: String,
     /// Radius, m.
     pub radius_m: f64,
-    /// Whether the radius comes from the URDF.
+    /// True if the radius comes from the URDF.
     pub measured: bool,
     /// Centre in the frame of the root, in the proposed standing pose, m.
     pub center_m: [f64; 3],

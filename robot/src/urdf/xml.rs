@@ -99,8 +99,7 @@ pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
     Ok(urdf)
 }
 
-/// Whether an element is a macro or its call. A declared but unused prefix does not matter: expanded
-/// files keep it.
+/// True if an element is a macro or its call. A declared but unused prefix does not matter: expanded files keep it.
 fn is_xacro(node: Node<'_, '_>) -> bool {
     let prefix = node.is_element() && {
         let written = &node.document().input_text()[node.range()];

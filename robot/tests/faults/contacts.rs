@@ -118,7 +118,7 @@ fn legbot_carries_feet_of_foam() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots/legbot.toml");
     let mut robot = Robot::from_toml("legbot", &std::fs::read_to_string(path).unwrap()).unwrap();
     for foot in &mut robot.end_effectors {
-        // That of docs/retargeting.md.
+        // Foam: soft feet as in docs/identification.md, Retargeting.
         foot.soft = Some(SoftMaterial {
             young_pa: 1e5,
             poisson: 0.3,

@@ -1,5 +1,4 @@
-//! Every class of mistake in a robot file gets an error that shows line, field, value and what would
-//! be right.
+//! Error messages of robot files: each class of mistake shows line, field, value and the correct value.
 
 mod contacts;
 mod document;

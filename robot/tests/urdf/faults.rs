@@ -1,4 +1,4 @@
-//! Every class of mistake gets an error that names file, place, value and a remedy.
+//! Error messages of imports: each class of mistake shows file, place, value and a remedy.
 
 use super::{SIDE, URDF, edited, imported};
 

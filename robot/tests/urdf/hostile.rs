@@ -47,7 +47,7 @@ fn deep_and_long_files_end() {
     assert!(imported(&huge, SIDE).unwrap_err().to_string().contains("bytes"));
 }
 
-/// What took time with the square of its number, or worse, each in a file of some megabytes at most.
+/// Inputs that took quadratic time or worse, each in a file of some megabytes at most.
 #[test]
 fn many_of_anything_end_soon() {
     let list =

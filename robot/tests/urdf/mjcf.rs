@@ -1,4 +1,5 @@
-//! Import of MJCF: what it has and URDF has not. Poses and masses are compared with MuJoCo's in `planner/interchange/tests/consumers.rs`.
+//! Import of MJCF: what it has and URDF has not. Poses and masses are compared with MuJoCo's in
+//! `planner/interchange/tests/consumers.rs`.
 
 use rollwalk_robot::urdf::{Survey, Text, survey};
 

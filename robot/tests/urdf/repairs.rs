@@ -1,4 +1,4 @@
-//! What a URDF leaves open or gets slightly wrong is settled in the documented way, and said.
+//! Repairs: the import settles gaps and slight errors of a URDF in the documented way, and warns.
 
 use super::{SIDE, URDF, edited, good};
 use rollwalk_robot::{Joint, Robot};

@@ -21,13 +21,13 @@ use stream::{Stream, StreamFault};
 /// Frames that have crossed a bus on their way to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FramePath {
-    /// From the host.
+    /// Frames from the host.
     LinkToController,
-    /// From the controller.
+    /// Frames from the controller.
     LinkToHost,
-    /// To the actuators of a bus.
+    /// Frames to the actuators of a bus.
     ToActuators(u8),
-    /// From the actuators of a bus.
+    /// Frames from the actuators of a bus.
     FromActuators(u8),
 }
 
@@ -38,8 +38,8 @@ pub enum FaultKind {
     Stream(FramePath, StreamFault),
     /// A foreign node sends this frame at this interval.
     Babble(Interface, Frame, SimTime),
-    /// No node acknowledges on this bus: the sender repeats its frame again and again. A serial line is cut: what is
-    /// sent is lost.
+    /// Missing acknowledgement on this bus: the sender keeps repeating its frame. A serial line is cut: bytes sent on it are
+    /// lost.
     NoAck(Interface),
     /// The controller's end of an actuator bus goes off, as after a short; without effect on a serial line.
     BusOff(u8),
@@ -61,7 +61,7 @@ pub struct Fault {
 }
 
 impl FaultKind {
-    /// Whether the actuator of a channel neither receives nor answers.
+    /// True if the actuator of a channel neither receives nor answers.
     pub fn silences(&self, channel: usize) -> bool {
         [Self::Deaf(channel), Self::Unpowered(channel)].contains(self)
     }
@@ -98,7 +98,7 @@ impl Faults {
         self.schedule.push((fault, 0));
     }
 
-    /// All faults, and how often each of them fired.
+    /// Iterates over all faults, with the number of times that each fired.
     pub fn all(&self) -> impl Iterator<Item = (&Fault, u64)> {
         self.schedule.iter().map(|(fault, fired)| (fault, *fired))
     }
@@ -123,7 +123,7 @@ impl Faults {
         edges.filter(|&at| at > now).min()
     }
 
-    /// Whether a fault may change, delay or lose frames on this path.
+    /// True if a fault may change, delay or lose frames on this path.
     fn is_disturbed(&self, now: SimTime, path: FramePath) -> bool {
         let waits = self.streams.get(&path).is_some_and(|stream| !stream.is_empty());
         waits || self.on(now).any(|kind| matches!(kind, FaultKind::Stream(on, _) if *on == path))

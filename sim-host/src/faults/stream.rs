@@ -46,7 +46,7 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// Whether no frame is delayed.
+    /// True if no frame is delayed.
     pub fn is_empty(&self) -> bool {
         self.late.is_empty()
     }

@@ -13,7 +13,7 @@ const LONGEST_S: f64 = 3.0;
 /// Change of a joint's target that is none, rad.
 const SAME_RAD: f64 = 1e-4;
 
-/// Where the hoist holds the body's origin, m, and which way it faces about the vertical, rad.
+/// Position at which the hoist holds the body's origin, m, and heading about the vertical, rad.
 #[derive(Clone, Copy, Debug)]
 pub struct Hoist {
     origin: Vector3<f64>,
@@ -38,12 +38,12 @@ impl Hoist {
     }
 }
 
-/// When the hoist lets go.
+/// Condition for the hoist to let go.
 #[derive(Clone, Debug)]
 pub enum LetsGo {
-    /// When the robot begins to play.
+    /// Robot begins to play.
     WhenItPlays,
-    /// When all motors have torque and stand still, or have had torque for some seconds.
+    /// Motors all have torque and stand still, or have had torque for some seconds.
     WhenItStands(StillWatch),
 }
 
@@ -56,7 +56,7 @@ pub struct StillWatch {
 }
 
 impl StillWatch {
-    /// Whether the motors stand. It must see them in each step.
+    /// True if the motors stand. Must be called in each step.
     pub fn stands(&mut self, now: SimTime, servos: &[Servo]) -> bool {
         let targets: Vec<f64> = servos.iter().map(|servo| servo.law().position_rad).collect();
         let same = targets.len() == self.targets_rad.len()

@@ -1,4 +1,4 @@
-//! What became of each clip in the world.
+//! Travel of the robot during each clip.
 
 use crate::clock::SimTime;
 use nalgebra::Rotation3;
@@ -46,7 +46,7 @@ impl Travel {
         self.odometer.totals()
     }
 
-    /// Its length in time, s.
+    /// Duration, s.
     pub fn duration_s(&self) -> f64 {
         (self.to - self.from).as_s()
     }

@@ -64,13 +64,13 @@ struct Board<'a> {
     core: &'a mut Local,
     keeper: &'a mut dyn Reopen,
     hub: Hub,
-    /// Of the hub's ports: first the link, then the actuator buses.
+    /// Buses by port of the hub: first the link, then the actuator buses.
     buses: Vec<Bus>,
 }
 
 struct Bus {
     kept: Kept,
-    /// Its last reported status.
+    /// Last reported status.
     state: BusState,
 }
 
@@ -127,7 +127,7 @@ impl<'a> Board<'a> {
         None
     }
 
-    /// Hears what has come in while this computer was busy with something else.
+    /// Receives what has come in while this computer was busy with something else.
     fn catch_up(&mut self, start: Instant) -> Result<(), LinkError> {
         for _ in 0..CATCH_UP {
             let Some((index, heard)) = self.hub.next_event(Instant::now()) else { return Ok(()) };

@@ -47,7 +47,7 @@ impl Kept {
         Self { bus, index, gone: None }
     }
 
-    /// Whether the bus is lost.
+    /// True if the bus is lost.
     fn is_gone(&self) -> bool {
         self.gone.is_some()
     }

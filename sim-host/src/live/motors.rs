@@ -94,8 +94,8 @@ pub fn run(
     }
 }
 
-/// What the servos of a serial line answer to each packet among the bytes that they have heard: in their turns, without
-/// their return delays, which are shorter than what this computer takes.
+/// Answers of the servos of a serial line to each packet in the received bytes. The servos answer in turn, without their return
+/// delays, which are shorter than the delay of this computer.
 fn answers(body: &mut Body, bus: usize, now: SimTime, line: &mut Vec<u8>) -> Vec<Vec<u8>> {
     let channels = body.addresses().iter().enumerate();
     let channels = channels.filter(|(_, address)| usize::from(address.0) == bus);

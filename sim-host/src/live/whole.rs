@@ -14,8 +14,8 @@ const STEP: Duration = Duration::from_millis(1);
 /// meanwhile wait to be read, and a robot whose time had gone on would have lost its host before it heard them.
 const MOST_LAG_US: u64 = 20_000;
 
-/// Maximum number of frames of the host that wait for the link. A bus that is full makes a host wait, and none of its frames is lost: the
-/// setpoints that one sends at once are ten for each channel, of 24.
+/// Maximum number of frames of the host that wait for the link. A bus that is full makes a host wait, and none of its frames is
+/// lost: the setpoints that one sends at once are ten for each channel, of 24.
 const MOST_INWARD: usize = 512;
 
 /// The robot's time, which follows the computer's.

@@ -20,7 +20,7 @@ const PASSIVE_AFTER: SimTime = SimTime::from_us(16 * (135 + 31));
 pub struct Adapter {
     /// Depth of its transmit buffer, frames.
     pub depth: usize,
-    /// Whether frames that are unacknowledged at the next control period are aborted, as on our boards.
+    /// True if frames that are unacknowledged at the next control period are aborted, as on our boards.
     pub calls_back: bool,
     /// Bus state that it reports while no node acknowledges; some adapters do not distinguish that from other errors.
     pub alone: BusState,

@@ -1,4 +1,4 @@
-//! Packets at the ends of serial lines: who hears them, and what the servos answer.
+//! Packets at the ends of serial lines: receivers, and answers of the servos.
 
 use super::{Core, LinkError, Rig};
 use crate::interface::{Interface, PacketEntry};

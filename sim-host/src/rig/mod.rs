@@ -122,7 +122,7 @@ impl Rig {
 }
 
 impl<C: Core> Rig<C> {
-    /// As [`Rig::new`], with a given controller just after power-on, with the default settings.
+    /// Creates a robot like [`Rig::new`], with a given controller just after power-on and the default settings.
     ///
     /// # Errors
     /// The robot breaks a rule of robot files.
@@ -247,12 +247,12 @@ impl<C: Core> Rig<C> {
         self.body.ground_mut().map(Grounded::take_travels).unwrap_or_default()
     }
 
-    /// Every frame of every bus so far, in the order of completion.
+    /// Log of the frames of all buses so far, in the order of completion.
     pub fn log(&self) -> &[LogEntry] {
         &self.log
     }
 
-    /// Every packet of every serial line so far, in the order of completion.
+    /// Packets of all serial lines so far, in the order of completion.
     pub fn packets(&self) -> &[PacketEntry] {
         &self.packets
     }

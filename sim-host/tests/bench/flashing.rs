@@ -155,7 +155,7 @@ fn an_answer_that_tells_more_than_there_is_counts_as_lost() {
 
 #[test]
 fn a_library_that_is_not_in_use_after_its_transfer_is_noticed() {
-    // Somebody answers ACTIVATE and does nothing.
+    // A node answers ACTIVATE but does not activate the library.
     let sends = |frame: &Frame| match frame.data() {
         &[5, 0x13, ..] => {
             let id = frame.standard_id().unwrap() | 1;

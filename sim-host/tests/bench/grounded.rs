@@ -12,7 +12,7 @@ use rollwalk_sim_host::ground::Grounded;
 use rollwalk_sim_host::rig::Rig;
 use std::sync::Arc;
 
-/// With the library on board, in the hoist above a plane that rises by an angle, rad.
+/// Robot with its library on board, in the hoist above a plane that rises by an angle, rad.
 fn in_hoist(slope_rad: f64) -> Session<Rig> {
     pushed(slope_rad, Vec::new())
 }
@@ -31,7 +31,7 @@ fn ground(session: &Session<Rig>) -> &Grounded {
     session.bus().body().ground().unwrap()
 }
 
-/// What the feet bear over the robot's weight.
+/// Ratio of the force on the feet to the robot's weight.
 fn borne(session: &Session<Rig>) -> f64 {
     let robot = agilebot();
     let mass_kg: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
@@ -130,7 +130,7 @@ fn a_robot_that_is_pushed_over_lies_until_it_has_had_no_torque_for_a_while() {
     assert!((borne(&session) - 1.0).abs() < 0.02, "{}", borne(&session));
 }
 
-/// Without torque a robot sinks onto its links: that is no fall.
+/// Sinking onto the links without torque is not a fall.
 #[test]
 fn a_robot_without_torque_sinks_down_and_is_picked_up() {
     let mut session = in_hoist(0.0);

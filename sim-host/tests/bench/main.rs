@@ -41,7 +41,7 @@ fn transport_frames(rig: &Rig) -> impl Iterator<Item = &Frame> {
     frames.filter(|frame| matches!(ToController::decode(frame), Ok((_, ToController::Transport))))
 }
 
-/// With the library on board, torque on, standing in SAFE.
+/// Robot with its library on board, torque on, standing in SAFE.
 fn armed() -> Session<Rig> {
     let mut session = connect(rig());
     session.flash(&robot::library(), |_| {}).unwrap();

@@ -36,7 +36,7 @@ fn cybergear() -> Bus {
     on(Protocol::CyberGear(CyberGear { host: 0xFD, max_position_rad: SAMPLE_MAX_RAD }))
 }
 
-/// Every kind of drive on CAN. Six mini cheetah drives answer from one identifier.
+/// Kinds of drives on CAN. Six mini cheetah drives answer from one identifier.
 fn kinds() -> Vec<(&'static str, Bus)> {
     vec![
         ("mini cheetah", mit(6, AnswerId::Master(0))),
@@ -56,7 +56,7 @@ fn rig(robot: &Robot) -> Rig {
     Rig::new(robot).unwrap()
 }
 
-/// With its library on board, in SAFE.
+/// Robot with its library on board, in SAFE.
 pub fn armed(robot: &Robot) -> Session<Rig> {
     let mut session = connect(rig(robot));
     // Who has just been switched on knows no poses yet.
@@ -130,7 +130,7 @@ fn every_protocol_follows_is_stopped_and_follows_again() {
     }
 }
 
-/// The feedback of one drive is lost while the robot plays: it lies down, and says why.
+/// Feedback of one drive is lost while the robot plays: the robot lies down and reports the fault.
 #[test]
 fn without_feedback_of_one_drive_the_robot_is_let_down() {
     for (name, bus) in kinds() {
@@ -175,8 +175,8 @@ fn a_bus_that_was_off_can_be_used_again() {
             session.run_for(3 * S).unwrap();
             let status = session.status().unwrap();
             assert_eq!(status.state, state, "{name}: {status:?}");
-            // A bus that is off stays off until the operator clears. As delivered none of these drives has a watchdog:
-            // the knee's follows what it was told last.
+            // A bus that is off stays off until the operator clears. With factory settings none of these drives has a watchdog:
+            // the knee's drive follows its last command.
             let cut_off = |channel| kind == FaultKind::BusOff(1) && channel == 1;
             for (channel, servo) in session.bus().body().servos().iter().enumerate() {
                 assert_eq!(servo.is_driving(), cut_off(channel), "{name}: {channel}");
@@ -206,7 +206,7 @@ fn makers_and_loops_can_be_mixed() {
     session.disarm().unwrap();
     let rig = session.into_bus();
     assert_on_time(&rig, "mixed");
-    // Nobody says on the bus where the knee shall be: it is compared with the library's frames.
+    // The bus carries no set-point of the knee, so its angle is compared with the library's frames.
     assert!(rig.records().iter().all(|record| record.commanded[1].is_nan()));
     let swing = robot::motion(robot::SWING);
     let mut worst: f32 = 0.0;

@@ -1,4 +1,4 @@
-//! What the controller must not take, and what its operator reads then.
+//! Inputs that the controller must refuse, and the messages that its operator then reads.
 
 use crate::robot::{self, SWING};
 use crate::{armed, connect, rig};
@@ -110,7 +110,7 @@ fn refused(session: &mut Session<Rig>, code: u8) -> (CommandResult, String) {
     }
 }
 
-/// "Not possible in its present state" helps no operator who does not see the state.
+/// Messages name the state: "not possible in its present state" does not help an operator who does not see the state.
 #[test]
 fn what_keeps_a_robot_from_being_armed_is_said() {
     let mut session = armed();

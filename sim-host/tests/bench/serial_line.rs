@@ -45,7 +45,7 @@ impl Direction {
         self.on_the_way.front().map(|(at_us, _)| *at_us)
     }
 
-    /// What has arrived; messages go to `gateway`.
+    /// Takes the next packet that has arrived; messages go to `gateway`.
     fn take(&mut self, now_us: u64, gateway: &mut Gateway) -> Option<Frame> {
         let (_, line) = self.on_the_way.pop_front_if(|(at_us, _)| *at_us <= now_us)?;
         let packet = line.iter().fold(None, |found, &byte| {

@@ -29,7 +29,7 @@ fn feetech(return_delay_us: u32) -> Bus {
     Bus { protocol: Protocol::Feetech(servos), ..Bus::default() }
 }
 
-/// With the factory's return delay.
+/// Servos with the factory's return delay.
 fn usual() -> Bus {
     dynamixel(1_000_000, 500, 5)
 }
@@ -40,8 +40,8 @@ fn fault(session: &mut Session<Rig>, kind: FaultKind, ms: u64) {
     rig.add_fault(InjectedFault { kind, from, until: from + SimTime::from_ms(ms) });
 }
 
-/// As on CAN 27 mrad. 2.4 rad/s by kd over kp, 25 ms, are 60 mrad: there is no place for the speed of a setpoint. 1.5 ms
-/// of packets are 4 mrad, half a step of 1.5 mrad 1 mrad.
+/// Largest lag of a joint, rad: 27 mrad as on CAN; 60 mrad from 2.4 rad/s by kd over kp, 25 ms, because setpoints have no field
+/// for the speed; 4 mrad from 1.5 ms of packets; 1 mrad from half a step of 1.5 mrad.
 const LAG_RAD: f64 = 0.092;
 
 #[track_caller]
@@ -75,7 +75,7 @@ fn servos_follow_are_stopped_and_follow_again() {
     }
 }
 
-/// All servos of a line answer in one packet, after one return delay.
+/// Servos of a line all answer in one packet, after one return delay.
 #[test]
 fn servos_that_are_read_fast_follow_are_stopped_and_follow_again() {
     for delay_us in [0, 500] {
@@ -154,14 +154,14 @@ fn feetech_servos_that_hear_the_controller_are_let_down() {
         let servos = session.bus().body().servos().iter().enumerate();
         let driving: Vec<_> = servos.filter(|(_, s)| s.is_driving()).map(|(i, _)| i).collect();
         assert_eq!(driving, still_driving, "{kind:?}");
-        // It is told again and again, until it says that it has heard it.
+        // The controller repeats the command until the servo acknowledges it.
         session.run_for(3 * S).unwrap();
         assert_eq!(session.status().unwrap().state, State::TorqueOff, "{kind:?}");
         assert!(!session.bus().body().servos().iter().any(|servo| servo.is_driving()));
     }
 }
 
-/// One servo or its line falls silent while the robot plays: it lies down, and says why.
+/// Silence of one servo or of its line while the robot plays: the robot lies down, and its status has the fault.
 #[test]
 fn without_answers_the_robot_is_let_down() {
     let faults =

@@ -36,7 +36,7 @@ fn an_emergency_stop_takes_torque_off_and_stays_until_cleared() {
 fn an_emergency_stop_overtakes_everything_that_waits_for_the_link() {
     let mut rig = armed().into_bus();
     let node = Node::new(1).unwrap();
-    // Somebody floods the link with the least urgent frames there are.
+    // A node floods the link with frames of the lowest priority.
     let flood = Frame::standard(0x7FF, &[0; 8]).unwrap();
     while rig.send(&flood).is_ok() {}
     // The host's own queue is full of it; the stop gets the first place that becomes free.
@@ -159,7 +159,7 @@ fn who_connects_later_is_told_why_the_robot_stopped() {
     session.select(SWING).unwrap();
     session.run_for(2 * S).unwrap();
     let mut rig = session.into_bus();
-    // Nobody is there for a minute.
+    // No host is connected for a minute.
     rig.run_until(rig.now() + SimTime::from_us(60 * S));
 
     // Not on a bad link either.

@@ -1,4 +1,4 @@
-//! How long a library of 64 KiB takes, in virtual time, against what the bus needs for its frames alone.
+//! Transfer time of a library of 64 KiB, in virtual time, against the time that the bus needs for its frames alone.
 
 use crate::robot::{self, STAND};
 use crate::serial_line::{BYTE_US, SerialLine};
@@ -82,7 +82,7 @@ fn on_can_at_1_mbit_a_transfer_takes_at_most_half_again_of_the_bus_s_own_time() 
     session.flash(&library, |_| {}).unwrap();
     let rig = session.into_bus();
     let took = (rig.now() - before).as_s();
-    // Seven bytes in each frame, one after the other, without anybody's answer.
+    // Frames of seven bytes, one after the other, without answers.
     let bits: u64 = transport_frames(&rig).map(|frame| u64::from(frame.exact_bits())).sum();
     let theory = bits as f64 * 1e-6;
     println!("{} B in {took:.3} s, {theory:.3} s of frames: {:.3}", library.len(), took / theory);
@@ -129,8 +129,8 @@ impl<B: LinkBus> LinkBus for Cut<B> {
     }
 }
 
-/// One transfer, cut at every block: each session comes one block further than the one before. `wait` lets a
-/// second and a half pass, after which a controller has given up the half message.
+/// Cuts one transfer at every block: each session gets one block further than the one before. `wait` lets 1.5 s pass, after which
+/// a controller has given up the half message.
 fn cut_at_every_block<B: LinkBus>(mut bus: B, wait: impl Fn(&mut B)) {
     let library = large_library();
     let node = Node::new(1).unwrap();

@@ -27,13 +27,13 @@ pub enum Edit {
     /// A number wherever the document has it.
     Everywhere { key: String, from: f64, value: f64 },
     Gait {
-        /// Its name, or `stance`.
+        /// Name of the gait, or `stance`.
         gait: String,
         /// Share of the cycle that a foot stands; without, the former one stays.
         duty: Option<f64>,
     },
     Footfalls {
-        /// Whether an end effector is on the ground, `[end effector][sample]`.
+        /// True where an end effector is on the ground, `[end effector][sample]`.
         stance: Vec<Vec<bool>>,
     },
     /// Footfalls of one end effector over a span of samples.
@@ -43,40 +43,40 @@ pub enum Edit {
         from: usize,
         /// Last sample; in periodic motions it may be before the first.
         to: usize,
-        /// On the ground, or in the air.
+        /// True for stance, false for swing.
         stance: bool,
     },
     /// A target of the motion.
     Target {
-        /// Which one; none for a new one.
+        /// Index of the target; none adds one.
         index: Option<usize>,
         /// The target; none removes it.
         target: Option<Target>,
     },
     /// A height limit of the motion.
     Height {
-        /// Which one; none for a new one.
+        /// Index of the limit; none adds one.
         index: Option<usize>,
         /// The limit; none removes it.
         height: Option<Height>,
     },
     /// A parameter of the robot.
     Parameter {
-        /// As in [`Parameter::name`](super::Parameter::name).
+        /// Name, as in [`Parameter::name`](super::Parameter::name).
         name: String,
-        /// Its value, in its unit.
+        /// Value, in the parameter's unit.
         value: f64,
     },
-    /// A motion file becomes part of the library, with the next free code.
+    /// Adds a motion file to the library, with the next free code.
     AddMotion {
-        /// Its name in the library.
+        /// Name in the library.
         name: String,
-        /// Its path, as the library file is to name it.
+        /// Path of the file, as the library file names it.
         file: String,
     },
-    /// A motion leaves the library, with its transitions.
+    /// Removes a motion and its transitions from the library.
     RemoveMotion {
-        /// Its name in the library.
+        /// Name in the library.
         name: String,
     },
     /// A transition of the library.
@@ -85,7 +85,7 @@ pub enum Edit {
         from: String,
         /// Name of the motion that it enters.
         to: String,
-        /// How long it takes, s; none removes it.
+        /// Duration, s; none removes the transition.
         duration_s: Option<f64>,
     },
 }

@@ -10,13 +10,13 @@ pub struct Graph {
     pub motions: Vec<GraphMotion>,
     /// Name of the motion that is SAFE.
     pub safe: String,
-    /// How long transitions between SAFE and all others take, if they are joined so, s.
+    /// Duration of the transitions between SAFE and all other motions, s; none without them.
     pub via_safe_s: Option<f64>,
-    /// Transitions that are written one by one.
+    /// Transitions that the file lists individually.
     pub transitions: Vec<GraphTransition>,
-    /// Motion files of the project that the library does not have, as it would name them.
+    /// Motion files of the project that the library lacks, with the names that it would give them.
     pub others: Vec<GraphOther>,
-    /// What is wrong with the file.
+    /// Faults of the file.
     pub faults: Vec<Fault>,
 }
 
@@ -28,7 +28,7 @@ pub struct GraphMotion {
     pub file: String,
     /// Command code that selects it.
     pub code: Option<i64>,
-    /// Whether it repeats, as far as its file can be read.
+    /// True if the motion repeats; false if its file cannot be read.
     pub periodic: bool,
 }
 
@@ -39,7 +39,7 @@ pub struct GraphTransition {
     pub from: String,
     /// Name of the motion that it enters.
     pub to: String,
-    /// How long it takes, s.
+    /// Duration, s.
     pub duration_s: Option<f64>,
 }
 
@@ -47,7 +47,7 @@ pub struct GraphTransition {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct GraphOther {
     pub name: String,
-    /// Its path, as the library would name it.
+    /// Path, as the library would name it.
     pub file: String,
 }
 
@@ -86,8 +86,8 @@ pub struct Edge {
 pub struct Compared {
     /// Name of the motion in the library.
     pub name: String,
-    /// Its clip, if it is the shown plan.
+    /// Clip of the motion, if its frames match the shown plan.
     pub clip: Option<u8>,
-    /// Why it is not, if it is not.
+    /// Difference from the shown plan; empty if they match.
     pub why: String,
 }

@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Serialize)]
 pub struct MotionView {
     pub name: String,
-    /// Its ends: `periodic` or `at_rest`.
+    /// Ends of the motion: `periodic` or `at_rest`.
     pub ends: String,
     /// Duration, s.
     pub duration_s: f64,
     pub samples: usize,
     /// Height of swings, m.
     pub swing_height_m: f64,
-    /// Whether an end effector is on the ground, `[end effector][sample]`.
+    /// True where an end effector is on the ground, `[end effector][sample]`.
     pub stance: Vec<Vec<bool>>,
     pub goal: Goal,
     /// Targets, in the order of the file.
@@ -22,7 +22,7 @@ pub struct MotionView {
     pub heights: Vec<Height>,
     /// Named gaits that fit the robot.
     pub gaits: Vec<&'static str>,
-    /// Why the motion does not hold without feedback, as its file says.
+    /// Reason for which the motion needs feedback, from its file.
     pub needs_feedback: Option<String>,
 }
 
@@ -31,7 +31,7 @@ pub struct MotionView {
 pub struct Goal {
     /// Forward, m.
     pub forward_m: Option<f64>,
-    /// To the left, m.
+    /// Leftward, m.
     pub left_m: Option<f64>,
     /// Turn to the left, rad.
     pub turn_rad: Option<f64>,

@@ -26,9 +26,9 @@ pub struct Culprit {
     pub constraint: &'static str,
     /// Name, subject, time and amount, in words.
     pub what: String,
-    /// When it pulls first, s.
+    /// First time at which the constraint contributes to the violation, s.
     pub from_s: f64,
-    /// When it pulls last, s.
+    /// Last time at which the constraint contributes to the violation, s.
     pub to_s: f64,
     /// End effector that it is about.
     pub end_effector: Option<usize>,
@@ -48,8 +48,8 @@ pub struct Fix {
     pub edit: Edit,
 }
 
-/// What the bytes of `plan` are: `count` rows of `width` numbers, float32, little-endian. Row i is at i / `rate_hz`; the last
-/// is at or before `duration_s`, of periodic motions before it.
+/// Layout of the bytes of `plan`: `count` rows of `width` numbers, float32, little-endian. Row i is at i / `rate_hz`. The last
+/// row is at or before `duration_s`, for periodic motions before it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FramesHeader {
     pub count: usize,
@@ -57,11 +57,11 @@ pub struct FramesHeader {
     pub rate_hz: f64,
     /// Duration of the motion, s.
     pub duration_s: f64,
-    /// By how much a periodic motion moves on.
+    /// Displacement over a period of a periodic motion.
     pub period: Option<Period>,
     /// Numbers in a row.
     pub width: usize,
-    /// Where in a row they are.
+    /// Positions of the quantities in a row.
     pub columns: Columns,
 }
 

@@ -4,25 +4,25 @@ use super::File;
 use rollwalk_gamepads::standard::Snapshot;
 use serde::{Deserialize, Serialize};
 
-/// Where the robot is.
+/// Connection to the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Place {
-    /// In the page, on level ground.
+    /// Simulated robot in the page, on level ground.
     Simulated,
-    /// At a serial port that carries the link.
+    /// Serial port that carries the link.
     Serial,
-    /// Behind a CAN adapter at a serial port that speaks SLCAN, at 1 Mbit/s.
+    /// CAN adapter at a serial port that speaks SLCAN, at 1 Mbit/s.
     Slcan,
-    /// At a bus of this computer, which a server relays.
+    /// Bus of this computer, relayed by a server.
     Relay,
 }
 
-/// What a page wants of a robot at the other end of a link.
+/// Request of a page to a robot at the other end of a link.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "robot", rename_all = "snake_case")]
 pub enum Wanted {
-    /// To talk to it, in place of one before.
+    /// Connects to the robot, in place of an earlier connection.
     Connect {
         place: Place,
         files: Vec<File>,
@@ -30,28 +30,28 @@ pub enum Wanted {
         file: String,
         /// Number of the controller.
         node: u8,
-        /// Whether a gamepad's deadman must be held while the robot moves.
+        /// True if a gamepad's deadman must be held while the robot moves.
         #[serde(default)]
         gamepad: bool,
         /// The robot's link key, for a controller that insists on one.
         #[serde(default)]
         key: Option<Key>,
     },
-    /// To go on; the request's bytes are what has arrived.
+    /// Continues; the request carries the bytes that have arrived.
     Tick {
-        /// Whether the page itself, and not its link alone, has answered lately.
+        /// True if the page itself, not only its link, has answered lately.
         attended: bool,
-        /// What the page has seen of the gamepad since the last tick, in order.
+        /// Gamepad states since the last tick, in order.
         #[serde(default)]
         gamepad: Vec<Seen>,
     },
-    /// To obey an order.
+    /// Passes an order on.
     Wish(Wish),
-    /// To take the library in the request's bytes.
+    /// Transfers the library in the request's bytes.
     Flash,
-    /// To name motions as the library in the request's bytes does.
+    /// Names motions like the library in the request's bytes.
     Name,
-    /// To end the connection at once.
+    /// Ends the connection at once.
     Leave,
 }
 
@@ -70,7 +70,7 @@ impl std::fmt::Debug for Key {
     }
 }
 
-/// What the operator wants.
+/// Order of the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(tag = "intent", rename_all = "snake_case")]
 pub enum Wish {
@@ -95,20 +95,20 @@ pub enum Wish {
     },
     /// The deadman is held, or was released: the robot halts.
     Deadman {
-        /// Whether it is held.
+        /// True while the deadman is held.
         held: bool,
     },
     /// Return to SAFE, turn torque off and leave; the second time, leave at once.
     Quit,
 }
 
-/// What a page sees of a gamepad.
+/// State of a gamepad in the page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(untagged)]
 pub enum Seen {
-    /// Its buttons and axes.
+    /// Buttons and axes.
     There(Snapshot),
-    /// It cannot be seen.
+    /// The gamepad is not visible to the page.
     Gone { gone: String },
 }
 
@@ -117,7 +117,7 @@ pub enum Seen {
 pub struct RobotView {
     /// Time by the robot's clock, or the page's for a real one, s.
     pub time_s: f64,
-    /// Whether the controller was heard lately.
+    /// True if a frame of the controller has arrived lately.
     pub contact: bool,
     /// Time from a heartbeat to its answer, ms.
     pub round_trip_ms: Option<f64>,
@@ -125,19 +125,19 @@ pub struct RobotView {
     pub lost: [u64; 2],
     /// State in words, to follow "the robot is"; none before the first status.
     pub state: Option<String>,
-    /// Whether the motors have torque, or may get it without another order.
+    /// True if the motors have torque, or may get it without another order.
     pub torque: bool,
-    /// Whether it takes an order to arm in this state.
+    /// True if the controller accepts an order to arm in this state.
     pub can_arm: bool,
-    /// Whether it takes orders to play in this state.
+    /// True if the controller accepts orders to play in this state.
     pub can_play: bool,
-    /// Whether it is halted within a motion, and goes on by an order.
+    /// True while the robot is halted within a motion; an order resumes it.
     pub paused: bool,
-    /// What to do next.
+    /// Advice on the next step.
     pub advice: &'static str,
-    /// Why this page must not arm the controller.
+    /// Reason for which this page must not arm the controller.
     pub mismatch: Option<String>,
-    /// What is wrong with the bus.
+    /// Fault of the bus.
     pub complaint: Option<String>,
     pub faults: Vec<String>,
     /// Motions of the library in use, if the page has that library.
@@ -152,9 +152,9 @@ pub struct RobotView {
     pub asking: Option<String>,
     /// The gamepad in a few words, if one is used.
     pub gamepad: Option<String>,
-    /// Whether an emergency stop waits to be acknowledged.
+    /// True while an emergency stop waits to be acknowledged.
     pub stopping: bool,
-    /// Whether the operator is leaving: `no`, `when_home` or `now`.
+    /// Stage of the operator's exit: `no`, `when_home` or `now`.
     pub leaving: &'static str,
     /// Commanded speed, in 64ths of the planned one.
     pub speed_64ths: i8,
@@ -162,7 +162,7 @@ pub struct RobotView {
     pub channels: Vec<ChannelOf>,
     /// Poses of the scene's bodies, world_from_body, `x y z qw qx qy qz`.
     pub poses: Vec<[f64; 7]>,
-    /// Whether the simulated robot has fallen, and whether the hoist holds it.
+    /// State of the simulated robot: fallen, and held by the hoist.
     pub simulated: Option<Simulation>,
     /// Messages to the operator, oldest first.
     pub messages: Vec<MessageOf>,
@@ -176,16 +176,16 @@ pub struct MotionOf {
     pub looping: bool,
 }
 
-/// What is being played.
+/// Motion or transition that is being played.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Playing {
     /// The motion, or `from → to`.
     pub name: String,
-    /// Its clip in the library.
+    /// Clip in the library.
     pub clip: u8,
-    /// Time within it now: that of the frame which the robot reported, gone on since, s.
+    /// Time within it now, s: that of the last reported frame, advanced since then.
     pub time_s: f64,
-    /// Seconds of it that pass in a second: 0 while it is halted.
+    /// Playback rate: 1 at planned speed, 0 while halted.
     pub rate: f64,
 }
 
@@ -206,16 +206,16 @@ pub struct ChannelOf {
 /// State of a simulated robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Simulation {
-    /// It has fallen since the hoist let go of it.
+    /// True if the robot has fallen since the hoist released it.
     pub fallen: bool,
-    /// The hoist holds it.
+    /// True while the hoist holds the robot.
     pub held: bool,
 }
 
 /// A message to the operator.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MessageOf {
-    /// When, s.
+    /// Time, s.
     pub at_s: f64,
     /// `note`, `refused` or `warning`.
     pub weight: &'static str,

@@ -24,9 +24,9 @@ pub struct Scene {
 /// A number of a robot file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Parameter {
-    /// By which edits name it.
+    /// Name in edits.
     pub name: String,
-    /// As people call it.
+    /// Name for people.
     pub label: String,
     pub unit: &'static str,
     pub value: f64,
@@ -42,7 +42,7 @@ pub struct Parameter {
 pub struct Body {
     /// Name of the link, or of the wheel.
     pub name: String,
-    /// What it looks like.
+    /// Shapes for drawing.
     pub shapes: Vec<Shape>,
 }
 
@@ -55,7 +55,7 @@ pub struct Shape {
     pub position_m: [f64; 3],
     /// body_from_shape.
     pub orientation_wxyz: [f64; 4],
-    /// What it stands for.
+    /// Meaning of the shape.
     pub role: Role,
 }
 
@@ -78,7 +78,7 @@ pub enum Form {
         /// Radius, m.
         radius_m: f64,
     },
-    /// All points within a radius of a segment along z.
+    /// Capsule: cylinder along z with hemispherical ends.
     Capsule {
         /// Radius, m.
         radius_m: f64,
@@ -87,7 +87,7 @@ pub enum Form {
     },
 }
 
-/// What a shape stands for.
+/// Meaning of a shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -129,7 +129,7 @@ pub struct EndEffector {
     pub body: usize,
     /// Index of its wheel among the bodies, if it turns.
     pub wheel_body: Option<usize>,
-    /// Whether a motor drives it.
+    /// True if a motor drives the wheel.
     pub driven: bool,
     /// Friction coefficient against the ground.
     pub friction_coefficient: f64,

@@ -1,28 +1,28 @@
-//! How the robot's parameters change what a plan is judged by.
+//! Slopes of a plan's quantities with respect to the robot's parameters.
 
 use serde::Serialize;
 
 /// A quantity of a plan at its optimum, with its slopes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SlopesOf {
-    /// Its name, as design files spell it.
+    /// Name, as in design files.
     pub name: &'static str,
-    /// Its unit; empty for none.
+    /// Unit; empty for none.
     pub unit: &'static str,
     pub value: f64,
     /// Value below which changes are not compared with it.
     pub little: f64,
-    /// Of each parameter of the robot that can be differentiated by.
+    /// Slopes with respect to each differentiable parameter of the robot.
     pub slopes: Vec<Slope>,
 }
 
-/// How a quantity changes with a parameter, to first order.
+/// First-order change of a quantity with a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Slope {
     /// Name of the parameter.
     pub name: String,
-    /// A small change of it, in its unit: a centimetre, a tenth of a limit.
+    /// Small change of the parameter, in its unit: a centimetre, a tenth of a limit.
     pub step: f64,
-    /// Change of the quantity with that, the motion planned anew.
+    /// Change of the quantity for this step, after replanning the motion.
     pub by_step: f64,
 }

@@ -8,9 +8,9 @@ use rollwalk_gamepads::standard::{Snapshot, Standard};
 use rollwalk_gamepads::{shipped, shipped_for};
 use rollwalk_host::operator::{Deadman, Intent, LetGo, Operator};
 
-/// How long the arming button must be held, µs.
+/// Time for which the arming button must be held, µs.
 const ARM_HOLD_US: u64 = 1_000_000;
-/// Age of what the page reported at which nothing is held any more, µs: as long as a robot waits for its host.
+/// Age of the page's last report after which the deadman counts as released, µs: the heartbeat timeout of a robot.
 const UNSEEN_US: u64 = 250_000;
 
 /// The gamepad that the operator uses.
@@ -29,7 +29,7 @@ impl Gamepad {
         Self { standard: Standard::default(), pad: None, seen_us: now_us }
     }
 
-    /// What follows from what the page has seen since it was asked last, which may be nothing.
+    /// Requests that result from the states which the page has seen since the last call; possibly none.
     pub fn wishes(&mut self, now_us: u64, seen: Vec<Seen>) -> Vec<Wish> {
         let mut wishes = Vec::new();
         if !seen.is_empty() {

@@ -8,7 +8,7 @@ use rollwalk_protocol::slcan::{Message, Reader, bitrate_digit};
 /// Bit rate of a robot's link, bit/s.
 const BITRATE: u32 = 1_000_000;
 
-/// How frames become bytes.
+/// Encoding of frames as bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coding {
     /// Packets on a line to a controller, which carries whole messages.
@@ -25,7 +25,7 @@ pub struct Line {
     gateway: Gateway,
     deframer: Deframer,
     text: Reader,
-    /// What goes ahead of all frames.
+    /// Bytes sent before all frames.
     opening: Vec<u8>,
 }
 

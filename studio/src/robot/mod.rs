@@ -70,13 +70,13 @@ pub struct Names {
 }
 
 impl Default for Names {
-    /// No memory of names, as in a page without a program behind it.
+    /// Store without names, for a page without a program behind it.
     fn default() -> Self {
         Self { find: |_| None, keep: |_| {} }
     }
 }
 
-/// Does what a page wants of a robot; returns what the page shows, and the bytes to be sent.
+/// Processes a page's request to a robot; returns the view for the page, and the bytes to be sent.
 ///
 /// # Errors
 /// There is no connection, or it cannot be made; documents with faults.
@@ -266,7 +266,7 @@ impl Connection {
         }
     }
 
-    /// What the page shows.
+    /// View for the page.
     pub fn view(&self, now_us: u64) -> RobotView {
         let view = self.operator.view(self.now_us(now_us));
         let simulated = match &self.way {

@@ -53,7 +53,7 @@ impl Simulated {
             }
             self.rig.run_until(SimTime::from_us(end_us.min(now_us + STEP_US)));
         }
-        // Nobody asks for them, and they would grow without end.
+        // Discarded: no request reads the log, and it would grow without bound.
         self.rig.take_log();
     }
 

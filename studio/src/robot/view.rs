@@ -1,4 +1,4 @@
-//! What the page shows of a robot: state and faults in words, motions, joints, and poses of its bodies.
+//! View of a robot for the page: state and faults in words, motions, joints, and poses of its bodies.
 
 use super::simulated::Simulated;
 use crate::messages::robot::{ChannelOf, MessageOf, MotionOf, Playing, RobotView, Simulation};

@@ -17,8 +17,8 @@ struct Page {
     seq: u64,
 }
 
-/// The last answer to a request, its bytes, how many came before it, and what was said of a start that failed, with the number of answers
-/// before.
+/// The last answer to a request, its bytes, how many came before it, and what was said of a start that failed, with the number
+/// of answers before.
 struct Answer {
     json: Value,
     bytes: Vec<u8>,

@@ -1,4 +1,4 @@
-//! What the page shows of documents: scenes, frames, faults.
+//! Documents in the page: scenes, frames, faults.
 
 use crate::*;
 

@@ -1,4 +1,4 @@
-//! What each slider does to a plan.
+//! Effect of each slider on a plan.
 
 use crate::*;
 

@@ -7,7 +7,7 @@ export type File = { path: string; text: string };
 /** Names of the files of a command line that the page shows first. */
 export type Desired = Record<"motion" | "library" | "robot" | "robot_in_motion" | "plan" | "urdf" | "side", string | null>;
 
-/** Where a solve starts; a plan file comes with the request, as bytes. */
+/** Start of a solve; a plan file comes with the request, as bytes. */
 export type Start = "scratch" | "good" | "plan";
 
 export type RequestBody =
@@ -29,7 +29,7 @@ export type RequestBody =
   | { kind: "library"; files: File[]; library: string }
   | { kind: "compare"; files: File[]; motion: string; library: string }
   | { kind: "export"; what: "csv" | "json"; rate_hz: number }
-  /** Of an engine in the program that serves the page: the files of its command line. */
+  /** Files of the command line; for an engine in the program that serves the page. */
   | { kind: "given" }
   | { kind: "keep"; text: string }
   | { kind: "save"; path: string; text: string }
@@ -38,7 +38,7 @@ export type RequestBody =
 export type Place = "simulated" | "serial" | "slcan" | "relay";
 export type Intent = "arm" | "pause_or_resume" | "return" | "disarm" | "estop" | "clear" | "quit";
 
-/** What is wanted of a robot at the other end of a link; bytes of the answer are to be sent to it. */
+/** Request to a robot at the other end of a link; bytes of the answer are to be sent to it. */
 export type RobotRequest =
   | { robot: "connect"; place: Place; files: File[]; file: string; node: number; gamepad: boolean; key: { text: string; nonce: [number, number] } | null }
   | { robot: "tick"; attended: boolean; gamepad: GamepadSeen[] }
@@ -67,7 +67,7 @@ export type RobotView = {
   complaint: string | null;
   faults: string[];
   motions: { name: string; code: number | null; looping: boolean }[];
-  /** What is played: its clip in the library, the time within it now, and seconds of it that pass in one. */
+  /** Motion that is played: clip in the library, current time within it, and playback rate (1 at planned speed). */
   playing: { name: string; clip: number; time_s: number; rate: number } | null;
   library: string | null;
   transfer: [number, number] | null;
@@ -232,9 +232,9 @@ export type Graph = {
   motions: { name: string; file: string; code: number | null; periodic: boolean }[];
   /** Name of the motion that is SAFE. */
   safe: string;
-  /** How long transitions between SAFE and all others take, if they are joined so. */
+  /** Duration of the transitions between SAFE and all other motions, s; null without them. */
   via_safe_s: number | null;
-  /** Those that are written one by one. */
+  /** Transitions that the file lists individually. */
   transitions: { from: string; to: string; duration_s: number | null }[];
   /** Motion files of the project that the library does not have. */
   others: { name: string; file: string }[];
@@ -254,7 +254,7 @@ export type Opened = { scene: Scene; motion: MotionView; /** Paths of motion and
 export type Planned = Opened & { solve: Solve; frames: FramesHeader; converged: boolean; good: boolean };
 
 export type Progress = {
-  /** What the first start has come to, once that has found the request infeasible. */
+  /** Outcome of the first start, once it has found the request infeasible. */
   refused?: Solve;
   iteration: number;
   worst_level: number;

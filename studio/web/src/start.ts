@@ -93,7 +93,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches && !navigator.webdriver) playWhenPlanned(studio, playback);
 }
 
-/** Without WebGL 2 everything but the picture works. */
+/** Builds the picture; null without WebGL 2, where everything else works. */
 function buildView(host: HTMLElement, studio: Studio, playback: Playback, settings: Settings): View | null {
   try {
     return new View(host, studio, playback, settings);

@@ -76,7 +76,7 @@ function closing(browser, then = () => {}) {
   return browser;
 }
 
-/** What browsers say about rendering in software is not the page's. */
+/** Messages of browsers about rendering in software, which are not the page's. */
 const NOISE = /software WebGL|GPU stall|GL Driver Message|WebGL context was lost|WEBGL_debug_renderer_info/i;
 
 export class Studio {

@@ -4,8 +4,8 @@ import { connect } from "node:net";
 import { child } from "./programs.mjs";
 import { within } from "./within.mjs";
 
-/** In the page, before its scripts: ports that behave as Web Serial says. Bytes arrive in pieces of any length. With `inWorkers` its
- * workers have them too. */
+/** Installs ports that behave like Web Serial in the page, before its scripts. Bytes arrive in pieces of any length. With `inWorkers`
+ * the page's workers have the ports too. */
 export function fakeSerial(inWorkers) {
   const isPage = typeof document !== "undefined";
   const fake = { port: null, baud: 0, refusal: null, failure: null, isOpen: false };
@@ -135,7 +135,7 @@ export async function slcanAdapter(socket, heard) {
   };
 }
 
-/** A packet with a frame of the link (docs/wire-format.md). */
+/** A packet with a frame of the link (docs/formats/wire-format.md). */
 const LINK = 16;
 
 function stuffed(bytes) {
@@ -144,7 +144,7 @@ function stuffed(bytes) {
   return out;
 }
 
-/** Between zeros; a packet has fewer than 254 bytes. */
+/** Splits bytes at zeros; a packet has fewer than 254 bytes. */
 function split(bytes) {
   const parts = [[]];
   for (const byte of bytes) byte === 0 ? parts.push([]) : parts.at(-1).push(byte);

@@ -14,7 +14,7 @@ export const program = process.env.STUDIO_ROLLWALK;
 export const simulator = process.env.STUDIO_SIM;
 export const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
 
-/** Where programs keep what is to outlast them. */
+/** Folder for state of programs that outlasts them. */
 const state = mkdtempSync(join(tmpdir(), "studio-state-"));
 const children = new Set();
 process.on("exit", () => children.forEach((child) => child.kill("SIGKILL")));

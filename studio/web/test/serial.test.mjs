@@ -13,7 +13,7 @@ import { flashRobot, runRobot } from "./robot.mjs";
 describe("a robot at a serial port", { skip: program && simulator ? false : "STUDIO_ROLLWALK and STUDIO_SIM name no programs" }, () => {
   let served, browser, studio, line, adapter;
   const robots = [];
-  /** What the cable leads to. */
+  /** Far end of the cable. */
   let far;
   // One message to the browser at a time, with all bytes that came meanwhile: one for each read of the line would queue up, until
   // bytes are late for the robot.

@@ -1,5 +1,5 @@
-//! Every actuator protocol: any order becomes frames or a refusal, any frame becomes numbers or nothing, and
-//! what was meant to be read back is read back.
+//! Fuzz target for every actuator protocol: any order becomes frames or a refusal, any frame becomes numbers or nothing, and
+//! values that are sent to be read back are read back.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rollwalk_protocol::actuator;
@@ -107,7 +107,7 @@ fn command(u: &mut Unstructured<'_>) -> Result<Command> {
     })
 }
 
-/// Every number in it is one.
+/// Checks that every value is finite.
 fn assert_finite(told: Option<(u8, Feedback)>) {
     if let Some((_, f)) = told {
         let all = [f.position_rad, f.speed_rad_s, f.torque_nm, f.temperature_c];
@@ -159,7 +159,7 @@ fn send<P: Codec>(
     }
 }
 
-/// Encodes for example settings of some protocol: what `check` takes is sent, and nothing of what it refuses.
+/// Encodes for example settings of some protocol: orders that `check` accepts are sent, refused ones are not.
 fn send_example(orders: &[ActuatorCommand]) {
     let count = Protocol::examples().count();
     let Some(protocol) = Protocol::examples().nth(orders.len() % count) else { return };
@@ -214,7 +214,7 @@ fn tell(all: &All, orders: &[ActuatorCommand]) {
     });
 }
 
-/// The Rollwalk profile's frames say what they say exactly.
+/// Checks that frames of the Rollwalk profile encode to the same bytes again.
 fn check_profile(frame: &Frame) {
     use actuator::{Control, Feedback, JointSetpoint, WheelSetpoint};
     if let Some((id, told)) = Control::decode(frame) {
@@ -305,7 +305,7 @@ pub fn run(data: &[u8]) {
     let _ = play(&mut Unstructured::new(data));
 }
 
-/// Settings as in practice, and what actuators answer in their documents' examples.
+/// Practical settings, and the actuators' answers in their documents' examples.
 pub fn seeds() -> Vec<Vec<u8>> {
     let frame =
         |id: u32, data: &[u8]| [&[2][..], &id.to_le_bytes(), &[data.len() as u8], data].concat();

@@ -7,7 +7,7 @@ pub fn key() -> LinkKey {
     LinkKey::new(&[0x42; LINK_KEY_LEN])
 }
 
-/// What a host with the key would have: none is made.
+/// Host with the key: the fuzzer never builds one.
 pub enum Prover {}
 
 impl Prover {

@@ -1,5 +1,5 @@
-//! Packets on serial lines among noise, those of Dynamixel servos, those of the line to an emulated board and those
-//! of the link: what is taken was there, and a sound packet is found whatever came before it.
+//! Packets on serial lines among noise: of Dynamixel servos, of the line to an emulated board, and of the link. Packets taken
+//! were on the line, and a sound packet is found after any noise.
 
 use rollwalk_protocol::actuators::dynamixel::packet::{Message, packet, take};
 use rollwalk_protocol::actuators::serial::ReceiveBuffer;
@@ -10,10 +10,10 @@ use rollwalk_protocol::wire::Node;
 use rollwalk_protocol::wire::isotp::{Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, frame_to_host};
 
-/// Whose messages they are: `0x510` to it, `0x511` from it.
+/// Node of the messages: `0x510` to it, `0x511` from it.
 const NODE: Node = Node::new(1).unwrap();
 
-/// Longest of what a packet may hold: see `packet`.
+/// Most parameters of a packet: see `packet`.
 const MAX_PARAMETERS: usize = 180;
 
 fn take_all(buffer: &mut ReceiveBuffer, is_silent: bool, into: &mut Vec<Message>) {
@@ -52,7 +52,7 @@ fn dynamixel(line: &[u8], parameters: &[u8]) {
     assert_eq!(take(&mut buffer, false), None);
 }
 
-/// A question or an answer: what decodes encodes to what decodes to the same.
+/// Checks that a decoded request or answer encodes to bytes that decode to the same.
 fn check_packet(packet: &[u8]) {
     let again = |line: Option<tunnel::Line>| {
         let line = line.expect("what was decoded fits");
@@ -94,7 +94,7 @@ fn board(line: &[u8], body: &[u8]) {
     assert_eq!(found, [Some((9, Request::Hello))], "after a zero, a packet is a packet");
 }
 
-/// What is taken encodes to itself, and whatever comes to an end of the line, the next message comes through.
+/// Packets that are taken encode to the same bytes. Whatever the line ends with, the next message comes through.
 fn link(line: &[u8], message: &[u8]) {
     let mut deframer = serial::Deframer::default();
     let mut gateway = Gateway::default();
@@ -133,7 +133,7 @@ fn link(line: &[u8], message: &[u8]) {
     assert_eq!(controller.received(), message);
 }
 
-/// The first byte says whose line it is, the next one how much of the rest is the sound packet.
+/// Runs the fuzzer's bytes. The first byte chooses the line, the next one the length of the sound packet in the rest.
 pub fn run(data: &[u8]) {
     let Some((&[whose, len], rest)) = data.split_first_chunk() else { return };
     let (packet, line) = rest.split_at(usize::from(len).min(rest.len()).min(MAX_PARAMETERS));

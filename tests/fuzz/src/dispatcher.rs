@@ -71,7 +71,7 @@ fn action(u: &mut Unstructured<'_>) -> Result<Action> {
     })
 }
 
-/// Values that are allowed, values that are not, and what is no number.
+/// Requests with allowed values, forbidden values, and NaN.
 fn parameter(u: &mut Unstructured<'_>) -> Result<ParameterAction> {
     Ok(match u.arbitrary::<u8>()? % 8 {
         0 => ParameterAction::Reset,
@@ -92,7 +92,7 @@ fn parameter(u: &mut Unstructured<'_>) -> Result<ParameterAction> {
     })
 }
 
-/// Any setpoint that decodes; in three of four cases near the pose of SAFE.
+/// Setpoint that decodes; in three of four cases it is near the SAFE pose.
 fn setpoint(u: &mut Unstructured<'_>) -> Result<Setpoint> {
     let (how, channel) = (u.arbitrary::<u8>()?, u.arbitrary::<u8>()? % 4);
     let safe = robot::STAND.get(usize::from(channel)).copied().unwrap_or(0.0);
@@ -161,7 +161,8 @@ fn deed(u: &mut Unstructured<'_>, lies: bool) -> Result<Deed> {
     })
 }
 
-/// What became of a controller. One that insists on a key never obeys: nothing here has it.
+/// Runs a sequence of deeds on a controller. With `insists` the controller needs a key and never obeys, because no deed has the
+/// key.
 fn after(u: &mut Unstructured<'_>, lies: bool, insists: bool) -> Result<Rig> {
     let mut rig = Rig::new(Some(&robot::library()));
     rig.trust_pose = !lies;
@@ -197,7 +198,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// A sequence of deeds; the first byte says whether actuators and clock lie, and whether the controller insists on a key.
+/// Runs a sequence of deeds. The first byte chooses whether actuators and clock lie, and whether the controller insists on a key.
 pub fn run(data: &[u8]) {
     // An error means that a deed was cut off.
     let _ = play(&mut Unstructured::new(data));

@@ -16,7 +16,7 @@ pub type Flash = nor::Nor<8, 2048>;
 
 const TRIAL_BOOTS: u8 = 3;
 
-/// A store of which everything is blank, or one that holds a confirmed library.
+/// Store that is blank, or that holds a confirmed library.
 pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
     let mut store = FlashStore::mount(Flash::blank(18), TRIAL_BOOTS).expect("sound geometry");
     if let Some(bytes) = library {
@@ -34,7 +34,7 @@ pub fn parameters() -> FlashParameters<Flash> {
     FlashParameters::mount(Flash::blank(3)).expect("sound geometry")
 }
 
-/// What the flash of both stores holds after the power was off.
+/// Contents of both stores' flash after a power cycle.
 pub fn mounted_again(
     (library, parameters): (FlashStore<Flash>, FlashParameters<Flash>),
 ) -> (FlashStore<Flash>, FlashParameters<Flash>) {

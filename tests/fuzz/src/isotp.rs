@@ -13,7 +13,7 @@ type End = Endpoint<ROOM>;
 const AGES_US: u64 = 3_600_000_000;
 const TIMEOUT_US: u64 = 1_000_000;
 
-/// What the bus does with a frame.
+/// Effect of the bus on a frame.
 #[derive(Clone, Copy, PartialEq)]
 enum Fate {
     Carried,

@@ -1,5 +1,5 @@
-//! What arbitrary input must not break, one module for each fuzz target. Each has `run`, which takes the
-//! fuzzer's bytes and panics when something that must hold does not, and `seeds`, inputs to begin with.
+//! Fuzz targets, one module each. Each has `run`, which takes the fuzzer's bytes and panics when a property is violated, and
+//! `seeds`, the initial inputs.
 //!
 //! | module | fuzzes |
 //! |---|---|

@@ -14,9 +14,9 @@ use crate::robot;
 
 /// The first byte: how the rest is taken.
 const AS_IS: u8 = 0;
-/// With lengths and checksums made good, so that what is behind them is reached.
+/// Corrects lengths and checksums, so that the content behind them is reached.
 const RESEALED: u8 = 1;
-/// As a description of robot and motions to encode.
+/// Takes the rest as a description of robot and motions to encode.
 const DESCRIBED: u8 = 2;
 
 /// Bytes before the library: how, and the commands.

@@ -1,5 +1,5 @@
-//! The memory for gains and limits in flash: any content, power cuts, writes that fail. What is loaded is
-//! what was saved last, or what was about to be when the power failed.
+//! The memory for gains and limits in flash: any content, power cuts, writes that fail. A loaded set is the one saved last, or
+//! the one being saved when the power failed.
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_firmware::store::{FlashParameters, ParameterSet, ParameterStore};
@@ -29,7 +29,7 @@ struct Bench {
     /// Empty while it is being mounted.
     store: Option<FlashParameters<Watched>>,
     power: Power,
-    /// What may be loaded; of foreign flash nothing is known.
+    /// Sets that may be loaded; `None` for foreign flash, whose content is unknown.
     allowed: Option<Vec<Option<ParameterSet>>>,
 }
 
@@ -139,7 +139,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// A memory, and what is done to it; the first byte says in which flash.
+/// Runs operations on a memory; the first byte chooses the flash.
 pub fn run(data: &[u8]) {
     // An error means that a deed was cut off.
     let _ = play(&mut Unstructured::new(data));

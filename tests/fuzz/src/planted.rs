@@ -22,7 +22,7 @@ pub fn run(data: &[u8]) {
     std::hint::black_box(payload(data));
 }
 
-/// A few bytes that say nothing about the keyword.
+/// Seed bytes without any part of the keyword.
 pub fn seeds() -> Vec<Vec<u8>> {
     vec![vec![0; 12]]
 }

@@ -1,4 +1,4 @@
-//! Inputs to begin with: made by the targets from what they know, not kept as files.
+//! Initial inputs, which the targets generate: they are not kept as files.
 
 use std::path::Path;
 

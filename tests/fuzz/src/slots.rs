@@ -25,15 +25,15 @@ fn library(number: u8) -> Vec<u8> {
     (0..lens[number]).map(|i| (i * (2 * number + 3) + number) as u8).collect()
 }
 
-/// What is known of a store.
+/// Expected state of a store.
 struct Bench {
     /// Empty while it is being mounted.
     store: Option<Store>,
     power: Power,
     allowed: Vec<Vec<u8>>,
-    /// Checksums of what may have been there from the beginning, in foreign flash.
+    /// Checksums of libraries that foreign flash may have held from the beginning.
     found: Vec<u32>,
-    /// Nothing that plays is right.
+    /// True if the store may have no library that plays.
     may_be_empty: bool,
     /// Candidate of the last begin.
     candidate: Vec<u8>,
@@ -119,7 +119,7 @@ impl Bench {
     fn seal(&mut self) -> Result<(), StoreError> {
         self.store().seal()?;
         let candidate = self.candidate.clone();
-        // In foreign flash a transfer may have been finished that nobody here began.
+        // Foreign flash may hold a finished transfer that this run did not begin.
         let received = self.store().received().to_vec();
         assert!(received == candidate || self.found.contains(&file_digest(&received)));
         Ok(())
@@ -226,7 +226,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// A store, and what is done to it; the first byte says in which flash.
+/// Runs operations on a store; the first byte chooses the flash.
 pub fn run(data: &[u8]) {
     // An error means that a deed was cut off.
     let _ = play(&mut Unstructured::new(data));

@@ -24,22 +24,22 @@ struct Switches {
 pub struct Power(Rc<Switches>);
 
 impl Power {
-    /// Whether there is power.
+    /// True if there is power.
     pub fn get(&self) -> bool {
         self.0.has_power.get()
     }
 
-    /// The power fails after so many bytes of writing and erasing.
+    /// Cuts the power after `bytes` bytes of writing and erasing.
     pub fn cut_after(&self, torn: Torn, bytes: usize) {
         self.0.cut.replace(Some(Some((torn, bytes))));
     }
 
-    /// The power does not fail any more.
+    /// Keeps the power on.
     pub fn keep(&self) {
         self.0.cut.replace(Some(None));
     }
 
-    /// One write in so many fails.
+    /// Lets one write in `rate` fail; none for `None`.
     pub fn fail_writes(&self, rate: Option<u64>) {
         self.0.failing.set(Some(rate));
     }
@@ -59,7 +59,7 @@ impl Watched {
         (Self { cells: Cells::with(cells), power: power.clone(), cycles: 0 }, power)
     }
 
-    /// Some word, which cannot be read from now on.
+    /// Makes a word unreadable from now on.
     pub fn spoil(&mut self, at: usize) {
         self.cells.make_unreadable(at % self.cells.capacity());
     }

@@ -1,5 +1,4 @@
-//! Frames and messages of the link: what decodes encodes to the same bytes again, and no frame is both to
-//! and from a controller.
+//! Frames and messages of the link: decoded ones encode to the same bytes again, and no frame is both to and from a controller.
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::can::Frame;
@@ -86,7 +85,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-/// One of each kind.
+/// Seeds: a frame or message of each kind.
 pub fn seeds() -> Vec<Vec<u8>> {
     let node = Node::new(3).expect("one of 15");
     let command = |action| Command { seq: 5, action, valid_until_ms: 1000 }.encode(node);

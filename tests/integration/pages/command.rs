@@ -91,7 +91,7 @@ pub fn misunderstood(documents: &[Document]) -> (Vec<String>, usize) {
     (faults, checked)
 }
 
-/// What a code span names that its program has not: `rollwalk plan --samples-fixed` names a command and an option.
+/// Command or option of a code span that its program lacks: `rollwalk plan --samples-fixed` names a command and an option.
 pub fn unknown(span: &str) -> Option<String> {
     let words: Vec<&str> = span.split_whitespace().collect();
     let command = command_line(words.first().copied())?;

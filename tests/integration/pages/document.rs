@@ -12,7 +12,7 @@ pub struct Block {
     /// Number of the section that it is in.
     pub section: usize,
     pub language: String,
-    /// What stands behind the language.
+    /// Text behind the language.
     pub mark: String,
     pub code: String,
 }
@@ -80,7 +80,7 @@ impl Document {
         Self { path: path.into(), blocks, spans }
     }
 
-    /// Whether its commands want a robot that plays in real time.
+    /// True if its commands need a robot that plays in real time.
     pub fn has_robot(&self) -> bool {
         let mut commands =
             self.blocks.iter().filter(|block| block.is_run()).flat_map(Block::commands);
@@ -88,7 +88,7 @@ impl Document {
     }
 }
 
-/// All documents of the checkout, in the order of their paths.
+/// Reads all documents of the checkout, in the order of their paths.
 pub fn documents() -> Vec<Document> {
     fn find(folder: &Path, into: &mut Vec<String>) {
         let mut entries: Vec<_> =

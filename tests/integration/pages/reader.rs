@@ -13,9 +13,9 @@ const ENDED_BY_THEIR_USER: [&str; 4] = ["console", "drive", "monitor", "studio"]
 
 pub struct Reader {
     desk: Desk,
-    /// What the section has exported.
+    /// Environment variables that the section has exported.
     exported: Vec<(String, String)>,
-    /// In a terminal of its own.
+    /// Simulated robot in a terminal of its own.
     robot: Option<Program>,
     /// Files of documents that were written.
     pub files: usize,
@@ -24,7 +24,7 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// One who has done nothing yet.
+    /// Creates a reader with the shipped files, before the first command.
     pub fn new() -> Self {
         let desk = desk_with_programs();
         copy_shipped_files(&desk);
@@ -32,7 +32,7 @@ impl Reader {
         Self { desk, exported: Vec::new(), robot: None, files: 0, commands: 0 }
     }
 
-    /// Does all that a document says.
+    /// Runs all commands of a document and writes its files.
     ///
     /// # Panics
     /// A command ends otherwise than the document says.
@@ -130,7 +130,7 @@ impl Reader {
     }
 }
 
-/// What a command that is refused says, by its comment.
+/// Message of a command that is refused, from the comment of the line.
 fn refusal(line: &str) -> Option<&str> {
     line.split_once(" # refused: ").map(|(_, words)| words.trim())
 }

@@ -24,14 +24,14 @@ const PWM_PERIOD_US: f32 = 20_000.0;
 /// A setpoint as a drive was sent it.
 #[derive(Clone, Copy, Debug)]
 pub struct Told {
-    /// What the controller played in that control period.
+    /// Motion of the controller in that control period.
     pub playing: Playing,
     pub channel: usize,
     /// Angle, rad, or speed of a wheel, rad/s.
     pub value: f32,
     /// Torque on top, N·m.
     pub torque_nm: f32,
-    /// Its gains, N·m/rad and N·m·s/rad.
+    /// Gains, N·m/rad and N·m·s/rad.
     pub gains: [f32; 2],
 }
 

@@ -39,19 +39,19 @@ pub struct Bench {
 pub struct Module {
     /// The file.
     pub path: PathBuf,
-    /// How the robot is connected to the board.
+    /// Wiring between robot and board, in words.
     pub wiring: String,
 }
 
 /// Files with the keys of an image.
 #[derive(clap::Args, Default)]
 pub struct KeyFiles {
-    /// File with the robot's link key (`rollwalk keys new`): the robot then obeys only hosts that have it. The image has the
-    /// key in it, and its files are for their user alone.
+    /// File with the robot's link key (`rollwalk keys new`). The robot then accepts only hosts that have it. The image contains
+    /// the key, so only you can read the image files.
     #[arg(long, value_name = "FILE")]
     pub link_key: Option<PathBuf>,
-    /// File with the public key of a pair (`rollwalk keys new-pair`): the robot then plays only libraries signed with the
-    /// private one.
+    /// File with the public key of a pair (`rollwalk keys new-pair`). The robot then plays only libraries signed with the private
+    /// key.
     #[arg(long, value_name = "KEY.pub.pem")]
     pub library_key: Option<PathBuf>,
 }

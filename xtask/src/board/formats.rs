@@ -7,7 +7,7 @@ use std::path::Path;
 /// Largest flat binary: no flash of a microcontroller is larger.
 const MAX_FLAT: usize = 16 << 20;
 
-/// What a file for a boot loader holds.
+/// Format of a file for a boot loader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// The ELF file itself.
@@ -28,12 +28,12 @@ impl Format {
         }
     }
 
-    /// Whether a file's name ends so.
+    /// True if the file's name has the extension of this format.
     pub fn is_of(self, path: &Path) -> bool {
         path.extension().is_some_and(|extension| extension == self.extension())
     }
 
-    /// An image in this format.
+    /// Converts an image into this format.
     ///
     /// # Errors
     /// The image is no ELF file with contents for a flash.

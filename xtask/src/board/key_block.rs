@@ -1,14 +1,14 @@
-//! Keys into a program that was compiled without: the block that `firmware/boards/image_keys.rs` reads at the start.
+//! Key block of a program that was compiled without keys: `firmware/boards/image_keys.rs` reads it at the start.
 
 use object::{Object, ObjectSection, ObjectSymbol};
 use std::ops::Range;
 
-/// The block's symbol.
+/// Symbol of the block.
 const SYMBOL: &str = "ROLLWALK_KEYS";
-/// Its first bytes, blank or not.
+/// First bytes of the block, blank or filled.
 const MAGIC: &[u8] = b"RW-KEYS1";
 
-/// Puts a block, in hexadecimal digits, in the place of the blank one of a program.
+/// Replaces the blank block of a program by a block in hexadecimal digits.
 ///
 /// # Errors
 /// The program has no blank block of this size.
@@ -25,7 +25,7 @@ pub fn fill(image: &mut [u8], digits: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Where in the file of a program its block is.
+/// Position of the block in the file of a program.
 fn place(image: &[u8]) -> Result<Range<usize>, String> {
     let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
     let found = file.symbols().find(|symbol| symbol.name() == Ok(SYMBOL));

@@ -46,7 +46,7 @@ impl Keys {
         self.folder.path().join(name)
     }
 
-    /// For an image with both.
+    /// Key files for an image with both keys.
     fn files(&self) -> KeyFiles {
         let [link, library] = ["robot.key", "owner.pub.pem"].map(|name| Some(self.at(name)));
         KeyFiles { link_key: link, library_key: library }

@@ -1,4 +1,5 @@
-//! What keys cost on the emulated board: its images with them, a proven command, the signature of a library.
+//! Cost of keys on the emulated board: size of its images with keys, instructions for an authenticated command and for the
+//! signature of a library.
 
 use super::bench::Bench;
 use super::contents::{Contents, Sections, read, sections};
@@ -53,7 +54,7 @@ impl Keys {
         })
     }
 
-    /// For `--json`.
+    /// Report for `--json`.
     pub fn json(&self) -> Value {
         json!({
             "text_bytes_with_link_key": self.link.sections.text,
@@ -84,8 +85,8 @@ impl Keys {
         );
     }
 
-    /// What is above its limit. The crate that checks signatures has checks of indices that the compiler cannot prove:
-    /// only the image without it can have no panics.
+    /// Records all values above their limits. The crate that checks signatures has index checks that the compiler cannot remove,
+    /// so only the image without that crate must be free of panics.
     pub fn judge(&self, limits: &mut Limits) {
         limits.bytes("text with a link key", self.link.sections.text, MAX_TEXT_LINK);
         limits.no_panics(&self.link.panics);

@@ -9,17 +9,17 @@ pub const MAX_STATIC_RAM: u64 = 16 << 10;
 pub struct Limits(Vec<String>);
 
 impl Limits {
-    /// No more than `most` bytes of something.
+    /// Checks that something takes at most `most` bytes.
     pub fn bytes(&mut self, what: &str, taken: u64, most: u64) {
         self.at_most(what, taken, most, "B");
     }
 
-    /// No more than `most` instructions of something.
+    /// Checks that something takes at most `most` instructions.
     pub fn instructions(&mut self, what: &str, taken: f64, most: f64) {
         self.at_most(what, taken.ceil(), most, "instructions");
     }
 
-    /// Nothing that can panic.
+    /// Checks that there is no code that can panic.
     pub fn no_panics(&mut self, symbols: &[String]) {
         self.0.extend(symbols.iter().map(|symbol| format!("panic path: {symbol}")));
     }

@@ -19,26 +19,25 @@ pub struct Options {
     /// Robot file (TOML).
     #[arg(long, value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// The board.
+    /// Board.
     #[arg(long)]
     board: Board,
-    /// File for the image: its ending chooses the format. Without it, one file of each format of the board in the target
-    /// folder.
+    /// Image file; the extension selects the format. By default, one file of each format of the board in the target folder.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]
     keys: KeyFiles,
 }
 
-/// What an image of a board becomes.
+/// Files of a board's image.
 struct Product {
     image: Image,
-    /// Where its own variables are.
+    /// RAM for the program's variables.
     ram: Range<u64>,
     /// Bytes of flash for the program.
     flash: u64,
     formats: &'static [Format],
-    /// How each of these files gets onto the board; `FILE` stands for its name.
+    /// Flashing instructions for each of these files; `FILE` stands for its name.
     flashing: &'static [(Format, &'static str)],
 }
 
@@ -166,7 +165,7 @@ fn build(image: &Image, module: &Path, keys: &KeyFiles) -> Result<Vec<u8>, Strin
     }
 }
 
-/// Whether an image fits a board's memory.
+/// Checks that an image fits a board's memory.
 fn fits(board: &str, memory: &str, taken: u64, room: u64) -> Result<(), String> {
     if taken <= room {
         return Ok(());

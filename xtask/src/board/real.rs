@@ -13,9 +13,9 @@ pub struct Memory {
     image: Image,
     /// Variables and stack (`memory.x`).
     pub ram: Range<u64>,
-    /// Of the stack's own.
+    /// Bytes of RAM reserved for the stack.
     stack_bytes: u64,
-    /// For the program; the library has its own.
+    /// Bytes of flash for the program; the library has its own flash.
     pub flash_bytes: u64,
     /// Most bytes of code and constants.
     max_text: u64,
@@ -24,8 +24,8 @@ pub struct Memory {
     max_text_both: u64,
 }
 
-/// Its limit is that of the emulated board, which is the core's, and half as much for drivers, the store of parameters and
-/// clocks.
+/// NUCLEO-G474RE. The text limit is that of the emulated board, which has only the core, and half as much for drivers, the store
+/// of parameters and clocks.
 pub const NUCLEO: Memory = Memory {
     name: "nucleo-g474re",
     image: NUCLEO_G474RE,

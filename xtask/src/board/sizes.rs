@@ -10,8 +10,8 @@ use super::keys::Keys;
 use super::limits::MAX_STATIC_RAM;
 use serde_json::json;
 
-/// Most bytes of code and constants: 64 KiB, as before torques were fed forward, 6 KiB for these, 4 KiB for streamed setpoints, and 4 KiB
-/// for a loop that a host closes over the link.
+/// Most bytes of code and constants: 64 KiB, as before torques were fed forward, 6 KiB for these, 4 KiB for streamed setpoints,
+/// and 4 KiB for a loop that a host closes over the link.
 pub const MAX_TEXT: u64 = 78 << 10;
 /// The same with lines for every actuator protocol, which the board has not: today's size and a little more. Each
 /// protocol adds its codec here, and nothing to images without its line.

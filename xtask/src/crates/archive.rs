@@ -1,4 +1,4 @@
-//! What a package has in it: its README, and the licences of the checkout.
+//! Contents of a package: its README, and the licences of the checkout.
 
 use super::Published;
 use crate::shell;
@@ -11,7 +11,7 @@ const OF_CHECKOUT: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
 /// The registry refuses larger packages.
 const BYTES_MAX: u64 = 10 * 1024 * 1024;
 
-/// What is wrong with a package.
+/// Returns the defects of a package.
 ///
 /// # Errors
 /// It is not where cargo writes it, or no archive.

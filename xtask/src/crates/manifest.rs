@@ -1,4 +1,4 @@
-//! What cargo says of the workspace: which crates are published, and what their users must find.
+//! Metadata of the workspace from cargo: the published crates, and the information that their users need.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ const CATEGORIES: [&str; 10] = [
     "science::robotics",
     "simulation",
 ];
-/// What the registry takes of keywords and of categories, and how long a keyword may be.
+/// Accepted number of keywords and of categories in the registry, and maximum length of a keyword, bytes.
 const WORDS: std::ops::RangeInclusive<usize> = 1..=5;
 const KEYWORD_BYTES: usize = 20;
 
@@ -52,7 +52,7 @@ pub fn published(metadata: &str) -> Result<Vec<Published>, String> {
     published.filter(|all| !all.is_empty()).ok_or("cargo metadata: no crate is published".into())
 }
 
-/// What published crates lack.
+/// Returns missing and invalid metadata of the published crates.
 ///
 /// # Errors
 /// `metadata` is not what cargo prints.
@@ -91,7 +91,7 @@ pub fn violations(metadata: &str) -> Result<Vec<String>, String> {
     Ok(found)
 }
 
-/// What is wrong with a dependency on another crate of ours: in a package only its version is left.
+/// Returns the defect of a dependency on another crate of the workspace. In a package only the version of the dependency is left.
 fn of_dependency(name: &str, dependency: &Value, packages: &[Value]) -> Option<String> {
     dependency["path"].as_str()?;
     let to = dependency["name"].as_str()?;

@@ -17,12 +17,12 @@ use std::path::PathBuf;
 
 pub use semver::compare;
 
-/// Checks the manifests of the published crates and, unless brief, packages each. The full check also builds each from its package alone, and compares its public items with the last
-/// release.
+/// Checks the manifests of the published crates and, unless brief, packages each. The full check also builds each from its
+/// package alone, and compares its public items with the last release.
 ///
 /// # Errors
-/// Metadata that is missing, a crate that cannot be packaged, a package without its licences; then also one that does not build, and
-/// changes that the version does not allow.
+/// Metadata that is missing, a crate that cannot be packaged, a package without its licences; then also one that does not
+/// build, and changes that the version does not allow.
 pub fn check(extent: Extent) -> Result<(), String> {
     let metadata = metadata()?;
     let published = manifest::published(&metadata)?;
@@ -45,13 +45,13 @@ pub fn check(extent: Extent) -> Result<(), String> {
     if extent == Extent::Full { compare(None) } else { Ok(()) }
 }
 
-/// What cargo says of the workspace.
+/// Metadata of the workspace, from cargo.
 fn metadata() -> Result<String, String> {
     shell::output(&mut shell::cargo(&["metadata", "--no-deps", "--format-version", "1"]))
 }
 
-/// Writes the packages. Those that do not depend on each other alone are found in a registry that cargo makes for this, so that none needs
-/// to be published.
+/// Writes the packages. Those that do not depend on each other alone are found in a registry that cargo makes for this, so that
+/// none needs to be published.
 fn package(published: &[Published], extent: Extent) -> Result<(), String> {
     // Of a change, too, before it is committed.
     let mut package = shell::cargo(&["package", "--locked", "--allow-dirty", "--target-dir"]);

@@ -1,5 +1,5 @@
-//! Public items of the published crates, compared with those of the last release by cargo-semver-checks: what breaks users needs a
-//! version that says so.
+//! Public items of the published crates, compared with those of the last release by cargo-semver-checks: what breaks users
+//! needs a version that says so.
 
 use super::manifest::{self, Published};
 use super::metadata;
@@ -11,8 +11,8 @@ const TAGS: &str = "v[0-9]*";
 /// Compares with a revision, or else with the last release before this commit. Says so where there is none.
 ///
 /// # Errors
-/// The changes that the version does not allow, which are on the terminal; a revision that has none of the crates; the command that installs
-/// cargo-semver-checks.
+/// The changes that the version does not allow, which are on the terminal; a revision that has none of the crates; the command
+/// that installs cargo-semver-checks.
 pub fn compare(since: Option<&str>) -> Result<(), String> {
     let revision = match since {
         Some(revision) => Some(revision.to_owned()),
@@ -51,7 +51,7 @@ fn last_release() -> Result<Option<String>, String> {
     Ok(tags.lines().next().map(str::to_owned))
 }
 
-/// Whether a revision has a crate, in the same folder.
+/// True if the revision has this crate, in the same folder.
 fn is_in(revision: &str, one: &Published) -> Result<bool, String> {
     let folder = one.folder.strip_prefix(shell::workspace_root()).map_err(|e| e.to_string())?;
     let manifest = format!("{revision}:{}/Cargo.toml", folder.display());

@@ -6,22 +6,22 @@ use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The machine that the programs are for.
+/// Target of the programs.
 pub const TARGET: &str = "x86_64-unknown-linux-musl";
-/// Their profile, in the root `Cargo.toml`.
+/// Build profile of the programs, in the root `Cargo.toml`.
 pub const PROFILE: &str = "ship";
 pub const PROGRAMS: [&str; 4] = ["rollwalk", "rollwalk-sim", APPS[0], APPS[1]];
-/// Those that are packages of their own, and write their manual pages and completions themselves.
+/// Programs in packages of their own, which write their manual pages and completions themselves.
 pub const APPS: [&str; 2] = ["rollwalk-bench", "rollwalk-ros2"];
 
-/// The folder that has the programs.
+/// Folder of the built programs.
 pub struct Programs {
     /// Cargo's folder of the target and the profile.
     pub folder: PathBuf,
 }
 
 impl Programs {
-    /// One of [`PROGRAMS`].
+    /// Path of one of the [`PROGRAMS`].
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
@@ -71,14 +71,14 @@ fn home() -> Result<PathBuf, String> {
     chosen.or_else(usual).ok_or_else(|| "there is no home folder: set CARGO_HOME".into())
 }
 
-/// Whether a program needs no library of the machine: it imports nothing.
+/// True for a static program: it imports no symbols.
 fn is_static(program: &[u8]) -> Result<bool, String> {
     let file = object::File::parse(program).map_err(|error| format!("no program: {error}"))?;
     let mut imports = file.imports().map_err(|error| error.to_string())?;
     Ok(imports.next().is_none())
 }
 
-/// Whether a folder stands in a program.
+/// True if the path of a folder occurs in a program.
 fn names(program: &[u8], folder: &Path) -> bool {
     let folder = folder.as_os_str().as_encoded_bytes();
     program.windows(folder.len()).any(|bytes| bytes == folder)

@@ -1,5 +1,5 @@
-//! What is installed: one archive and one Debian package with static programs, manual pages, completions of shells, udev rules
-//! and the files that ship; and the notes of the release.
+//! Release packages: one archive and one Debian package with static programs, manual pages, completions of shells, udev rules and
+//! the shipped files; and the release notes.
 //!
 //! | module | is |
 //! |---|---|
@@ -21,15 +21,15 @@ use std::path::{Path, PathBuf};
 
 const CARGO_DEB: (&str, &str) = ("cargo-deb", "3.8.0");
 
-/// How to package.
+/// Options of the packages.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Build all a second time, in a target folder of its own, and compare the bytes.
+    /// Build everything a second time, in a separate target folder, and compare the bytes.
     #[arg(long)]
     twice: bool,
 }
 
-/// What was packaged.
+/// Files of the packages.
 struct Packages {
     archive: PathBuf,
     debian: PathBuf,

@@ -34,7 +34,7 @@ pub trait Step: ValueEnum + 'static {
         &[]
     }
 
-    /// What the brief form leaves to `cargo xtask nightly`.
+    /// Checks that the brief form leaves to `cargo xtask nightly`.
     fn left_out(&self) -> &'static str {
         ""
     }
@@ -45,12 +45,12 @@ pub trait Step: ValueEnum + 'static {
     /// The first failure, with what mends it where that is known.
     fn check(&self, extent: Extent) -> Result<(), String>;
 
-    /// Whether the step runs beside those that follow it.
+    /// True if the step runs in parallel with those that follow it.
     fn is_beside(&self) -> bool {
         false
     }
 
-    /// Whether no step may run beside it, because it has deadlines in real time.
+    /// True if no other step may run at the same time, because the step has deadlines in real time.
     fn is_alone(&self) -> bool {
         false
     }

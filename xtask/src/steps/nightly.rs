@@ -37,9 +37,9 @@ pub enum NightlyStep {
     Deny,
     /// Packages of the published crates, built alone; their public items against the last release.
     Crates,
-    /// The site of the documents, with all that comes from the code.
+    /// Documentation site, with all generated pages.
     Docs,
-    /// The Debian package, installed where nothing else is, with the tutorial of README.
+    /// Debian package, installed on a bare Debian, with the tutorial of README.
     Package,
     /// AgileBot with its twenty motors on real CAN interfaces, and the emulated board behind `slcand`.
     Vcan,
@@ -57,7 +57,7 @@ pub enum NightlyStep {
     Exports,
     /// A sweep over designs, whole, interrupted, and split by GNU parallel and Slurm.
     Explore,
-    /// Every shipped motion replayed in MuJoCo, without and with feed-forward, level and disturbed.
+    /// Shipped motions replayed in MuJoCo, without and with feed-forward, level and disturbed.
     Replay,
     /// Verdicts of the planner on 186 requests of imported and shipped robots, against MuJoCo.
     Agreement,
@@ -69,11 +69,11 @@ pub enum NightlyStep {
     Wheel,
     /// Random faults and combinations of them: a thousand runs on the ground, and on a stand a thousand of each.
     FaultCampaign,
-    /// Every fuzz target for ten minutes.
+    /// Fuzz targets, for ten minutes each.
     Fuzz,
     /// 100,000 attacks on a simulated robot over its link; commands killed, and on a full disk, while they write.
     Hostile,
-    /// Robots on a computer whose cores are busy four times over.
+    /// Robots on a computer with four times as many busy processes as cores.
     Load,
     /// The ROS 2 node as colcon builds it, on a simulated robot, from a client over another DDS.
     Ros2,

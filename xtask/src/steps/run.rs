@@ -40,7 +40,7 @@ struct Beside {
 }
 
 impl Run {
-    /// No step yet of `total` steps of `cargo xtask COMMAND`.
+    /// Creates a run of `total` steps of `cargo xtask COMMAND`.
     pub fn new(command: &'static str, total: usize) -> Self {
         Self {
             command,
@@ -101,7 +101,7 @@ impl Run {
         self.left.push((name.into(), left));
     }
 
-    /// Whether a step has run and failed.
+    /// True if a step has run and failed.
     pub fn has_failed(&self, name: &str) -> bool {
         self.rows.iter().any(|row| row.name == name && row.remark == FAILED)
     }

@@ -12,13 +12,13 @@ use std::thread;
 /// A step of the test command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum TestStep {
-    /// Formatting, as `rustfmt.toml` says.
+    /// Formatting, by `rustfmt.toml`.
     Fmt,
     /// House rules that no compiler checks.
     Tidy,
     /// Packages of the crates that are published, without building them.
     Crates,
-    /// Every target of the workspace, compiled by clippy, warnings denied; programs and tests for the steps that follow.
+    /// Compilation of every target of the workspace by clippy, with warnings denied; programs and tests for later steps.
     Build,
     /// The studio's page in Chromium and Firefox, without robots.
     Studio,
@@ -38,7 +38,7 @@ pub enum TestStep {
     Hostile,
     /// Robots that the studio's page drives in real time.
     Robots,
-    /// All tests of all crates.
+    /// Tests of all crates.
     Test,
 }
 
@@ -176,7 +176,7 @@ pub fn format() -> Result<(), String> {
     shell::run(&mut shell::cargo(&fuzz))
 }
 
-/// Makes sure that there is Python for the independent check of plans, `docs/check_plan.py`, which tests call.
+/// Makes sure that there is Python for the independent check of plans, `docs/formats/check_plan.py`, which tests call.
 ///
 /// # Errors
 /// The command that installs it.

@@ -14,7 +14,7 @@ const PREFIX: &str = "linux-image-";
 pub struct Kernel {
     /// Folder with its files.
     pub folder: PathBuf,
-    /// Its release, as in `uname -r`.
+    /// Release, as in `uname -r`.
     pub release: String,
 }
 

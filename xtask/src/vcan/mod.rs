@@ -37,14 +37,14 @@ pub struct Options {
     /// Run in the virtual machine even if this kernel has vcan: its clock does not depend on the load of this machine.
     #[arg(long)]
     guest: bool,
-    /// A folder that keeps what the command writes into it, `ROLLWALK_RESULTS` for the command. Other files that it
-    /// writes in the virtual machine are lost.
+    /// Folder for files to keep; the command finds its path in `ROLLWALK_RESULTS`. Other files that the command writes in the
+    /// virtual machine are lost.
     #[arg(long, value_name = "FOLDER")]
     results: Option<PathBuf>,
-    /// Timeout in seconds of this machine's clock.
+    /// Timeout by this machine's clock, s.
     #[arg(long, value_name = "SECONDS", default_value_t = 600)]
     timeout: u64,
-    /// The command with its arguments; by default the full tests of `tests/vcan/`.
+    /// Command with its arguments. The default is the full tests of `tests/vcan/`.
     #[arg(last = true)]
     command: Vec<String>,
 }
@@ -83,7 +83,7 @@ pub fn run(options: &Options) -> Result<ExitCode, String> {
     Ok(ExitCode::from(code))
 }
 
-/// Whether the tests run in a virtual machine, because this kernel has no vcan.
+/// True if the tests run in a virtual machine, because this kernel has no vcan.
 pub fn in_virtual_machine() -> bool {
     place::decide() == Ok(Place::Guest)
 }

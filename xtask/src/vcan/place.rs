@@ -24,7 +24,7 @@ pub fn decide() -> Result<Place, String> {
     Ok(Place::Here)
 }
 
-/// Whether an interface exists and is up.
+/// Returns true if the interface exists and is up.
 fn ready(name: &str) -> Result<bool, String> {
     let read = |file: &str| fs::read_to_string(format!("/sys/class/net/{name}/{file}"));
     let (Ok(kind), Ok(flags)) = (read("type"), read("flags")) else { return Ok(false) };
@@ -37,7 +37,7 @@ fn ready(name: &str) -> Result<bool, String> {
 /// `ARPHRD_CAN` of `linux/if_arp.h`.
 const ARPHRD_CAN: &str = "280";
 
-/// Whether the flags of an interface, as the kernel prints them, have `IFF_UP`.
+/// True if the flags of an interface, as the kernel prints them, have `IFF_UP`.
 fn is_up(flags: &str) -> bool {
     let digits = flags.trim().trim_start_matches("0x");
     u32::from_str_radix(digits, 16).is_ok_and(|flags| flags & 1 != 0)

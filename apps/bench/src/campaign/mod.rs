@@ -45,12 +45,12 @@ pub struct Subject {
     pub on_the_way: Vec<(u8, u8)>,
     /// Maximum time of the return to SAFE from any motion.
     pub way_home: SimTime,
-    /// Whether it is on the ground, level in one run of two, else on a slope; not on a stand.
+    /// True for a robot on the ground, level in one run of two, else on a slope; false for a robot on a stand.
     pub on_ground: bool,
 }
 
 impl Subject {
-    /// One leg with hip, knee and wheel, on two actuator buses.
+    /// Single leg with hip, knee and wheel, on two actuator buses.
     pub fn one_leg() -> Self {
         Self {
             robot: one_leg::robot(),
@@ -95,7 +95,7 @@ impl Subject {
     }
 }
 
-/// One run: everything in it follows from these values.
+/// Run of the campaign: everything in it follows from these values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Case {
     pub scenario: Scenario,
@@ -120,7 +120,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// All, in the order of the table.
+    /// Outcomes in the order of the table.
     pub const ALL: [Self; 6] = [
         Self::WentOn,
         Self::WentHome,
@@ -154,18 +154,18 @@ pub struct Report {
     pub errors: Vec<String>,
     /// Frames or events disturbed: by the loss, by other faults.
     pub fired: [u64; 2],
-    /// What the monitor checked.
+    /// Counts of the monitor's checks.
     pub coverage: Coverage,
     /// Time from the host's first emergency stop to motors without torque.
     pub stopped_after: Option<SimTime>,
-    /// What became of a robot on the ground.
+    /// Report on a robot on the ground.
     pub world: Option<WorldReport>,
     /// Virtual time of the run.
     pub took: SimTime,
 }
 
 impl Report {
-    /// Whether the run has neither violations nor errors.
+    /// True if the run has neither violations nor errors.
     pub fn is_clean(&self) -> bool {
         self.violations.is_empty() && self.errors.is_empty()
     }

@@ -15,7 +15,7 @@ const SET_UP_WITHIN: SimTime = SimTime::from_ms(10_000);
 /// Interval between two checks of the status, µs.
 const STATUS_CHECK_US: u64 = 50_000;
 
-/// What the operator could not achieve, in a sentence.
+/// Failure of the operator, in a sentence.
 pub type Stuck = String;
 
 /// An operator with or without a session.

@@ -1,4 +1,4 @@
-//! One run: an operator plays motions, the fault of the scenario strikes, the reported faults are checked, and the
+//! Execution of a run: an operator plays motions, the fault of the scenario strikes, the reported faults are checked, and the
 //! operator recovers the robot.
 
 use super::operator::{Operator, Stuck};
@@ -477,7 +477,7 @@ impl<C: Core> Run<'_, C> {
     }
 }
 
-/// Whether the controller executes a DISARM in this time.
+/// True if the controller executes a DISARM in this time.
 fn disarms(log: &[LogEntry], from: SimTime, until: SimTime) -> bool {
     let span = from.as_us()..=until.as_us();
     let frames = log.iter().filter(|entry| span.contains(&entry.at_us));

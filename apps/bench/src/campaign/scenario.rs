@@ -15,7 +15,7 @@ use rollwalk_sim_host::rig::Adapter;
 /// A kind of disturbance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scenario {
-    /// Only the loss of the case.
+    /// Loss of the case alone.
     Loss,
     /// Link frames are repeated.
     Repeats,
@@ -29,7 +29,7 @@ pub enum Scenario {
     BabbleLink,
     /// A babbling node on an actuator bus.
     BabbleActuators,
-    /// No acknowledgement on an actuator bus.
+    /// Acknowledgements are missing on an actuator bus.
     NoAck,
     /// Host and controller are disconnected; both keep their queued frames.
     LinkUnplugged,
@@ -91,7 +91,7 @@ pub struct Plan {
 }
 
 impl Scenario {
-    /// All, in the order of the table.
+    /// Scenarios in the order of the table.
     pub const ALL: [Self; 22] = [
         Self::Loss,
         Self::Repeats,
@@ -117,7 +117,7 @@ impl Scenario {
         Self::Chaos,
     ];
 
-    /// Its name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Loss => "loss",
@@ -155,7 +155,7 @@ impl Scenario {
         }
     }
 
-    /// Whether actuators or their frames are disturbed: then only its own watchdog may switch a motor off.
+    /// True if actuators or their frames are disturbed. Only the watchdog of a motor may then switch it off.
     pub fn disturbs_actuators(self) -> bool {
         match self {
             Self::BabbleActuators

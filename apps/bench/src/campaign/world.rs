@@ -1,4 +1,4 @@
-//! What became of the robot itself in a run on the ground: falls, tilt, and how far it went without torque.
+//! Behaviour of the robot itself in a run on the ground: falls, tilt, and distance without torque.
 
 use nalgebra::Vector3;
 use rollwalk_sim_host::body::Body;
@@ -31,18 +31,18 @@ pub struct WorldReport {
 #[derive(Debug, Default)]
 pub struct WorldWatch {
     report: WorldReport,
-    /// Where and when the motors lost their torque.
+    /// Position of the robot and time when the motors lost their torque.
     limp: Option<(Vector3<f64>, SimTime)>,
 }
 
 impl WorldWatch {
-    /// Of a robot on a slope, rad.
+    /// Watch of a robot on a slope, rad.
     pub fn new(slope_rad: f64) -> Self {
         let report = WorldReport { slope_rad, ..WorldReport::default() };
         Self { report, limp: None }
     }
 
-    /// What was seen so far.
+    /// Report on the run so far.
     pub fn report(&self) -> &WorldReport {
         &self.report
     }

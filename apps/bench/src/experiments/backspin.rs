@@ -1,9 +1,9 @@
-//! A soft ball thrown so that the second half of its way is as near to a vertical line as can be (thesis Fig. 4.12b): friction has
-//! to stop it when it bounces, which takes backspin.
+//! A soft ball thrown so that the second half of its way is as near to a vertical line as can be (thesis Fig. 4.12b): friction
+//! has to stop it when it bounces, which takes backspin.
 //!
-//! As in the authors' published code it is thrown away from the line at first, and every step of the second half counts. The spin at first
-//! is backward for a throw toward the line. From the opposite one, which is that code's, the objective falls, too, by L-BFGS to
-//! 0.014 of the first and by 200 steps of Adam after it to 0.0072, but on a way with forward spin.
+//! As in the authors' published code it is thrown away from the line at first, and every step of the second half counts. The
+//! spin at first is backward for a throw toward the line. From the opposite one, which is that code's, the objective falls,
+//! too, by L-BFGS to 0.014 of the first and by 200 steps of Adam after it to 0.0072, but on a way with forward spin.
 
 use crate::experiments::throwing::{FREEDOMS, Throw, convergence};
 use crate::experiments::{Chart, Check, Outcome, Watch};
@@ -104,7 +104,7 @@ fn com(rollout: &Rollout, step: usize, target: &Vector3<f64>, axis: Vector3<f64>
     Residual::com(rollout, step, target, axis)
 }
 
-/// How far the second half of the way is from the line, m.
+/// Distance of the second half of the way from the line, m.
 fn away(rollout: &Rollout) -> Vec<Residual> {
     (rollout.steps() / 2..=rollout.steps())
         .flat_map(|step| [Vector3::x(), Vector3::y()].map(|axis| com(rollout, step, &LINE_M, axis)))

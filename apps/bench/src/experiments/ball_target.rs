@@ -1,10 +1,11 @@
 //! A soft ball tossed at a target that it may reach without a bounce or with one or two (thesis Fig. 4.12a), by L-BFGS with
 //! adjoint gradients, and for comparison by CMA-ES.
 //!
-//! Contacts are as stiff as the thesis's, but steps are a quarter as long. A node of the surface on its contact's spring swings back
-//! after 0.7 ms: within a step of 1 ms it comes to rest, and how far the ball rebounds depends on when in a step its nodes touch. Then the
-//! place where the ball comes to rises and falls within 0.01 m/s of the velocity by more than its mean slope (`landscape` has the
-//! numbers), whose derivative is right, it is that of differences, and useless: L-BFGS ends in the next valley. That is measured here, too.
+//! Contacts are as stiff as the thesis's, but steps are a quarter as long. A node of the surface on its contact's spring swings
+//! back after 0.7 ms: within a step of 1 ms it comes to rest, and how far the ball rebounds depends on when in a step its nodes
+//! touch. Then the place where the ball comes to rises and falls within 0.01 m/s of the velocity by more than its mean slope
+//! (`landscape` has the numbers), whose derivative is right, it is that of differences, and useless: L-BFGS ends in the next
+//! valley. That is measured here, too.
 
 use crate::experiments::outcome::short;
 use crate::experiments::throwing::{FREEDOMS, Throw, from_target};
@@ -14,7 +15,7 @@ use rollwalk_physics::sensitivity::lbfgs::{self, Evaluation, Options};
 use rollwalk_physics::sensitivity::objective::cost;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 
-/// Where the centre of mass is to be at the end, m.
+/// Target of the centre of mass at the end, m.
 pub const TARGET_M: Vector3<f64> = Vector3::new(0.1, 0.0, -0.025);
 
 /// Bounces, velocity at the beginning, m/s, and the thesis's simulations.
@@ -153,7 +154,8 @@ pub fn miss(rollout: &Rollout) -> Vec<Residual> {
 mod tests {
     use super::*;
 
-    /// A coarse ball in long steps; the gradient is that of differences where it bounces, and a toss without a bounce comes to its target.
+    /// A coarse ball in long steps; the gradient is that of differences where it bounces, and a toss without a bounce comes to
+    /// its target.
     #[test]
     fn a_coarse_ball_comes_to_its_target() {
         let throw = Throw { node_stiffness_n_m: 10.0, ..Throw::ball(2).in_steps(5e-3) };

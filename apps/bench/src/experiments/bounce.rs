@@ -79,7 +79,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     Some(Outcome { setup, checks, charts: vec![chart, of_cube] })
 }
 
-/// What a cube does.
+/// Motion of a cube.
 struct Bounced {
     /// Largest distance from the vertical on which it began, m.
     aside_m: f64,
@@ -115,7 +115,7 @@ fn cube(askew_rad: f64) -> Bounced {
     bounced
 }
 
-/// Of a point of a body with level ground.
+/// Contact of a point of a body with level ground.
 fn contact(
     body: usize,
     [stiffness_n_m, damping_n_s_m]: [f64; 2],

@@ -1,14 +1,16 @@
-//! A soft solid of a complex shape thrown so that it lands upright in a given pose (thesis Figs. 4.3, 4.13b and A.1): without a wall with
-//! ever stiffer contacts and at once with the stiffest, and by way of a wall.
+//! A soft solid of a complex shape thrown so that it lands upright in a given pose (thesis Figs. 4.3, 4.13b and A.1): without a
+//! wall with ever stiffer contacts and at once with the stiffest, and by way of a wall.
 //!
-//! The thesis throws the Stanford bunny. What stands for it here is made from a block ([`bunny`]): a body with a flat base, a head
-//! and two ears, of far fewer elements. Its spin at the start is our choice: from the thesis's it comes to lie on its back.
+//! The thesis throws the Stanford bunny. What stands for it here is made from a block ([`bunny`]): a body with a flat base, a
+//! head and two ears, of far fewer elements. Its spin at the start is our choice: from the thesis's it comes to lie on its
+//! back.
 //!
-//! Ever stiffer contacts do not help here as they do in the thesis: which of many minima a search ends in is chance, with and without them.
-//! From eight random starts (±0.3 m/s, ±π rad/s), with contacts 5.8 times as stiff, for their area about those of a mesh as fine as the
-//! thesis's, stages ended at 0.46 to 21 times the objective of stiff contacts alone, four times below it. From the start here they end at 1.7 times
-//! with contacts 8.9 times as stiff, and with 5.8 in steps of 2 ms at 0.59. From (−π/2, π/4, 0), the thesis's spin turned round as that of
-//! [`Throw::ball`] is, at 1.75, both far off. Stages after the second change little.
+//! Ever stiffer contacts do not help here as they do in the thesis: which of many minima a search ends in is chance, with and
+//! without them. From eight random starts (±0.3 m/s, ±π rad/s), with contacts 5.8 times as stiff, for their area about those of
+//! a mesh as fine as the thesis's, stages ended at 0.46 to 21 times the objective of stiff contacts alone, four times below it.
+//! From the start here they end at 1.7 times with contacts 8.9 times as stiff, and with 5.8 in steps of 2 ms at 0.59. From
+//! (−π/2, π/4, 0), the thesis's spin turned round as that of [`Throw::ball`] is, at 1.75, both far off. Stages after the second
+//! change little.
 
 use crate::experiments::outcome::short;
 use crate::experiments::throwing::{Aim, FREEDOMS, Throw, convergence, into_ball};
@@ -22,7 +24,7 @@ use rollwalk_physics::{Scheme, friction::Model};
 use std::sync::Arc;
 
 const CELLS: usize = 3;
-/// Of the body, m.
+/// Radius of the body, m.
 const RADIUS_M: f64 = 0.05;
 /// Height of the flat base below the middle, by the radius.
 const BASE: f64 = 0.6;
@@ -34,7 +36,7 @@ const UPRIGHT: usize = 100;
 const WEIGHT: f64 = 0.5;
 /// The wall faces back along y, and is twice as rough as the floor.
 const WALL_M: f64 = 0.2;
-/// Where the middle begins, and velocity, m/s, and spin, rad/s, from which all searches start.
+/// Start of the middle, m; velocity, m/s, and spin, rad/s, from which all searches start.
 const BEGIN_M: Vector3<f64> = Vector3::new(0.5, -0.4, 0.3);
 const START: [f64; 6] = [0.0, 0.8, 1.6, 0.0, -std::f64::consts::PI, 0.0];
 /// Stiffness of a node's contact, N/m, stage by stage.
@@ -144,7 +146,7 @@ fn bunny(cells: usize) -> Mesh {
     })
 }
 
-/// What is thrown, where it begins.
+/// Throw of the bunny from its start.
 fn thrown(cells: usize, wall: bool) -> Throw {
     let surface = (cells + 1).pow(3) - (cells - 1).pow(3);
     let mut throw = Throw {

@@ -1,9 +1,9 @@
 //! A cloth throws a solid of a complex shape, given as distances on a grid, at a target (thesis Fig. 4.16): the ways of the
 //! cloth's corners are found by Gauss–Newton's method.
 //!
-//! The target is our choice. It is not any target: at 1 m ahead, 0.2 m aside and 0.3 m up the method stops 34 cm before it, and at
-//! 0.4 m ahead 12 cm off, where no step of it makes the objective less. Nor does it come to this one from any start: from starts that
-//! differ by 1e-9 of themselves it ends 1.7 to 10.6 cm off, whether contacts may pull or not.
+//! The target is our choice. It is not any target: at 1 m ahead, 0.2 m aside and 0.3 m up the method stops 34 cm before it, and
+//! at 0.4 m ahead 12 cm off, where no step of it makes the objective less. Nor does it come to this one from any start: from
+//! starts that differ by 1e-9 of themselves it ends 1.7 to 10.6 cm off, whether contacts may pull or not.
 
 use crate::experiments::cloth::{Cloth, STIFFNESS_N_M};
 use crate::experiments::manipulation::{Effector, Handles, STEP_S, Solution, Task, Way, at_place};
@@ -32,14 +32,14 @@ const STEPS: usize = 60;
 const KNOTS: usize = 10;
 /// Steps in which solid and cloth come to rest before.
 const SETTLING: usize = 300;
-/// From where the solid lies, m.
+/// Target relative to where the solid lies, m.
 const TARGET_M: Vector3<f64> = Vector3::new(0.6, 0.1, 0.0);
 
 /// Shares of the way from where the first throw ends to the target that are solved one after the other: cloth and solid part at
 /// another time as the throw changes.
 const NEARER: [f64; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
 
-/// What a hand would do: throw all corners up and ahead, and bring them back.
+/// First guess, as a hand would do it: throw all corners up and ahead, and bring them back.
 fn toss() -> Vec<f64> {
     let at = |knot: usize| {
         let share = (knot + 1) as f64 / KNOTS as f64;
@@ -100,7 +100,7 @@ fn scene(solid: &Arc<dyn Ground>, motions: Option<&[Motion]>) -> (Assembly, usiz
     (assembly, bunny, handles)
 }
 
-/// All nodes but those that the handles hold: a solid thrown flat slides over the edge.
+/// Nodes except those that the handles hold: a solid thrown flat slides over the edge.
 fn touching(cloth: &Cloth) -> Vec<usize> {
     let held = |k: usize| k == 0 || k == COUNT - 1;
     let all = (0..COUNT).flat_map(|row| (0..COUNT).map(move |column| [row, column]));
@@ -230,7 +230,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
 mod tests {
     use super::*;
 
-    /// At rest the cloth carries the solid, whose weight is that of its handles less the cloth's.
+    /// Cloth at rest carries the solid, whose weight is that of its handles less the cloth's.
     #[test]
     fn the_solid_lies_in_the_cloth() {
         let solid = bunny();

@@ -136,7 +136,7 @@ mod tests {
         assert!((slope(&points) - 1.3).abs() < 1e-12);
     }
 
-    /// They fall by 5 cm, and without damping come up again less far.
+    /// Cubes fall by 5 cm and come up again less far, without damping.
     #[test]
     fn a_chain_falls_on_the_ground() {
         let mut system = chain(3);

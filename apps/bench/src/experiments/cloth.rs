@@ -12,7 +12,7 @@ const DAMPING_N_S_M: f64 = 0.1;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Cloth {
-    /// Its particles, row by row.
+    /// Particles, row by row.
     pub nodes: Range<usize>,
     count: usize,
 }

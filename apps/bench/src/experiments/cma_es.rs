@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// What the strategy found.
+/// Result of the strategy.
 #[derive(Clone, Debug)]
 pub struct Found {
     pub parameters: Vec<f64>,

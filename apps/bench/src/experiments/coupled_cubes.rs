@@ -15,11 +15,11 @@ use std::f64::consts::PI;
 const STEPS: usize = 120;
 /// Height between the centres of neighbours, m.
 const APART_M: f64 = 0.11;
-/// By which the springs are stretched at the beginning, so that the middle body hangs at rest.
+/// Stretch of the springs at the beginning, with which the middle body hangs at rest.
 const STRETCH: [f64; 2] = [0.6, 0.192];
 const BOTTOM: usize = 2;
 const TARGET_M: Vector3<f64> = Vector3::new(0.1, 0.05, 0.0);
-/// By how much the bottom body is turned at the beginning, rad: at exactly half a turn from its target neither way is the shorter.
+/// Angle of the bottom body at the beginning, rad: at exactly half a turn from its target neither way is the shorter.
 const TURNED_RAD: f64 = 0.02;
 
 fn about_z(angle_rad: f64) -> Matrix3<f64> {

@@ -1,7 +1,7 @@
 //! A cube dragged along a circular arc, by Gauss–Newton's method and by CMA-ES (thesis A.2.1, Fig. A.2).
 //!
-//! The objective has more than one minimum, because strings go slack and the cube sticks: Gauss–Newton's method with its usual first
-//! shift goes far at once and ends in a worse one, as is measured here, too.
+//! The objective has more than one minimum, because strings go slack and the cube sticks: Gauss–Newton's method with its usual
+//! first shift goes far at once and ends in a worse one, as is measured here, too.
 
 use crate::experiments::cube_drag::{BETA, CUBE, scene, system};
 use crate::experiments::manipulation::gripper::{Gripper, rest_m};
@@ -23,10 +23,10 @@ const CAREFUL: f64 = 1.0;
 const USUAL: f64 = 1e-3;
 /// Simulations of CMA-ES for each of Gauss–Newton's method.
 const PATIENCE: usize = 40;
-/// Its standard deviation at the beginning, m and rad.
+/// Standard deviation of CMA-ES at the beginning, m and rad.
 const DEVIATION: f64 = 0.01;
 
-/// Where the cube is to be after a step: half a circle, begun and ended slowly.
+/// Target of the cube after a step: half a circle, begun and ended slowly.
 fn arc(step: usize) -> Vector3<f64> {
     let share = step as f64 / STEPS as f64;
     let angle = 0.5 * PI * (1.0 - (PI * share).cos());

@@ -15,7 +15,7 @@ pub(crate) const CUBE: usize = 1;
 pub(crate) const BETA: f64 = 1e-2;
 /// Height of the gripper's centre above the cube's, m.
 const ABOVE_M: f64 = 0.15;
-/// Of the thesis (Table A.2).
+/// Work that the thesis needed (Table A.2).
 const THESIS: Work = Work { iterations: 20.0, simulation_s: 0.044, optimisation_s: 3.3 };
 
 /// The gripper above the cube, tied by strings that are stretched by a share of their length, and the assembly of both.

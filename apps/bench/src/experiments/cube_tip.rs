@@ -4,9 +4,10 @@
 //! The way begins with what a hand would do: from a gripper at rest the method ends where the cube leaps past its target, as is
 //! measured here, too.
 //!
-//! The place is missed by some millimetres. It is that of landing: from then on the cube lies turned exactly, with slack bands, and no
-//! pose of the gripper moves it. Place and turn are a sixth of the objective, the rest is how much the gripper moves; but to give the
-//! place a larger weight does not settle it: searches then stop anywhere from 0.8 to 6.3 mm off, without a trend.
+//! The place is missed by some millimetres. It is that of landing: from then on the cube lies turned exactly, with slack bands,
+//! and no pose of the gripper moves it. Place and turn are a sixth of the objective, the rest is how much the gripper moves;
+//! but to give the place a larger weight does not settle it: searches then stop anywhere from 0.8 to 6.3 mm off, without a
+//! trend.
 
 use crate::experiments::cube_drag::{BETA, CUBE, hung};
 use crate::experiments::manipulation::gripper::{EDGE_M, Gripper, STRING_N_M, rest_m, settings};
@@ -21,21 +22,21 @@ use rollwalk_physics::{Motion, System};
 use std::f64::consts::FRAC_PI_2;
 
 const STEPS: usize = 90;
-/// From this step on the cube is to lie where it shall, every so many steps.
+/// First step at which the cube is to lie at its target, and interval of the later ones.
 const LIES: usize = 60;
 const EVERY: usize = 5;
 /// Steps after that in which the gripper stays where it is, and the cube is to lie.
 const AFTER: usize = 30;
 /// Weights of the place, 1/m, beside that of the experiment, which is 1: around that of an edge which counts as a radian.
 const WEIGHTS: [f64; 3] = [0.75 / EDGE_M, 1.0 / EDGE_M, 1.25 / EDGE_M];
-/// Of the bands at the beginning, as a share of their length.
+/// Stretch of the bands at the beginning, as a share of their length.
 const STRETCH: f64 = 0.1;
 
 fn about_y(angle_rad: f64) -> Matrix3<f64> {
     Rotation3::from_axis_angle(&Vector3::y_axis(), angle_rad).into_inner()
 }
 
-/// Where the cube lies when it was tipped over its edge ahead.
+/// Pose of the cube after it was tipped over its edge ahead.
 fn tipped() -> (Vector3<f64>, Matrix3<f64>) {
     (Vector3::new(EDGE_M, 0.0, rest_m()), about_y(FRAC_PI_2))
 }
@@ -44,7 +45,7 @@ fn system() -> System {
     System::new(settings(), hung(STRETCH).0)
 }
 
-/// What a hand would do: swing over the edge ahead, as if gripper and cube were one.
+/// First guess, as a hand would do it: swing over the edge ahead, as if gripper and cube were one.
 fn swing(gripper_m: Vector3<f64>) -> Vec<f64> {
     let (lies, _) = tipped();
     let edge = Vector3::new(0.5 * EDGE_M, 0.0, lies.z - 0.5 * EDGE_M);
@@ -72,7 +73,8 @@ fn task<'a>(
     }
 }
 
-/// Residuals of the cube's pose against the target pose, every few steps from when it should lie. `rad_per_m` converts distance to angle.
+/// Residuals of the cube's pose against the target pose, every few steps from when it should lie. `rad_per_m` converts distance
+/// to angle.
 fn lying(rollout: &Rollout, rad_per_m: f64) -> Vec<Residual> {
     let (target, turned) = tipped();
     let at_step = |step: usize| {
@@ -197,7 +199,7 @@ mod tests {
     use super::*;
     use crate::experiments::Silent;
 
-    /// By a quarter of a right angle, over the edge ahead.
+    /// Tilts the cube by a quarter of a right angle, over the edge ahead.
     #[test]
     fn a_cube_is_tilted() {
         let (steps, turned) = (20, about_y(0.25 * FRAC_PI_2));

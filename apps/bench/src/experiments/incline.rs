@@ -1,13 +1,14 @@
 //! A soft puck on an inclined plane, sliding and then sticking, with each model of friction (thesis Fig. 4.1): penalties creep as
-//! their closed forms say, hybrid friction stops. A reference without penalties ([`reference`]), the thesis's SQP solver, is run with a
-//! coarser puck, and so is all that is compared with it.
+//! their closed forms say, hybrid friction stops. A reference without penalties ([`reference`]), the thesis's SQP solver, is
+//! run with a coarser puck, and so is all that is compared with it.
 //!
 //! The slope is one on which no node slips at rest: at 15 degrees some at the rim do, where the load is smallest, and the
 //! linear penalty creeps 4 % faster than by the closed form; at 20 degrees hybrid friction finds no set of nodes that holds and
-//! creeps like the penalty. One bound is missed: with hybrid friction the puck ends some 3 % of the depth, less than 1 µm, away from
-//! that of the penalties. Held nodes keep the strain along the slope with which the puck came to rest, as they do by Coulomb's law, and
-//! creeping nodes let it go: with linear friction from there on the puck comes to the penalty's height, and with hybrid friction from where
-//! the penalty has come to it stays there. It takes no longer than with penalties, because what rests is held from the beginning of a step.
+//! creeps like the penalty. One bound is missed: with hybrid friction the puck ends some 3 % of the depth, less than 1 µm, away
+//! from that of the penalties. Held nodes keep the strain along the slope with which the puck came to rest, as they do by
+//! Coulomb's law, and creeping nodes let it go: with linear friction from there on the puck comes to the penalty's height, and
+//! with hybrid friction from where the penalty has come to it stays there. It takes no longer than with penalties, because what
+//! rests is held from the beginning of a step.
 
 mod reference;
 
@@ -190,20 +191,20 @@ fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
     Some(())
 }
 
-/// How a puck came down.
+/// Measurements of a sliding puck.
 #[derive(Default)]
 struct Slide {
     mass_kg: f64,
     /// Mean speed down the slope by time.
     speeds_m_s: Vec<(f64, f64)>,
-    /// Of all contacts that touch at the end.
+    /// Sum over all contacts that touch at the end.
     stick_n_s_m: f64,
     /// Mean height of the puck above the slope, and depth of its bottom, at the end.
     height_m: f64,
     depth_m: f64,
     /// The same depth, of each contact by its load: that by which a hard slope would have the puck higher.
     carried_m: f64,
-    /// Where everything is at the end.
+    /// Motions of all bodies at the end.
     motions: Vec<Motion>,
     /// Largest friction of a contact by what its cone allows.
     friction: f64,
@@ -301,7 +302,7 @@ fn slide(model: Model, cells: [usize; 3], steps: usize, watch: &dyn Watch) -> Op
     Some(slide)
 }
 
-/// Of the centre of mass above the slope.
+/// Height of the centre of mass above the slope, m.
 fn height_m(bodies: &[Body], motions: &[Motion]) -> f64 {
     let normal = Plane::rising(SLOPE_DEG.to_radians()).normal;
     let moments =

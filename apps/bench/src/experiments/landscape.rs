@@ -1,13 +1,15 @@
 //! The objective of a toss by its velocity forward and upward (thesis Fig. 4.2): with soft and stiff contacts, and with hybrid
 //! friction. There are two minima, tosses with one bounce and with two.
 //!
-//! The ripples are of contacts that last less than a step: along a line of velocities upward the place at the end goes to and fro with
-//! steps of 1 ms, and one way with steps of a quarter of that (`ripples`).
+//! The ripples are of contacts that last less than a step: along a line of velocities upward the place at the end goes to and
+//! fro with steps of 1 ms, and one way with steps of a quarter of that (`ripples`).
 //!
-//! How rough it is, is measured at points as far apart as the thesis's. A ripple is 0.008 m/s long, so that points 0.02 m/s apart, as
-//! they are here, do not see it: their second differences are the curvature of the valley forward, which soft contacts make steeper.
+//! How rough it is, is measured at points as far apart as the thesis's. A ripple is 0.008 m/s long, so that points 0.02 m/s
+//! apart, as they are here, do not see it: their second differences are the curvature of the valley forward, which soft
+//! contacts make steeper.
 //!
-//! One bound is missed: minima of soft contacts are farther from those of stiff ones than 5 % of the speed (`shift` has the cause).
+//! One bound is missed: minima of soft contacts are farther from those of stiff ones than 5 % of the speed (`shift` has the
+//! cause).
 
 mod shift;
 
@@ -22,14 +24,15 @@ use rollwalk_physics::friction::Model;
 const POINTS: [usize; 2] = [11, 21];
 const FORWARD_M_S: [f64; 2] = [0.4, 0.6];
 const UPWARD_M_S: [f64; 2] = [-0.1, 0.3];
-/// Points along both axes of the thesis's figure, and random places at which second differences between such neighbours are taken.
+/// Points along both axes of the thesis's figure, and random places at which second differences between such neighbours are
+/// taken.
 const THESIS_POINTS: [usize; 2] = [51, 71];
 const ROUGH_SAMPLES: usize = 40;
 /// Points at which the gradient is compared with differences of this size, m/s.
 const SAMPLES: usize = 20;
 const DIFFERENCE_M_S: f64 = 1e-6;
-/// Rounds of smoothing before minima are counted, each a mean of a point and its neighbours, 0.02 m/s to each side: several ripples,
-/// because 0.008 m/s more upward bring the ball to the ground a step of 1 ms later.
+/// Rounds of smoothing before minima are counted, each a mean of a point and its neighbours, 0.02 m/s to each side: several
+/// ripples, because 0.008 m/s more upward bring the ball to the ground a step of 1 ms later.
 const ROUNDS: usize = 1;
 /// Velocities at which the ripples are looked at, m/s: those upward are from one to the other of these.
 const LINE_FORWARD_M_S: f64 = 0.5055;
@@ -190,8 +193,8 @@ fn objective(throw: &Throw, velocity: &[f64]) -> Option<f64> {
     Some(0.5 * off.norm_squared())
 }
 
-/// Mean size of the objective's second differences forward and upward at random places, between points as far apart as the thesis's;
-/// places at which a step did not converge are left out.
+/// Mean size of the objective's second differences forward and upward at random places, between points as far apart as the
+/// thesis's; places at which a step did not converge are left out.
 fn roughness(throw: &Throw, watch: &dyn Watch) -> Option<[f64; 2]> {
     let spans = [FORWARD_M_S, UPWARD_M_S];
     let mut rng = fastrand::Rng::with_seed(5);

@@ -1,5 +1,5 @@
-//! What the experiments on manipulation share (thesis 4.7.4.2): an effector moves bodies, and its coordinates at
-//! every step are found by Gauss–Newton's method.
+//! Common parts of the experiments on manipulation (thesis 4.7.4.2): an effector moves bodies, and Gauss–Newton's method finds
+//! its coordinates at every step.
 //!
 //! | module | is |
 //! |---|---|

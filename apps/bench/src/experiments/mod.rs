@@ -59,12 +59,12 @@ mod wall;
 
 pub use outcome::{Chart, Check, Outcome};
 
-/// What an experiment shows while it goes on, and whether it is to go on.
+/// Progress display and interruption of an experiment.
 pub trait Watch {
     /// Shows a line of progress.
     fn say(&self, line: &str);
 
-    /// Whether the user wants the experiment to end.
+    /// True if the user has interrupted the experiment.
     fn interrupted(&self) -> bool;
 }
 
@@ -72,15 +72,15 @@ pub trait Watch {
 pub struct Experiment {
     /// Name on the command line.
     pub name: &'static str,
-    /// Where the thesis has it.
+    /// Place in the thesis.
     pub source: &'static str,
-    /// What it shows, in one line.
+    /// Description in one line.
     pub about: &'static str,
     /// Runs it; `None` if it was interrupted before it had found anything.
     pub run: fn(&dyn Watch) -> Option<Outcome>,
 }
 
-/// All experiments, in the order of the thesis.
+/// Experiments in the order of the thesis.
 pub const ALL: &[Experiment] = &[
     Experiment {
         name: "tori",

@@ -1,36 +1,36 @@
-//! What an experiment finds: numbers, each beside what it should be, and charts.
+//! Results of an experiment: numbers beside their expected values, and charts.
 
 use serde::Serialize;
 
-/// What an experiment found.
+/// Results of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Outcome {
-    /// What was set up: bodies, steps, parameters.
+    /// Setup: bodies, steps, parameters.
     pub setup: String,
-    /// Numbers beside what they should be.
+    /// Numbers beside their expected values.
     pub checks: Vec<Check>,
     #[serde(skip)]
     pub charts: Vec<Chart>,
 }
 
-/// A number, and what it should be.
+/// Number and its expected value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
-    /// What is measured, with its unit.
+    /// Name of the number, with its unit.
     pub what: String,
     /// The thesis's number, or the closed form's; in files `expected`, as in all tables of benchmarks.
     #[serde(rename = "expected")]
     pub reference: String,
-    /// What is asked of it, in words.
+    /// Requirement in words.
     pub asked: String,
     pub found: String,
-    /// Whether that is as asked; none of what is reported without a bound.
+    /// True if the number meets its requirement; none for numbers without a bound.
     pub holds: Option<bool>,
-    /// What stops it, if it is known not to be as asked.
+    /// Reason for which the number is known not to meet its requirement.
     pub why: String,
     /// Largest value up to which it is known not to be as asked.
     pub known: Option<f64>,
-    /// Whether it is beyond its bound, and beyond what is known.
+    /// True if the number is beyond its bound, and beyond `known`.
     pub fails: bool,
 }
 
@@ -109,7 +109,7 @@ pub struct Chart {
     pub x: String,
     /// Vertical axis with unit.
     pub y: String,
-    /// Whether both axes are logarithmic; values of 0 and less are then left out.
+    /// True if both axes are logarithmic; values of 0 and less are then left out.
     pub logarithmic: bool,
     pub curves: Vec<(String, Vec<(f64, f64)>)>,
 }

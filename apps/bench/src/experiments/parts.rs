@@ -1,4 +1,4 @@
-//! What scenes are made of: cubes, springs between points, and points that touch the ground.
+//! Parts of scenes: cubes, springs between points, and points that touch the ground.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::Ground;
@@ -30,7 +30,7 @@ pub(crate) struct Link {
     pub damping_n_s_m: f64,
     /// Length without force by the distance of the points where the bodies are.
     pub rest: f64,
-    /// Whether it does not push.
+    /// True if it does not push.
     pub string: bool,
 }
 
@@ -52,7 +52,7 @@ impl Link {
     }
 }
 
-/// How points touch a ground.
+/// Contact of points with a ground.
 #[derive(Clone, Debug)]
 pub(crate) struct Touching {
     pub normal: Normal,

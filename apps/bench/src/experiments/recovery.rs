@@ -1,7 +1,8 @@
-//! Material, friction and start of a soft ball found again from how its surface moved in one bounce, with noise (thesis Fig. 4.9).
+//! Material, friction and start of a soft ball found again from how its surface moved in one bounce, with noise (thesis Fig.
+//! 4.9).
 //!
-//! In the thesis's three phases: the start from the flight before the contact, material and friction from the bounce, then all from
-//! all. They are fitted by Gauss and Newton's method, the thesis's by L-BFGS.
+//! In the thesis's three phases: the start from the flight before the contact, material and friction from the bounce, then all
+//! from all. They are fitted by Gauss and Newton's method, the thesis's by L-BFGS.
 
 use crate::experiments::throwing::Throw;
 use crate::experiments::{Chart, Check, Outcome, Watch};
@@ -165,7 +166,7 @@ fn simulate(ball: &Throw, parameters: &[f64], steps: usize) -> Option<Rollout> {
     Some(recorder.finish())
 }
 
-/// How far what is simulated is from what was seen, with derivatives by the free parameters.
+/// Residuals of simulated against observed positions, with derivatives by the free parameters.
 fn evaluate(
     ball: &Throw,
     parameters: &[f64],

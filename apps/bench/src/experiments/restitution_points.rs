@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 const MASS_KG: f64 = 1.0;
 const HALF_M: f64 = 0.05;
-/// Of the whole face, N/m and N·s/m.
+/// Stiffness of the whole face, N/m, and damping, N·s/m.
 const STIFFNESS_N_M: f64 = 1e3;
 const DAMPING_N_S_M: f64 = 5.0;
 const STEP_S: f64 = 1e-3;

@@ -68,7 +68,7 @@ fn cloth(assembly: &mut Assembly) -> Range<usize> {
 /// Adds something above the ball; its particles.
 type Falls = fn(&mut Assembly) -> Range<usize>;
 
-/// What lies on the ball after a while.
+/// State of a body that lies on the ball after a while.
 struct Lies {
     /// Largest penetration over that of twice the weight on one node.
     depth: f64,

@@ -18,9 +18,9 @@ const EDGE_M: f64 = 0.3;
 const MASS_KG: f64 = 0.1;
 const CONTACT_N_M: f64 = 1e3;
 const STEPS: usize = 120;
-/// To the right, at the end, m.
+/// Shift to the right at the end, m.
 const SHIFT_M: f64 = 0.2;
-/// Of the thesis (Table A.2).
+/// Work that the thesis needed (Table A.2).
 const THESIS: Work = Work { iterations: 25.0, simulation_s: 0.109, optimisation_s: 54.0 };
 
 /// The sheet on the ground, and handles on the two corners of its first row.
@@ -58,8 +58,8 @@ fn places(assembly: &Assembly) -> [Vec<Vector3<f64>>; 2] {
     [over.collect(), begin().map(|place| place + Vector3::x() * SHIFT_M).collect()]
 }
 
-/// What a hand would do: lift one edge until the sheet hangs over where that edge lay, and lay it down on the other side; then
-/// the same back, and to the right.
+/// First guess, as a hand would do it: lift one edge until the sheet hangs over where that edge lay, and lay it down on the other
+/// side; then the same back, and to the right.
 fn arcs(steps: usize) -> Vec<f64> {
     let half = steps / 2;
     // Of the lifted edge, across the sheet from where it lay, and up.

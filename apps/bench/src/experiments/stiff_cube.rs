@@ -1,6 +1,7 @@
-//! A cube of stiff material thrown so that it slides to a target (thesis Fig. A.5): contacts, soft at first, are made twice as stiff
-//! again and again. L-BFGS comes to the target from the start as well, with the stiffest contacts: what continuation gains is shown, not
-//! needed here. With 120 steps the softest cube still moved at the end, and the second stage was worse than the first.
+//! A cube of stiff material thrown so that it slides to a target (thesis Fig. A.5): contacts, soft at first, are made twice as
+//! stiff again and again. L-BFGS comes to the target from the start as well, with the stiffest contacts: what continuation
+//! gains is shown, not needed here. With 120 steps the softest cube still moved at the end, and the second stage was worse than
+//! the first.
 
 use crate::experiments::outcome::short;
 use crate::experiments::throwing::{Aim, FREEDOMS, Throw, convergence, from_target};
@@ -113,7 +114,7 @@ fn cube(cells: usize) -> Throw {
     }
 }
 
-/// From one to the other, each twice the one before but the last.
+/// Values from `first` to `last`, each twice the one before except the last.
 fn doubling(first: f64, last: f64) -> Vec<f64> {
     let doubled = std::iter::successors(Some(first), |before| Some(2.0 * before));
     doubled.take_while(|value| *value < last).chain([last]).collect()

@@ -90,7 +90,7 @@ impl Throw {
         self.rollout.motions(step)[0].position - target
     }
 
-    /// How near it comes to a target, m; none without a bounce.
+    /// Smallest distance from a target, m; none without a bounce.
     fn miss_m(&self, target: &Vector3<f64>) -> Option<f64> {
         let distances = self.falling.iter().map(|&step| self.offset(step, target).norm());
         distances.min_by(f64::total_cmp)

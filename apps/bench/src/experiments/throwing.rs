@@ -13,13 +13,13 @@ use rollwalk_physics::{Assembly, ContactChange, Scheme, Settings, System};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What is thrown, and at what.
+/// Throw of a soft body at grounds.
 #[derive(Clone, Debug)]
 pub struct Throw {
-    /// Its shape where it begins.
+    /// Shape at the start.
     pub mesh: Mesh,
     pub material: Material,
-    /// What it may touch, with coefficients of friction.
+    /// Grounds that the body may touch, with coefficients of friction.
     pub grounds: Vec<(Arc<dyn Ground>, f64)>,
     pub model: Model,
     /// Stiffness of the contact of one of so many nodes of the surface, N/m: k_n.
@@ -29,7 +29,8 @@ pub struct Throw {
     pub scheme: Scheme,
     pub step_s: f64,
     pub steps: usize,
-    /// Time with which stiffness of contacts becomes that of friction that sticks, s: k_t = k_n Δt in the thesis. The step, if none.
+    /// Time with which stiffness of contacts becomes that of friction that sticks, s: k_t = k_n Δt in the thesis. The step, if
+    /// none.
     pub stick_s: Option<f64>,
     /// Spin to which that of the parameters is added, rad/s.
     pub spin: Vector3<f64>,
@@ -46,12 +47,13 @@ pub const FREEDOMS: [(Freedom, usize); 6] = [
 ];
 
 impl Throw {
-    /// The deformable ball of the thesis's Fig. 4.12, of so many layers: 160 elements for two, 540 for three; the thesis's has 451.
+    /// The deformable ball of the thesis's Fig. 4.12, of so many layers: 160 elements for two, 540 for three; the thesis's has
+    /// 451.
     ///
-    /// Radius and spin are not in the thesis. The authors' published code has tosses that come to the target with one and with two
-    /// bounces, and a spin of −4 rad/s by which a point at r from the centre moves with r × ω: forward, as a ball rolls. With
-    /// that and a radius of 2.5 cm this ball of 540 elements comes to within 1.5 mm of the target from both (`ball_target`); with the
-    /// opposite spin it ends 1 cm short, with 2 cm it is 7 mm too low after two bounces.
+    /// Radius and spin are not in the thesis. The authors' published code has tosses that come to the target with one and with
+    /// two bounces, and a spin of −4 rad/s by which a point at r from the centre moves with r × ω: forward, as a ball rolls.
+    /// With that and a radius of 2.5 cm this ball of 540 elements comes to within 1.5 mm of the target from both
+    /// (`ball_target`); with the opposite spin it ends 1 cm short, with 2 cm it is 7 mm too low after two bounces.
     pub fn ball(layers: usize) -> Self {
         let elastic = Material::elastic(150.0, 2e4, 5e-4);
         // Turned anyhow, so that nodes touch one after the other: all at once make the objective rougher.
@@ -136,7 +138,7 @@ impl Throw {
         Some(recorder.finish())
     }
 
-    /// Where its centre of mass is at the end, m, without what derivatives need: half the time of `run`.
+    /// Centre of mass at the end, m, without the data for derivatives: half the time of `run`.
     pub fn arrival(&self, freedoms: &[(Freedom, usize)], by: &[f64]) -> Option<Vector3<f64>> {
         let (mut system, _) = self.launched(freedoms, by);
         for _ in 0..self.steps {
@@ -177,10 +179,10 @@ impl Throw {
     }
 }
 
-/// What a throw is to come to, and how it may be changed to that end.
+/// Goal of a throw, and the freedoms that may change it.
 pub struct Aim<'a> {
     pub freedoms: &'a [(Freedom, usize)],
-    /// What is to be 0.
+    /// Residuals that are to be 0.
     pub residuals: &'a dyn Fn(&Rollout) -> Vec<Residual>,
     pub watch: &'a dyn Watch,
 }
@@ -218,7 +220,7 @@ impl Aim<'_> {
     }
 }
 
-/// How far the centre of mass is from a target at the end, m, by axes of the world.
+/// Distance of the centre of mass from a target at the end, m, by axes of the world.
 pub fn from_target(rollout: &Rollout, target_m: &Vector3<f64>) -> Vec<Residual> {
     [Vector3::x(), Vector3::y(), Vector3::z()]
         .map(|axis| Residual::com(rollout, rollout.steps(), target_m, axis))

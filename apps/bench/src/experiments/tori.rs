@@ -73,7 +73,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     Some(outcome)
 }
 
-/// What a throw took.
+/// Measurements of a throw.
 struct Thrown {
     /// Largest residual of a step, N.
     residual: f64,

@@ -1,8 +1,8 @@
-//! A soft ball thrown at a target by way of a wall and the floor (thesis Fig. 4.13a): several starts come to it by different sequences
-//! of contacts, with linear and with tanh friction.
+//! A soft ball thrown at a target by way of a wall and the floor (thesis Fig. 4.13a): several starts come to it by different
+//! sequences of contacts, with linear and with tanh friction.
 //!
-//! Contacts are softer than those of `ball_target`, so that steps of 1 ms resolve them. That results are slightly better with tanh
-//! friction, as in the thesis, does not show: with both models every start comes to the target as nearly as is asked.
+//! Contacts are softer than those of `ball_target`, so that steps of 1 ms resolve them. That results are slightly better with
+//! tanh friction, as in the thesis, does not show: with both models every start comes to the target as nearly as is asked.
 
 use crate::experiments::ball_target::LAYERS;
 use crate::experiments::throwing::{Aim, FREEDOMS, Throw, from_target};
@@ -15,7 +15,7 @@ use rollwalk_physics::sensitivity::{Residual, Rollout};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Where the centre of mass is to be at the end, m.
+/// Target of the centre of mass at the end, m.
 const TARGET_M: Vector3<f64> = Vector3::new(0.3, 0.0, 0.0);
 /// The wall faces back along y, and is twice as rough as the floor.
 const WALL_M: f64 = 0.1;
@@ -30,7 +30,7 @@ const SOFT_N_M: f64 = 10.0;
 /// Nearer than that the ball has come to its target, mm.
 const NEAR_MM: f64 = 1.0;
 
-/// How a start went.
+/// Result from a start.
 struct Found {
     /// Contacts on the way, in order: `f` of the floor, `w` of the wall.
     sequence: String,

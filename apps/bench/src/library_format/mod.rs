@@ -22,7 +22,7 @@ pub const LIBRARIES: [&str; 5] = [
 ];
 /// Channels that totals are converted to, so that robots can be compared.
 const CHANNELS: f64 = 16.0;
-/// How many times smaller than raw `f32` a library must be, and its worst joint error, mrad.
+/// Least ratio of raw `f32` to library in bytes, and largest joint error, mrad.
 const TIMES: f64 = 5.0;
 const JOINT_ERROR_MRAD: f64 = 0.5;
 
@@ -45,7 +45,7 @@ struct Row {
     joints: usize,
     wheels: usize,
     seconds: f64,
-    /// Of all clips, each packed by itself.
+    /// Bytes of all clips, each packed by itself.
     bytes: Bytes,
     /// The whole file: also the graph, the names, the tables, header and footer.
     file_bytes: usize,
@@ -135,7 +135,7 @@ fn clip(stats: &ClipStats, bytes: Bytes) -> Clip {
     }
 }
 
-/// What a plan says at every frame, channel after channel, as little-endian `f32`.
+/// Values of a plan at every frame, channel after channel, as little-endian `f32`.
 fn raw(plan: &Plan) -> miette::Result<Vec<u8>> {
     let frames = frames(plan).into_diagnostic()?;
     let values = frames.iter().flat_map(|at| at.joint_rad.iter().chain(&at.motor_speed_rad_s));

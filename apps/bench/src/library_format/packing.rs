@@ -1,4 +1,4 @@
-//! One clip in every packing that the library format is compared with.
+//! Packings of one clip with which the library format is compared.
 
 use cpu_time::ThreadTime;
 use miette::{IntoDiagnostic, miette};
@@ -16,7 +16,7 @@ const READS: usize = 5;
 /// Bytes of the same frames, packed in different ways.
 #[derive(Clone, Copy, Default, Serialize)]
 pub struct Bytes {
-    /// In the motion library: blocks with their headers, keyframes and CRCs.
+    /// Motion library: blocks with their headers, keyframes and CRCs.
     pub library: usize,
     /// 4 bytes a value.
     pub f32: usize,
@@ -79,7 +79,7 @@ pub fn compressed(bytes: &[u8], level: i32) -> miette::Result<usize> {
     Ok(zstd::bulk::compress(bytes, level).into_diagnostic()?.len())
 }
 
-/// All frames of a clip in quanta.
+/// Frames of a clip in quanta.
 pub fn quanta(library: &Library, clip: ClipId) -> miette::Result<Vec<Vec<i16>>> {
     let mut frames = Vec::new();
     walk(library, clip, |cursor| {

@@ -18,9 +18,9 @@ const FIGURE: &str = "results.svg";
 
 /// Plan every point of a sweep: parameters, gaits, robots, servos.
 ///
-/// All cores work. What is done is written at once, so that after Ctrl-C, or on another machine, the same command goes on where it
-/// was. Shards (--shard 2/5) share the folder, or their folders are put together; the tables are the same however the sweep was
-/// split. The run that finds nothing left to do writes results.csv and a figure of one quantity, results.svg.
+/// All cores work. What is done is written at once, so that after Ctrl-C, or on another machine, the same command goes on where
+/// it was. Shards (--shard 2/5) share the folder, or their folders are put together; the tables are the same however the sweep
+/// was split. The run that finds nothing left to do writes results.csv and a figure of one quantity, results.svg.
 #[derive(clap::Args)]
 #[command(mut_arg("engine", |engine| engine.visible_alias("on")), after_long_help = "\
 Examples:
@@ -31,7 +31,7 @@ Examples:
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --on slurm --shards 40
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --on kubernetes --shards 40 --dry-run
 
-The formats are described in docs/design-exploration.md, shards and engines in docs/shards.md.")]
+The formats, shards and engines are described in docs/design.md.")]
 pub struct Args {
     /// Sweep file (TOML).
     #[arg(value_name = "SWEEP.toml")]

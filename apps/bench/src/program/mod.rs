@@ -17,7 +17,7 @@ const EXPLORE: &str = "explore";
 ///
 /// Solves run on one thread, and their time is CPU time of that thread. The fault campaign is not timed, and runs on all
 /// cores. Results go to stdout and, as Markdown, JSON and SVG, to the output folder. docs/benchmarks.md describes them. The fault
-/// campaign, table-3-2, table-3-3, tracking, sensor-faults and suggestions can be split into shards (docs/shards.md).
+/// campaign, table-3-2, table-3-3, tracking, sensor-faults and suggestions can be split into shards (docs/design.md).
 #[derive(Parser)]
 #[command(
     name = "rollwalk-bench",

@@ -20,7 +20,7 @@ pub enum Engine {
     Kubernetes,
 }
 
-/// What is to be run.
+/// Job for an engine.
 pub struct Job<'a> {
     /// Name of the work.
     pub name: &'a str,

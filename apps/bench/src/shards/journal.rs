@@ -28,11 +28,11 @@ pub struct Header {
 #[serde(deny_unknown_fields)]
 pub struct Unit<R> {
     pub unit: usize,
-    /// What came of it.
+    /// Result of the unit.
     pub result: R,
 }
 
-/// What a journal has.
+/// Content of a journal.
 struct Read<R> {
     header: Header,
     results: BTreeMap<usize, R>,
@@ -66,9 +66,9 @@ fn parse<R: DeserializeOwned>(text: &str) -> Option<Read<R>> {
 /// The journals of one piece of work in a folder: `NAME.journal.jsonl`, `NAME.journal-2-of-5.jsonl`.
 pub struct Journals<'a> {
     pub folder: &'a Path,
-    /// What their names begin with.
+    /// Beginning of their names.
     pub name: &'a str,
-    /// What work they must be of.
+    /// Header that they must have, of the same work.
     pub header: Header,
 }
 

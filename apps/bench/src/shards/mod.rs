@@ -1,5 +1,5 @@
 //! Work in units that know nothing of each other: on all cores, interrupted with nothing lost, split into shards that come to the
-//! same results however many they are. `docs/shards.md`.
+//! same results however many they are. `docs/design.md`.
 
 mod engine;
 mod journal;
@@ -20,11 +20,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-/// How work is split.
+/// Options for splitting work.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Only this part of the work: 2/5 is the second of five. The run that finds nothing left to do writes the tables. 1/1 is all of it,
-    /// which goes on where it was interrupted.
+    /// Part of the work to do: 2/5 is the second of five. The run that finds nothing left to do writes the tables. 1/1 is all of
+    /// it, and goes on where it was interrupted.
     #[arg(long, value_name = "K/N", value_parser = shard, global = true)]
     shard: Option<[usize; 2]>,
     /// Number of shards of `--engine`; without it this is one of them, by the index that Slurm or Kubernetes gives it.
@@ -71,15 +71,15 @@ pub fn anywhere(path: &Path) -> miette::Result<String> {
 
 /// Work in units.
 pub trait Work: Sync {
-    /// What comes of a unit. It goes through JSON, and must be the same on the other side.
+    /// Result of a unit. It goes through JSON, which must not change it.
     type Result: Serialize + DeserializeOwned + Send;
     /// Name, with which those of its files begin.
     fn name(&self) -> &str;
-    /// What messages call it.
+    /// Title in messages.
     fn title(&self) -> String;
-    /// What its units are called.
+    /// Name of the units in messages.
     fn units_name(&self) -> &str;
-    /// All that its results depend on, besides the program's version.
+    /// Inputs that determine the results, besides the program's version.
     fn depends_on(&self) -> Vec<String>;
     /// Number of units.
     fn units(&self) -> usize;
@@ -89,16 +89,16 @@ pub trait Work: Sync {
     fn folder_option(&self) -> &str;
     /// Computes a unit; `None` if an interrupt ends it.
     fn unit(&self, index: usize) -> miette::Result<Option<Self::Result>>;
-    /// Whether it measures times, so that units must not disturb each other.
+    /// True if it measures times, so that units must not disturb each other.
     fn is_timed(&self) -> bool;
 }
 
 /// Results by the numbers of their units.
 pub type Results<W> = BTreeMap<usize, <W as Work>::Result>;
 
-/// What became of work.
+/// Outcome of work.
 pub enum Done<W: Work> {
-    /// All units are done.
+    /// Results of all units.
     All(Results<W>),
     /// Others have yet to do units, or a job is written and not submitted.
     Later,
@@ -107,17 +107,17 @@ pub enum Done<W: Work> {
 }
 
 impl Options {
-    /// Whether the work is to be split, and thus kept in journals.
+    /// True if the work is to be split, and thus kept in journals.
     pub fn is_split(&self) -> bool {
         self.shard.is_some() || self.shards.is_some()
     }
 
-    /// Whether any of them is given.
+    /// True if any of these options is given.
     pub fn is_given(&self) -> bool {
         self.is_split() || self.cores.is_some()
     }
 
-    /// Which part of the units this run is to do.
+    /// Part K of N of the units that this run is to do.
     fn part(&self) -> miette::Result<[usize; 2]> {
         let Some(shards) = self.shards else { return Ok(self.shard.unwrap_or([1, 1])) };
         let index = ["SLURM_ARRAY_TASK_ID", "JOB_COMPLETION_INDEX"]
@@ -281,7 +281,7 @@ fn compute<W: Work>(
     failed.into_inner().ok().flatten().map_or(Ok(()), Err)
 }
 
-/// How much is done: a bar on a terminal, a line now and then in a log.
+/// Progress display: a bar on a terminal, occasional lines in a log.
 struct Shown<'a> {
     bar: ProgressBar,
     units_name: &'a str,

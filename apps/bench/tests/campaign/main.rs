@@ -30,8 +30,9 @@ fn whatever_goes_wrong_the_rules_hold_and_there_is_a_way_back() {
     }
 }
 
-/// In the first case the monitor judges before the STATUS that reports the stop. In the second the operator's DISARM
-/// comes before the actuator's timeout. In the third a bridge delays frames while the host sends none.
+/// Checks cases in which evidence is late. In the first case the monitor judges before the STATUS that reports the stop. In the
+/// second the operator's DISARM comes before the actuator's timeout. In the third a bridge delays frames while the host sends
+/// none.
 #[test]
 fn a_run_is_judged_by_what_could_happen() {
     let subject = Subject::one_leg();

@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 
 use rollwalk_sim_host::one_leg::BOW;
 
-/// What a controller does wrong.
+/// Faulty behaviour of a controller.
 type Bug = Box<dyn FnMut(&mut Local, Step) -> Stepped>;
 
 struct Planted {
@@ -257,7 +257,7 @@ fn rubbish_on_an_actuator_bus_is_reported() {
     assert!(rules.contains(&Rule::ValidFrame), "{rules:?}");
 }
 
-/// It heeds its faults and tells none of them.
+/// Handles its faults and reports none of them.
 #[test]
 fn a_fault_that_is_not_told_is_reported() {
     use rollwalk_protocol::faults::FaultBits;
@@ -282,7 +282,7 @@ fn a_fault_that_is_not_told_is_reported() {
     }
 }
 
-/// It lives on without heartbeats. With `tells` it says that it hears none.
+/// Goes on without heartbeats. With `tells` it reports that it receives none.
 fn deaf_to_silence(tells: bool) -> Bug {
     use rollwalk_protocol::wire::{FromController, Heartbeat, HeartbeatReply, Status};
     let (mut beat, mut asked, mut heard_us, mut fed_us) = (0u8, 0u8, 0, 0);
@@ -334,7 +334,7 @@ fn a_lost_host_that_is_told_but_ignored_is_reported() {
     assert!(rules.contains(&Rule::StateFitsFaults), "{rules:?}");
 }
 
-/// It says that it lets the robot down, and keeps it up.
+/// Reports that it lets the robot down, and keeps it up.
 #[test]
 fn a_robot_that_is_let_down_for_too_long_is_reported() {
     let rules = reported(Scenario::HostDead, 4, || {
@@ -413,7 +413,7 @@ fn a_last_command_that_is_executed_again_is_reported() {
     assert!(rules.contains(&Rule::ExecutedOnce), "{rules:?}");
 }
 
-/// It forgets that a nonce is void: for each second step it asks itself for a fresh one.
+/// Forgets that a nonce is void: for each second step it requests a fresh one itself.
 #[test]
 fn a_void_nonce_that_is_taken_is_reported() {
     let rules = reported(Scenario::Loss, 100, || {
@@ -454,7 +454,7 @@ fn a_void_nonce_that_is_taken_is_reported() {
     assert!(rules.contains(&Rule::NoTorqueUnlessArmed), "{rules:?}");
 }
 
-/// It does not look at how long a command is valid.
+/// Ignores the expiry of commands.
 #[test]
 fn a_command_that_is_executed_too_late_is_reported() {
     let rules = reported(Scenario::BridgeStall, 100, || {

@@ -26,7 +26,7 @@ pub struct Keyboard {
 }
 
 impl Keyboard {
-    /// What a key means that is pressed now; `speed_64ths` is the present speed.
+    /// Meaning of a key that is pressed now; `speed_64ths` is the present speed.
     pub fn press(
         &mut self,
         now_us: u64,

@@ -1,4 +1,4 @@
-//! What the console knows beside the operator's view: names, limits, which key plays what.
+//! Data of the console beside the operator's view: names, limits and the keys of motions.
 
 use rollwalk_host::actuators::Actuators;
 use rollwalk_host::catalog::{Catalog, channel_name};
@@ -12,16 +12,16 @@ use rollwalk_terminal::packed::{self, Packed, actuators, channel_names};
 /// Keys that play motions, beside the digits that are command codes; the others have a meaning of their own.
 const LETTERS: &str = "befghijklmnostuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
 
-/// All that a screen shows.
+/// Contents of the screen.
 pub struct Scene<'a> {
-    /// What the operator knows.
+    /// Operator's view of the link and the robot.
     pub view: &'a View,
     /// The bus, as it was typed.
     pub bus: &'a str,
     pub names: &'a Names,
     /// The gamepad in a few words, if there is one.
     pub gamepad: Option<&'a str>,
-    /// Whether the help is open.
+    /// True if the help is open.
     pub help: bool,
     /// First row of the joints that is shown.
     pub scroll: usize,
@@ -42,9 +42,9 @@ pub struct Names {
     pub catalog: Option<Catalog>,
     /// The robot, if it is known.
     pub robot: Option<String>,
-    /// Of joints and wheels.
+    /// Names of joints and wheels, by channel.
     pub channels: Vec<String>,
-    /// By channel; `None` for a wheel.
+    /// Angle limits by channel; `None` for a wheel.
     pub ranges: Vec<Option<Range>>,
     /// Actuators and their buses; empty where they are not known.
     pub actuators: Actuators,
@@ -74,7 +74,7 @@ impl Names {
         codes.into_iter().map(|code| code.and_then(&mut key)).collect()
     }
 
-    /// What a key plays.
+    /// Command code of the motion that a key plays.
     pub fn code_of(&self, key: char) -> Option<u8> {
         self.keys().into_iter().flatten().find(|known| known.key == key).map(|known| known.code)
     }
@@ -85,7 +85,7 @@ impl Names {
     }
 }
 
-/// Where names come from: the files that were named, else what is kept on this computer.
+/// Source of names: the files on the command line, else the files kept on this computer.
 pub struct Lookup {
     given: Option<Packed>,
     /// The robot that was named, without or with a library.

@@ -54,22 +54,22 @@ pub fn run(plan: &Path, feedback: Feedback, timing: Timing) -> miette::Result<Ex
     Ok(Exit::Ok)
 }
 
-/// The controller from its first line on, which says where the plan lies.
+/// Controller whose first line may place the plan in the world.
 struct Controller<'s, 'p> {
     script: &'s Script<'p>,
     feedback: Feedback,
     timing: Timing,
     closed_loop: Option<ClosedLoop<'s, 'p>>,
-    /// Whether a line had an IMU: the state is estimated since, and a line without one has no reading of it.
+    /// True after the first line with an IMU. From then on the state is estimated; a line without an IMU has no IMU readings.
     has_imu: bool,
     /// Time of the last line, s.
     last_s: Option<f64>,
-    /// Whether that was no tick after the one before.
+    /// True if the interval before the last line was not one tick.
     strays: bool,
 }
 
 impl Controller<'_, '_> {
-    /// What the motors do in a tick.
+    /// Setpoints of the motors for a tick.
     fn answer(&mut self, line: &str) -> miette::Result<Setpoints> {
         let request = Request::from_line(line)?;
         self.check_time(request.time_s)?;
@@ -109,8 +109,8 @@ impl Controller<'_, '_> {
         Ok(Setpoints::new(request.time_s, &laws, untracked))
     }
 
-    /// Checks that times go on by a tick from line to line, or that the motion rests. One interval may be another: at the end of a motion, or where a line is
-    /// left out.
+    /// Checks that times go on by a tick from line to line, or that the motion rests. One interval may be another: at the end
+    /// of a motion, or where a line is left out.
     fn check_time(&mut self, time_s: f64) -> miette::Result<()> {
         if time_s.abs() > TIME_MAX_S {
             return Err(miette!(

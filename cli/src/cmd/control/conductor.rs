@@ -1,5 +1,5 @@
-//! A robot on a bus in closed loop, from Disarmed through a sequence of plans and back: looks at what the operator knows, gives intents, and answers
-//! samples. No clock and no bus.
+//! A robot on a bus in closed loop, from Disarmed through a sequence of plans and back: looks at what the operator knows, gives
+//! intents, and answers samples. No clock and no bus.
 
 use nalgebra::Vector3;
 use rollwalk_host::describe::state_name;
@@ -15,43 +15,44 @@ use rollwalk_simulate::closed_loop::{self, Untracked};
 use rollwalk_simulate::sequence::Sequence;
 use rollwalk_tracking::Sensors;
 
-/// How long the robot stands before the sequence begins: the estimator finds the bias of the gyro, and the loop its latency, s.
+/// Standing time before the sequence begins, s. The estimator finds the gyro bias, and the loop its latency.
 const STANDS_S: f64 = 1.5;
 /// Longest time until the state of a standing robot is known, s.
 const KNOWN_S: f64 = 10.0;
 /// Longest time until it is armed and stands in SAFE, µs.
 const ARMED_US: u64 = 30_000_000;
-/// Latency from which on a robot is not controlled, s: it falls before it is answered, and samples tell no longer one.
+/// Latency from which on a robot is not controlled, s: it would fall before it is answered, and samples do not measure longer
+/// ones.
 pub const LATENCY_MAX_S: f64 = 0.05;
-/// For how long contacts count that were heard, s.
+/// Age up to which contact readings count, s.
 const CONTACTS_S: f64 = 0.05;
 /// Samples that are answered before the loop of the program goes on: heartbeats are sent there.
 const AT_ONCE: usize = 8;
-/// Samples by which an answer may be late, as far as they are counted.
+/// Length of the count of late answers, samples; the last entry counts all later ones.
 const LATE_MAX: usize = 16;
 
-/// What the robot is about.
+/// Phase of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// It is armed, and goes to SAFE.
+    /// Arming the robot, which then goes to SAFE.
     Arming,
-    /// It is to send samples.
+    /// Requesting samples.
     Beginning,
-    /// It stands, and its state becomes known.
+    /// Standing until the state of the robot is known.
     Standing,
-    /// It plays the sequence.
+    /// Playing the sequence.
     Playing,
-    /// It goes to SAFE, and is disarmed.
+    /// Going to SAFE and disarming.
     Homeward,
     Over,
 }
 
-/// How the samples went.
+/// Counts of samples and answers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// Samples answered, and of these with setpoints of the plan, because the robot could not be tracked.
+    /// Samples answered, including those answered with setpoints of the plan.
     pub answered: u64,
-    /// Of these not tracked.
+    /// Samples answered with setpoints of the plan because the robot could not be tracked.
     pub untracked: u64,
     /// Samples by how many samples later the answer in force was: 0 to 15 and more.
     pub late: [u64; LATE_MAX],
@@ -77,23 +78,23 @@ pub struct Conductor<'p> {
     phase: Phase,
     arms: u8,
     again_us: u64,
-    /// When the controller was heard first, µs.
+    /// Time of the first contact with the controller, µs.
     begun_us: Option<u64>,
     /// Number of the first sample, and of the last.
     first: Option<u64>,
     last: u64,
-    /// It is to end early.
+    /// True once an early end is requested.
     stops: bool,
     /// The last reason for which the robot was not tracked.
     why: Option<Untracked>,
     tally: Tally,
-    /// How late answers acted while the robot stood, s.
+    /// Delays of answers while the robot stood, s.
     delays_s: Vec<f64>,
-    /// Leg and cycle that were said last.
+    /// Leg and cycle of the last message.
     said: Option<(usize, u32)>,
-    /// End effectors that touched the ground when the switches were heard last, a bit each, and the number of that sample.
+    /// Contact bits of the end effectors at the last reading of the switches, and the number of that sample.
     contacts: Option<(u32, u64)>,
-    /// Whether the planned contacts count, and whether it was said that they do in place of switches.
+    /// True if planned contacts replace missing switch readings. `said_contacts` is true once this was reported.
     planned_contacts: bool,
     said_contacts: bool,
     touches: Vec<bool>,
@@ -116,8 +117,8 @@ pub fn wheels(robot: &Robot, tree: &Tree) -> Vec<usize> {
 }
 
 impl<'p> Conductor<'p> {
-    /// For a sequence of a robot that is disarmed, whose ticks are `tick_s` apart until the controller says at which rate it takes samples. `wheels` are those
-    /// of [`wheels`].
+    /// Session with a disarmed robot, whose ticks are 1 / `tracking.rate_hz` apart. `wheels` comes from [`wheels`], and `library`
+    /// is the identity of the library that the controller must have.
     pub fn new(
         sequence: Sequence<'p>,
         robot: &Robot,
@@ -153,12 +154,12 @@ impl<'p> Conductor<'p> {
         }
     }
 
-    /// What the robot is about.
+    /// Phase of the session.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// How the samples went.
+    /// Counts of samples and answers.
     pub fn tally(&self) -> &Tally {
         &self.tally
     }
@@ -173,7 +174,8 @@ impl<'p> Conductor<'p> {
         &self.sequence
     }
 
-    /// Ends early: the robot completes its cycle, and goes to SAFE along the plans that follow; one that does not play goes there at once.
+    /// Ends early: the robot completes its cycle, and goes to SAFE along the plans that follow; one that does not play goes
+    /// there at once.
     pub fn stop(&mut self, now_us: u64, operator: &mut Operator) {
         let moves = self.sequence.progress().moves;
         if !moves {
@@ -262,8 +264,8 @@ impl<'p> Conductor<'p> {
         }
     }
 
-    /// Answers samples; call often. Of a program that was held up the state is estimated from all of them, and the newest answer supersedes the others. A
-    /// robot that goes home is answered to the end.
+    /// Answers samples; call often. Of a program that was held up the state is estimated from all of them, and the newest
+    /// answer supersedes the others. A robot that goes home is answered to the end.
     pub fn answer(&mut self, now_us: u64, operator: &mut Operator) {
         for _ in 0..AT_ONCE {
             let Some(measured) = operator.take_sample() else { return };

@@ -123,7 +123,7 @@ impl Report {
         })
     }
 
-    /// Whether all was played, and whether the link and this computer were fast enough.
+    /// Verdict in words: completeness, and speed of the link and of this computer.
     fn verdict(&self) -> String {
         let all = if self.complete { "all was played" } else { "not all was played" };
         let Some(late) = self.late_samples() else {

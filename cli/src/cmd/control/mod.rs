@@ -32,15 +32,19 @@ use std::path::PathBuf;
 
 /// Control in closed loop: play motions on a robot, or track a plan for another simulator.
 ///
-/// With a library file and --bus it is the robot's host: it plans the library's motions and transitions, arms the robot, and plays the motions of --play one after the
-/// other, from SAFE to SAFE. The controller sends what it measures 120 times a second, or as --rate says, and the program answers with a setpoint and a torque for every motor. All limits
-/// and watchdogs of the controller stay in force: without answers the robot holds still, and after a second and a quarter it is let down where it is. The robot needs an IMU, motors that take
-/// torques, and the same library in its flash. Ctrl-C completes the cycle that has begun, and takes the robot home; a second one ends the program at once.
+/// With a library file and --bus it is the robot's host: it plans the library's motions and transitions, arms the robot, and
+/// plays the motions of --play one after the other, from SAFE to SAFE. The controller sends what it measures 120 times a
+/// second, or as --rate says, and the program answers with a setpoint and a torque for every motor. All limits and watchdogs of
+/// the controller stay in force: without answers the robot holds still, and after a second and a quarter it is let down where
+/// it is. The robot needs an IMU, motors that take torques, and the same library in its flash. Ctrl-C completes the cycle that
+/// has begun, and takes the robot home; a second one ends the program at once.
 ///
-/// With a plan it serves another simulator over standard input and output: a line of measurements in, a line of setpoints out. Its first line says what the plan is, in which order
-/// channels, joints, wheels and end effectors are, and the state in which the motion begins. Each line on standard input is a tick: a JSON object with the time of the motion and the
-/// measured state or sensor readings. The program answers it with a line of setpoints of all channels for the drives' own loops: torque = kp (position - angle) + kd (speed - angular speed) +
-/// torque. The program ends with its input. docs/tracking.md describes the fields.
+/// With a plan it serves another simulator over standard input and output: a line of measurements in, a line of setpoints out.
+/// Its first line says what the plan is, in which order channels, joints, wheels and end effectors are, and the state in which
+/// the motion begins. Each line on standard input is a tick: a JSON object with the time of the motion and the measured state
+/// or sensor readings. The program answers it with a line of setpoints of all channels for the drives' own loops: torque = kp
+/// (position - angle) + kd (speed - angular speed) + torque. The program ends with its input. docs/tracking.md describes the
+/// fields.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -58,13 +62,14 @@ pub struct Args {
     /// Play this motion of the library, so many cycles; once for each, in the order in which they are played.
     #[arg(long, value_name = "MOTION:CYCLES")]
     play: Vec<Play>,
-    /// Ticks per second [default: on a robot 120, else 500]. On a robot 60 to 960, the control rate of its controller (120 on our boards) or a whole part of it.
+    /// Ticks per second [default: on a robot 120, else 500]. On a robot 60 to 960, the control rate of its controller (120 on
+    /// our boards) or a whole part of it.
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(30..=10_000))]
     rate: Option<u32>,
     /// Time from a measurement until the motors act on the answer, in milliseconds, beyond a tick; on a robot it is measured.
     #[arg(long, value_name = "MS", value_parser = latency_ms)]
     latency_ms: Option<f64>,
-    /// How the robot is brought back to the plan; on a robot by gains.
+    /// Feedback that brings the robot back to the plan [default: gains]; on a robot always gains.
     #[arg(long, value_enum)]
     feedback: Option<Way>,
     /// Print how samples were answered as JSON, at the end of a run on a robot.
@@ -74,9 +79,9 @@ pub struct Args {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Way {
-    /// Centre of mass, body and wheels each by itself.
+    /// Feedback on the centre of mass, the body and the wheels, each separately.
     Tasks,
-    /// All of them together, by gains of the plan's linear model.
+    /// Feedback on the whole state, by gains of the plan's linear model.
     Gains,
 }
 
@@ -190,13 +195,13 @@ fn has_host(bus: &mut Live, link: &LinkArgs) -> bool {
     listener::find_host(bus, link.node).is_ok_and(|listener| listener.has_host())
 }
 
-/// When ticks act, until the latency is measured: an answer is usually a sample late, of measurements that are a sample old.
+/// Timing until the latency is measured: an answer is usually a sample late, and its measurements are a sample old.
 fn timing(rate_hz: u32) -> Timing {
     let tick_s = 1.0 / f64::from(rate_hz);
     Timing { tick_s, latency_s: 2.0 * tick_s }
 }
 
-/// What the controller is asked for.
+/// Tracking request for the controller: sample rate, and gains in per cent of the robot file's.
 fn tracking(rate_hz: u32) -> Tracking {
     let percent = |part: f64| (100.0 * part).round() as u8;
     Tracking { rate_hz: rate_hz as u16, kp_percent: percent(KP_PART), kd_percent: percent(KD_PART) }

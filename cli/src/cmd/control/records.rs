@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// Largest difference of a quaternion's length from 1.
 const UNIT: f64 = 1e-3;
 
-/// How far the origin of a plan may be from that of the world, m, and the least cosine of the slope of its ground (45°).
+/// Largest distance of a plan's origin from the world's, m, and least cosine of the slope of its ground (45°).
 const FAR_M: f64 = 1e4;
 const STEEP_COS: f64 = 0.7;
 
@@ -26,7 +26,7 @@ pub struct Hello {
     robot: String,
     motion: String,
     tick_s: f64,
-    /// Of a motion that repeats, its period.
+    /// Duration, s; the period of a motion that repeats.
     duration_s: f64,
     repeats: bool,
     joints: Vec<String>,
@@ -45,7 +45,7 @@ struct Start {
 }
 
 impl Hello {
-    /// For a validated plan.
+    /// First line for a validated plan.
     pub fn new(plan: &Plan, tick_s: f64) -> Self {
         let mut body = WholeBody::new(plan);
         let start = body.at(0.0, &Isometry3::identity()).state;
@@ -76,7 +76,7 @@ impl Hello {
 pub struct Request {
     /// Time of the motion, periods counted on, s.
     pub time_s: f64,
-    /// Whether each end effector touches the ground.
+    /// True for each end effector that touches the ground.
     pub touches: Vec<bool>,
     /// An encoder without a valid reading sends `null`, as JSON has no NaN.
     joint_rad: Vec<Option<f64>>,
@@ -92,11 +92,11 @@ pub struct Request {
 struct Encoders {
     joint_rad: Vec<f64>,
     joint_speed_rad_s: Vec<f64>,
-    /// Of the wheels that spin, relative to their links.
+    /// Speeds of the wheels that spin, relative to their links.
     wheel_speed_rad_s: Vec<f64>,
 }
 
-/// Where the origin of the root link is, and how it moves; world axes, z up.
+/// Pose and velocity of the origin of the root link; world axes, z up.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Base {
@@ -158,10 +158,10 @@ impl Request {
         Ok(request)
     }
 
-    /// Where the plan lies, if the record says so.
+    /// Transform from plan to world, if the record has one.
     ///
     /// # Errors
-    /// The orientation is none, its ground is too steep, or the position too far.
+    /// The orientation is not a unit quaternion, the ground is steeper than 45°, or the position is too far from the origin.
     pub fn world_from_plan(&self) -> miette::Result<Option<Isometry3<f64>>> {
         let Some(pose) = &self.world_from_plan else { return Ok(None) };
         let turn = rotation("world_from_plan.orientation_wxyz", pose.orientation_wxyz)?;
@@ -199,12 +199,12 @@ impl Request {
         }))
     }
 
-    /// Whether the record has an IMU.
+    /// True if the record has an IMU.
     pub fn has_imu(&self) -> bool {
         self.imu.is_some()
     }
 
-    /// What the sensors measured; of an IMU that the record leaves out nothing.
+    /// Sensor readings; a record without an IMU has no IMU readings.
     ///
     /// # Errors
     /// The record is of another robot.
@@ -283,7 +283,7 @@ impl Encoders {
 #[derive(Serialize)]
 pub struct Setpoints {
     time_s: f64,
-    /// Why these are the setpoints of the plan in open loop or of its stop, if they are.
+    /// Reason for setpoints of the plan in open loop or of its stop; null while the robot is tracked.
     untracked: Option<String>,
     position_rad: Vec<f64>,
     speed_rad_s: Vec<f64>,

@@ -1,4 +1,4 @@
-//! What a robot is to play in closed loop: `--play NAME:CYCLES` as plans of a library, joined by its transitions.
+//! Sequence that a robot plays in closed loop: `--play NAME:CYCLES` as plans of a library, joined by its transitions.
 
 use miette::miette;
 use rollwalk_planner::motion::Ends;
@@ -11,13 +11,13 @@ use std::str::FromStr;
 
 /// Most cycles of a motion.
 const CYCLES_MAX: u32 = 100_000;
-/// How long the robot stands in SAFE before its first motion and after its last one, s.
+/// Standing time in SAFE before the first motion and after the last one, s.
 const STANDS_S: f64 = 0.5;
 
 /// A motion and how often it is played.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Play {
-    /// Its name in the library.
+    /// Name of the motion in the library.
     pub motion: String,
     pub cycles: u32,
 }

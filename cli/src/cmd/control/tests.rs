@@ -1,5 +1,5 @@
-//! Motions in closed loop over a simulated bus, in virtual time: AgileBot on the ground, its firmware, an operator, and a host whose ticks
-//! take a given time.
+//! Motions in closed loop over a simulated bus, in virtual time: AgileBot on the ground, its firmware, an operator, and a host
+//! whose ticks take a given time.
 
 use super::conductor::{Conductor, Phase, wheels};
 use super::route::{self, Play};
@@ -46,7 +46,7 @@ impl Planned {
         self.conductor_for(play, rate_hz, identity(&self.file).expect("a library"))
     }
 
-    /// For a controller with a library of this identity.
+    /// Conductor for a controller with a library of this identity.
     fn conductor_for(&self, play: &[&str], rate_hz: u32, library: u32) -> Conductor<'_> {
         let play: Vec<Play> = play.iter().map(|text| text.parse().expect("a motion")).collect();
         let legs = route::legs(&self.library, &self.plans, &play).expect("a way");
@@ -57,14 +57,14 @@ impl Planned {
     }
 }
 
-/// What does not reach the host.
+/// Messages that do not reach the host.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Loses {
     Nothing,
-    /// Ends of batches, so that it does not answer.
+    /// Ends of batches; the host then does not answer.
     Samples,
     Imu,
-    /// What the contact switches say.
+    /// Readings of the contact switches.
     Contacts,
 }
 
@@ -73,7 +73,7 @@ struct Bench<'p> {
     rig: Rig,
     operator: Operator,
     conductor: Conductor<'p>,
-    /// Whether it only listens.
+    /// True while the conductor does nothing.
     waits: bool,
     loses: Loses,
     at_us: Option<u64>,
@@ -153,7 +153,7 @@ impl<'p> Bench<'p> {
         }
     }
 
-    /// What the host hears of a frame.
+    /// Frame as the host receives it; `None` if it is lost.
     fn heard(&self, frame: Frame) -> Option<Frame> {
         use FromController as M;
         match (self.loses, FromController::decode(&frame)) {
@@ -166,7 +166,7 @@ impl<'p> Bench<'p> {
         }
     }
 
-    /// Where the body is, m, and its heading, rad.
+    /// Position of the body, m, and its heading, rad.
     fn place(&self) -> [f64; 3] {
         let (position, rotation) = self.rig.body().ground().expect("on the ground").world().base();
         [position.x, position.y, rotation[(1, 0)].atan2(rotation[(0, 0)])]
@@ -177,7 +177,7 @@ impl<'p> Bench<'p> {
     }
 }
 
-/// Way of the body over that of the plans.
+/// Distance of the body divided by the distance of the plans.
 fn way(bench: &Bench<'_>, before: [f64; 3]) -> f64 {
     let after = bench.place();
     let legs = bench.conductor.sequence().legs().iter();
@@ -301,7 +301,7 @@ fn contact_switches_that_are_lost_give_way_to_planned_contacts() {
     assert!(messages.iter().any(|message| warns(&message.text)), "{messages:?}");
 }
 
-/// Between the order to begin and the sample with which the motion begins.
+/// Stops between the order to begin and the first sample of the motion.
 #[test]
 fn one_that_is_stopped_before_it_moves_goes_home_at_once() {
     let planned = Planned::agilebot();

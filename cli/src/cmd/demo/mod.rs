@@ -50,7 +50,7 @@ pub struct Args {
     /// Library file (TOML) to play instead of AgileBot's.
     #[arg(long, value_name = "LIBRARY.toml")]
     library: Option<PathBuf>,
-    /// What carries the robot.
+    /// Support of the robot.
     #[arg(long, value_name = "SUPPORT", value_enum, default_value_t = Support::Ground)]
     on: Support,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! What the demo measured, and the bounds that it is held to.
+//! Measurements of the demo and their bounds.
 
 use super::score::{Score, scores};
 use super::world::World;
@@ -34,9 +34,9 @@ pub struct Outcome {
     pub flash_s: f64,
     /// Time from power-on to disarmed on the simulated robot's clock, s.
     pub session_s: f64,
-    /// What became of them on the ground; null on a stand.
+    /// Results on the ground; null on a stand.
     pub world: Option<World>,
-    /// Why the tour ended before its end.
+    /// Reason for an early end of the tour.
     pub stopped: Option<String>,
     /// Motions in the order in which they were played.
     pub tour: Vec<String>,
@@ -49,7 +49,7 @@ pub struct Clip {
     pub name: String,
     /// Command code; null for a transition.
     pub code: Option<u8>,
-    /// How the solve ended.
+    /// Status of the solve.
     pub status: Status,
     /// Iterations of the optimiser.
     pub iterations: usize,
@@ -137,7 +137,7 @@ impl Outcome {
         })
     }
 
-    /// Whether every plan converged, every clip was played and every bound holds.
+    /// True if the tour was completed, every plan converged, every clip was played and every bound holds.
     pub fn holds(&self) -> bool {
         self.stopped.is_none()
             && self.bounds.iter().all(|bound| bound.holds)

@@ -1,5 +1,5 @@
-//! What the demo measured while the library was played: for every clip, how far the commands on the
-//! buses were from the plan, how far the motors were from the commands, and how full the buses were.
+//! Measurements of every clip while the library was played: deviation of the commands on the buses from the plan, deviation of
+//! the motors from the commands, and load of the buses.
 
 use rollwalk_firmware::Settings;
 use rollwalk_planner::plan::Plan;
@@ -85,7 +85,7 @@ struct Traffic {
     busy_s: f64,
 }
 
-/// What went over all buses, in the order of time.
+/// Traffic of all buses in the order of time.
 fn traffic(rig: &Rig, robot: &Robot) -> Vec<Traffic> {
     let rate = |interface| match interface {
         Interface::Link => DEFAULT_BITRATE,

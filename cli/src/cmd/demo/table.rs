@@ -40,7 +40,7 @@ pub fn render(outcome: &Outcome) -> String {
     )
 }
 
-/// What became of the motions on the ground.
+/// Table of the motions on the ground.
 fn on_ground(world: &World) -> String {
     let mut rows = Table::new([
         "on the ground",

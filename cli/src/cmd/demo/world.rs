@@ -1,4 +1,4 @@
-//! What became of each motion on the ground while the library was played, against its plan.
+//! Results of each motion on the ground while the library was played, compared with its plan.
 
 use rollwalk_physics::world::{Totals, Way};
 use rollwalk_planner::motion::Ends;
@@ -20,7 +20,7 @@ pub struct World {
 #[derive(Serialize)]
 pub struct Row {
     pub name: String,
-    /// How long it was played, s.
+    /// Playing time, s.
     pub played_s: f64,
     /// Times that it was played, one after the other.
     pub cycles: f64,

@@ -36,7 +36,7 @@ struct Parameter<'a> {
     step: Option<f64>,
     unit: &'static str,
     changes: String,
-    /// What is wrong with robots at its bounds.
+    /// Problems of the robots at its bounds.
     problems: Vec<String>,
 }
 
@@ -105,7 +105,7 @@ fn parameter(designed: &Designed, index: usize) -> Parameter<'_> {
     }
 }
 
-/// What is wrong, and what would be right.
+/// Problems and their remedies.
 fn problems(error: &DocumentError) -> String {
     let faults = error.faults().map(|fault| format!("{fault}: {}", fault.help));
     faults.collect::<Vec<_>>().join("; ")

@@ -9,8 +9,8 @@ use std::path::PathBuf;
 
 /// Change parameters of a robot by hand and plan its motions again.
 ///
-/// Writes a folder with the changed robot file, its comments kept, a plan of each motion, figures of each motion before and after,
-/// and a report. The exit code is 3 if a motion does not hold in simulation afterwards.
+/// Writes a folder with the changed robot file, its comments kept, a plan of each motion, figures of each motion before and
+/// after, and a report. The exit code is 3 if a motion does not hold in simulation afterwards.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:

@@ -24,8 +24,8 @@ pub struct Args {
     /// Parameters and their values, in m or rad; `+=` and `-=` change what the robot file has.
     #[arg(value_name = "NAME=VALUE", required = true, value_parser = given::parse)]
     given: Vec<Given>,
-    /// What the motions keep: pitch, tilt (roll and pitch), height, body (height and tilt), joints (angles), feet (contact
-    /// points).
+    /// Feature that the motions keep: pitch, tilt (roll and pitch), height, body (height and tilt), joints (angles), feet
+    /// (contact points).
     #[arg(long, value_name = "FEATURE", value_parser = feature)]
     feature: Feature,
     #[command(flatten)]

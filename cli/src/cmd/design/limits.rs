@@ -16,8 +16,8 @@ const NAMED: usize = 4;
 
 /// Show what limits the motions of a design.
 ///
-/// The multipliers of a plan's constraints are prices: how much better the best plan were if a limit were less tight. What does not
-/// push has no price. Then what the motors must do in all motions, and the lightest servos of a catalogue that would do.
+/// The multipliers of a plan's constraints are prices: how much better the best plan were if a limit were less tight. What does
+/// not push has no price. Then what the motors must do in all motions, and the lightest servos of a catalogue that would do.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -41,7 +41,7 @@ struct Document {
     motors: Vec<Motors>,
 }
 
-/// What the motors of one model must do.
+/// Requirements on the motors of one model.
 #[derive(Serialize)]
 struct Motors {
     model: String,
@@ -58,7 +58,7 @@ struct Motors {
 struct Limits {
     motion: String,
     prices: Vec<Limit>,
-    /// Whether the prices are those of a plan near the optimum.
+    /// True if prices are rough, because Newton's method does not reach the optimum of the plan.
     estimated: bool,
 }
 
@@ -115,7 +115,7 @@ fn motors(duty: &Duty, catalog: &Catalog) -> Motors {
     }
 }
 
-/// What motors must do, and the lightest servos that would do.
+/// Table of the requirements on motors, with the lightest servos that meet them.
 fn choices(motors: &[Motors]) -> String {
     let titles = ["motors", "at most rad/s", "at most N·m", "lightest servos that do it"];
     let mut table = Table::new(titles);

@@ -13,8 +13,9 @@ use std::path::PathBuf;
 ///
 /// What is best stands in the design file's `[goal]`: quantities to minimise, and bounds to keep. Several motions are optimised
 /// at once (thesis 2.5.3). A robot that cannot do a motion as it is designed is repaired first, by the smallest changes with
-/// which it can; without `[goal]` that is all. If no design within the bounds is better, the robot stays as it is. Writes what `rollwalk design edit` writes, with a row for every step of the design.
-/// The exit code is 3 if no design within the bounds can do the motions, if one does not hold in simulation afterwards, or if a quantity under `keep` is beyond its bound.
+/// which it can; without `[goal]` that is all. If no design within the bounds is better, the robot stays as it is. Writes what
+/// `rollwalk design edit` writes, with a row for every step of the design. The exit code is 3 if no design within the bounds
+/// can do the motions, if one does not hold in simulation afterwards, or if a quantity under `keep` is beyond its bound.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:

@@ -1,4 +1,4 @@
-//! What a change of a design came to: robot file, plans, figures and report in a folder.
+//! Results of a design change: robot file, plans, figures and report in a folder.
 
 use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
@@ -26,7 +26,7 @@ const REPORT: [&str; 2] = ["report.md", "report.json"];
 /// Figure of the robot before and after.
 const ROBOT_FIGURE: &str = "robot.svg";
 
-/// Where results go, and how.
+/// Destination and format of the results.
 #[derive(clap::Args)]
 pub struct Folder {
     /// Folder for the robot file, the motion files, the plans, the figures and the report; made if it is missing.
@@ -153,7 +153,7 @@ impl Place<'_> {
     }
 }
 
-/// What a change of a design came to.
+/// Results of a design change.
 #[derive(Serialize)]
 pub struct Outcome {
     command: &'static str,
@@ -165,28 +165,28 @@ pub struct Outcome {
     /// Mass of the robot, before and after, kg; nothing of one of which the motions could not be asked.
     mass_kg: [Option<f64>; 2],
     motions: Vec<Compared>,
-    /// Of `keep`: how far the feature is from what it was, by hand and kept.
+    /// Deviation of the feature in `keep` from the original motions: after the manual change, and kept.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub drifts: Vec<(&'static str, Drift)>,
-    /// Of `optimise`: what the goal keeps.
+    /// Bounds that the goal of `optimise` keeps.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "bounds")]
     pub kept: Vec<Kept>,
-    /// Of `optimise`: the designs on the way.
+    /// Designs of `optimise` on its way.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "steps")]
     pub steps: Vec<Step>,
-    /// Whether `optimise` found a design that is better than the original one, or than its repair.
+    /// True if `optimise` found a better design than the original one, or than its repair.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub is_better: Option<bool>,
-    /// Whether `optimise` took as many steps as it may.
+    /// True if `optimise` reached its maximum number of steps.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_cut_short: bool,
     /// Motions whose derivatives are estimates in `optimise`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub estimated_motions: Vec<String>,
-    /// Gain of the objective by the predicted one, over all steps that `optimise` tried.
+    /// Ratio of achieved to predicted gain of the objective, over all steps that `optimise` tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gain_of_predicted: Option<f64>,
-    /// Of `optimise` of a robot that could not do a motion: the designs until it could.
+    /// Designs of `optimise` until the robot could do all motions; empty if the original one could.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "repairs")]
     pub repairs: Vec<repair::Step>,
     /// Designs on the way that could not do a motion.
@@ -251,7 +251,7 @@ pub struct Swapped {
 struct Compared {
     motion: String,
     consistent: bool,
-    /// What its plan is worth.
+    /// Verdict on the plan in words.
     conclusion: String,
     /// Verdicts of the simulation, before and after; null for a plan that did not converge, and after Ctrl-C.
     simulated: [Option<Verdict>; 2],
@@ -262,7 +262,7 @@ struct Compared {
 }
 
 impl Compared {
-    /// Whether the motion is consistent afterwards, and holds in simulation or is known to need feedback.
+    /// True if the new plan is consistent, and the motion holds in simulation or needs feedback.
     fn holds(&self) -> bool {
         let simulated = self.simulated[1].is_none_or(|verdict| verdict.holds());
         self.consistent && (simulated || self.needs_feedback.is_some())
@@ -281,7 +281,7 @@ struct Pair {
     ratio: Option<f64>,
 }
 
-/// How far a feature is from what it was.
+/// Deviation of a feature from the original motions.
 #[derive(Serialize)]
 pub struct Drift {
     feature: &'static str,
@@ -291,7 +291,7 @@ pub struct Drift {
 }
 
 impl Drift {
-    /// Between plans of the same motions.
+    /// Deviation between plans of the same motions.
     pub fn between(feature: Feature, before: &Plans, after: &Plans) -> Self {
         let curve = |plans: &Plans| -> Vec<f64> {
             plans.plans().flat_map(|plan| feature.of_plan(&resample(plan, RATE_HZ))).collect()

@@ -33,10 +33,10 @@ const START_US: u64 = 20_000_000;
 /// Time without contact after which a drive without a terminal ends, µs.
 const SILENT_US: u64 = 5_000_000;
 
-/// How a drive ended.
+/// Result of a drive.
 pub struct Ending {
     pub words: String,
-    /// As scripts see it.
+    /// Exit code for scripts.
     pub exit: Exit,
 }
 
@@ -49,7 +49,7 @@ pub struct App<'a> {
     pub gamepad: Option<Gamepad>,
     /// The library that the controller has to have.
     catalog: Catalog,
-    /// It was said that it has another one.
+    /// True once a message reported another library on the controller.
     is_other: bool,
     /// Times of plans, ms.
     took_ms: Vec<f64>,
@@ -184,7 +184,7 @@ impl<'a> App<'a> {
         }
     }
 
-    /// Whether the robot has stopped, so that it cannot be armed until it is cleared.
+    /// True if the robot has stopped and must be cleared before it can be armed.
     fn is_stopped(&self, now_us: u64) -> bool {
         let view = self.operated.operator.view(now_us);
         view.link.contact && view.status.as_ref().is_some_and(has_to_be_cleared)
@@ -220,7 +220,7 @@ impl<'a> App<'a> {
         self.operated.send();
     }
 
-    /// Whether there is a deadman that is not held.
+    /// True if there is a deadman that is not held.
     fn is_let_go(&self, now_us: u64) -> bool {
         self.operated.operator.view(now_us).deadman_held == Some(false)
     }
@@ -291,7 +291,7 @@ impl<'a> App<'a> {
         sticks
     }
 
-    /// How it ended; `is_whole` says whether it did all that it was to do.
+    /// Result of the drive; `is_whole` is true if all its steering was done.
     fn ending(&mut self, is_whole: bool) -> Ending {
         let now_us = self.operated.now_us();
         let view = self.operated.operator.view(now_us);
@@ -326,7 +326,7 @@ impl<'a> App<'a> {
     }
 }
 
-/// Without faults a robot whose torque is off comes to be disarmed by itself.
+/// True if the robot stays stopped until it is cleared. `TorqueOff` becomes `Disarmed` by itself unless a fault is latched.
 fn has_to_be_cleared(status: &Status) -> bool {
     status.state == State::EStopped || status.state == State::TorqueOff && !status.faults.is_empty()
 }

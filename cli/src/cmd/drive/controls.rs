@@ -1,4 +1,4 @@
-//! What the operator steers with: keys of a terminal, and the sticks of a gamepad.
+//! Steering inputs of the operator: keys of a terminal, and sticks of a gamepad.
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rollwalk_gamepads::inputs::{Push, push};
@@ -31,9 +31,9 @@ pub struct Controls {
     fastest: Fastest,
     /// Forward, to the left and turning to the left, in steps.
     steps: [f64; 3],
-    /// There is a gait to walk in.
+    /// True if there is a gait to walk in.
     has_gait: bool,
-    /// It rolls although it could walk.
+    /// True if the robot rolls although it could walk.
     rolls: bool,
     /// The last key, and when, µs.
     last: Option<(KeyCode, u64)>,
@@ -48,7 +48,7 @@ impl Controls {
         self.steps = [0.0; 3];
     }
 
-    /// What is steered to. Sticks, −1 to 1 each, add to the keys.
+    /// Steering from keys and sticks. Sticks, −1 to 1 each, add to the keys.
     pub fn wanted(&self, sticks: [f64; 3]) -> Wanted {
         let part = |c: usize| (self.steps[c] / STEPS + sticks[c]).clamp(-1.0, 1.0);
         let Fastest { speed_m_s, turn_rad_s } = self.fastest;
@@ -65,7 +65,7 @@ impl Controls {
         Wanted::of(steering, self.has_gait && !self.rolls)
     }
 
-    /// What a key means that is pressed now. Keys that steer and the emergency stop count as often as they come.
+    /// Meaning of a key that is pressed now. Repeats of a held key count only for steering and the emergency stop.
     pub fn press(&mut self, now_us: u64, key: KeyEvent) -> Option<Meaning> {
         if key.kind == KeyEventKind::Release {
             return None;
@@ -120,8 +120,8 @@ impl Controls {
     }
 }
 
-/// Where the sticks of a gamepad are, −1 to 1: forward, to the left and turning to the left. `pushed` says how far an axis is
-/// pushed in a direction, 0 to 1.
+/// Deflections of the sticks of a gamepad, −1 to 1: forward, to the left and turning to the left. `pushed` returns the deflection
+/// of an axis in one direction, 0 to 1.
 pub fn sticks(pushed: impl Fn(Push) -> f32) -> [f64; 3] {
     AXES.map(|name| {
         let to = push(name).expect("an axis of that name");

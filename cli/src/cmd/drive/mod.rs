@@ -26,16 +26,17 @@ use std::path::PathBuf;
 
 /// Steer the robot continuously, by keys or a gamepad: forward, sideways, turning, to a halt, and from driving to walking.
 ///
-/// The motion of the next second or two is planned again and again, several times a second, and streamed to the controller. The robot begins and ends in
-/// the SAFE pose of its motion library. It walks in the gait of a periodic plan, if one is given, while it is steered, and stands or
-/// drives on all its wheels otherwise. Nothing is measured: plans are played as those of a library are, so that a gait must be one that
-/// the robot walks well from a library.
+/// The motion of the next second or two is planned again and again, several times a second, and streamed to the controller. The
+/// robot begins and ends in the SAFE pose of its motion library. It walks in the gait of a periodic plan, if one is given,
+/// while it is steered, and stands or drives on all its wheels otherwise. Nothing is measured: plans are played as those of a
+/// library are, so that a gait must be one that the robot walks well from a library.
 ///
-/// Arrow keys steer forward, back and turns, `,` and `.` sideways, each in five steps; `x` stops. SPACE or Esc is the emergency stop; `a` arms, `r` goes
-/// to SAFE, `q` goes to SAFE, disarms and quits; a second `q` disarms at once, also in the middle of a step. With --steer it needs no terminal: it arms the robot, steers it by the list, and disarms it.
+/// Arrow keys steer forward, back and turns, `,` and `.` sideways, each in five steps; `x` stops. SPACE or Esc is the emergency
+/// stop; `a` arms, `r` goes to SAFE, `q` goes to SAFE, disarms and quits; a second `q` disarms at once, also in the middle of a
+/// step. With --steer it needs no terminal: it arms the robot, steers it by the list, and disarms it.
 ///
-/// This program is the robot's host: it sends the heartbeat that keeps an armed robot armed. If setpoints do not come for a quarter of a second the
-/// robot holds still where it is, and is then let down.
+/// This program is the robot's host: it sends the heartbeat that keeps an armed robot armed. If setpoints do not come for a
+/// quarter of a second the robot holds still where it is, and is then let down.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -61,7 +62,8 @@ pub struct Args {
     /// Button mapping (TOML, docs/gamepad.md), for a gamepad without a shipped one.
     #[arg(long, value_name = "FILE", requires = "gamepad")]
     mapping: Option<PathBuf>,
-    /// Steer without a terminal: velocity from a time on, forward and to the left in m/s, turning to the left in rad/s. A horizon that cannot be planned for it makes the robot halt; --speed and --turn do not limit it.
+    /// Steer without a terminal: velocity from a time on, forward and to the left in m/s, turning to the left in rad/s. A
+    /// horizon that cannot be planned for it makes the robot halt; --speed and --turn do not limit it.
     #[arg(
         long,
         value_name = "AT:FORWARD,LEFT,TURN",

@@ -14,9 +14,9 @@ pub const HEIGHT: u16 = 9;
 /// Lines of messages in it.
 const MESSAGES: usize = 4;
 
-/// All that is shown.
+/// Contents of the screen.
 pub struct Scene<'a> {
-    /// What the operator knows.
+    /// Operator's view of the link and the robot.
     pub view: &'a View,
     /// The bus, as it was typed.
     pub bus: &'a str,

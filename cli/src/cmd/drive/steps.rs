@@ -14,7 +14,7 @@ const FASTEST: f64 = 20.0;
 pub struct Step {
     /// Time since the robot follows the steering, s.
     pub at_s: f64,
-    /// What it is steered to.
+    /// Steering from that time on.
     pub steering: Steering,
 }
 

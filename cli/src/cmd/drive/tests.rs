@@ -123,7 +123,7 @@ impl Drive {
         self.pilot.steer(Wanted::of(steering, true));
     }
 
-    /// Where the body is: along and across the heading at the start, m, and its heading, rad.
+    /// Position of the body along and across the heading at the start, m, and its heading, rad.
     fn place(&self) -> [f64; 3] {
         let (position, rotation) = self.rig.body().ground().expect("on the ground").world().base();
         [position.x, position.y, rotation[(1, 0)].atan2(rotation[(0, 0)])]

@@ -1,4 +1,4 @@
-//! What was found, as JSON.
+//! Results of the identification as JSON.
 
 use super::outcome::{self, Outcome};
 use rollwalk_simulate::identify::{Combined, Found, Quality, Signal, Verdict};
@@ -7,9 +7,9 @@ use serde::Serialize;
 /// Output of `--json`.
 #[derive(Serialize)]
 pub struct Document<'a> {
-    /// Of all runs together.
+    /// Parameters from all runs together.
     parameters: Vec<Together<'a>>,
-    /// Each run, fitted alone.
+    /// Runs, each fitted alone.
     runs: Vec<Run<'a>>,
     /// Runs that took no part.
     others: Vec<Other<'a>>,
@@ -19,8 +19,8 @@ pub struct Document<'a> {
 struct Together<'a> {
     #[serde(flatten)]
     of: Parameter,
-    /// Deviation of the value from run to run, beyond what noise explains (τ). None if fewer than two runs determine the value: `deviation` then
-    /// contains no error of the model.
+    /// Deviation of the value from run to run, beyond what noise explains (τ). None if fewer than two runs determine the value:
+    /// `deviation` then contains no error of the model.
     between_runs: Option<f64>,
     /// Runs that determine the value.
     runs: Vec<&'a str>,
@@ -32,7 +32,7 @@ struct Parameter {
     unit: &'static str,
     before: f64,
     fitted: f64,
-    /// None if no run determines the value.
+    /// Standard deviation; null if no run determines the value.
     deviation: Option<f64>,
     verdict: &'static str,
 }
@@ -45,7 +45,7 @@ struct Run<'a> {
     /// Root mean squares over the part of the run that was fitted, and over the part that was predicted.
     fitted: Vec<Fit>,
     predicted: Vec<Fit>,
-    /// Of several runs: after the first quarter, with the numbers of this run and with those of all.
+    /// Errors after the first quarter, with the numbers of this run and with those of all runs; empty for a single run.
     compared: Vec<Compared>,
     begin_s: f64,
     predicted_from_s: f64,
@@ -81,7 +81,7 @@ pub struct Compared {
 }
 
 impl<'a> Document<'a> {
-    /// Of what the runs give.
+    /// Document of an outcome.
     pub fn new(of: &'a Outcome) -> Self {
         let together = |combined: &'a Combined| Together {
             of: Parameter::new(&combined.found),
@@ -140,7 +140,7 @@ pub fn fits(of: &[Option<Quality>; 2]) -> Vec<Fit> {
     rows(of).map(fit).collect()
 }
 
-/// With the numbers of the file, of a run and of all runs.
+/// Root mean squares with the numbers of the file, of a run and of all runs.
 pub fn compared(of: &[Option<Quality>; 3]) -> Vec<Compared> {
     let compared = |row: Row<3>| {
         let Row { signal, unit, rms: [before, alone, together] } = row;
@@ -156,7 +156,7 @@ struct Row<const N: usize> {
     rms: [Option<f64>; N],
 }
 
-/// Of each signal that was measured.
+/// Root mean squares of each signal that was measured.
 fn rows<const N: usize>(of: &[Option<Quality>; N]) -> impl Iterator<Item = Row<N>> {
     Signal::ALL.into_iter().filter_map(move |signal| {
         let rms = of.each_ref().map(|quality| quality.as_ref()?.of_signal(signal));

@@ -22,12 +22,13 @@ use std::path::PathBuf;
 
 /// Fit friction, gains and masses of a robot file to recorded runs.
 ///
-/// A run is simulated again with what its drives were commanded, and the numbers of the robot change until the simulated robot does what
-/// the recorded one did: by Gauss–Newton's method with derivatives of the whole run (thesis 4.7.3), first over its beginning, then over all of it
-/// but the last quarter, which is simulated as a check. Parameters that the run does not determine keep their values.
+/// A run is simulated again with what its drives were commanded, and the numbers of the robot change until the simulated robot
+/// does what the recorded one did: by Gauss–Newton's method with derivatives of the whole run (thesis 4.7.3), first over its
+/// beginning, then over all of it but the last quarter, which is simulated as a check. Parameters that the run does not
+/// determine keep their values.
 ///
-/// Each of several runs is fitted alone. What they disagree about shows errors of the model, such as in how contacts slip, which no single run
-/// shows: the robot file gets the mean of the runs, and the deviations contain the spread between them.
+/// Each of several runs is fitted alone. What they disagree about shows errors of the model, such as in how contacts slip,
+/// which no single run shows: the robot file gets the mean of the runs, and the deviations contain the spread between them.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -39,19 +40,20 @@ Examples:
 
 What can be fitted, and what a recording needs: docs/identification.md")]
 pub struct Args {
-    /// Recorded runs of the robot, best of three motions or more, each with what its drives were commanded: telemetry of `rollwalk monitor --mcap`, a
-    /// log of all actuator buses in candump's format, a log of the simulated world, or a table with some of its columns.
+    /// Recorded runs of the robot, best of three motions or more, each with what its drives were commanded: telemetry of
+    /// `rollwalk monitor --mcap`, a log of all actuator buses in candump's format, a log of the simulated world, or a table
+    /// with some of its columns.
     #[arg(value_name = "RUN", required = true)]
     runs: Vec<PathBuf>,
     /// Robot file (TOML) to begin with.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// What is fitted: `friction`, `kp`, `kd` and so on, or of one drive or link, such as `kp.xm540` [default: friction, resistance, kp, kd,
-    /// stiffness, stick, delay].
+    /// Parameters to fit: `friction`, `kp`, `kd` and so on, or those of one drive or link, such as `kp.xm540` [default: friction,
+    /// resistance, kp, kd, stiffness, stick, delay].
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fit: Vec<String>,
-    /// Another run of the robot, which takes no part: it is simulated with the numbers of the file and with those found, and compared. As often as
-    /// wanted.
+    /// Another run of the robot, which takes no part: it is simulated with the numbers of the file and with those found, and
+    /// compared. As often as wanted.
     #[arg(long, value_name = "RUN")]
     predict: Vec<PathBuf>,
     /// Robot file to write, with the fitted values.

@@ -1,4 +1,5 @@
-//! What the runs of a command line give: each fitted alone, all together, and how well these numbers simulate each of them and others.
+//! Fits of the runs of a command line: each run alone, all together, and the simulations of each run and of others with these
+//! numbers.
 
 use super::runs::Run;
 use rollwalk_robot::Robot;
@@ -10,7 +11,7 @@ use std::path::PathBuf;
 
 pub struct Outcome {
     pub fits: Vec<Fit>,
-    /// What they give together; of one run, what that gives.
+    /// Fit of all runs together; a single run's own fit.
     pub together: Together,
     /// Runs that took no part, with the numbers of the file and with those found.
     pub others: Vec<(String, [Option<Quality>; 2])>,
@@ -20,8 +21,8 @@ pub struct Outcome {
 pub struct Fit {
     pub run: String,
     pub found: Identified,
-    /// Of several runs: this one after its first quarter, simulated with the numbers of the file, with its own and with those of all runs; `None`
-    /// where the robot falls.
+    /// Comparison after the first quarter of this run: simulations with the numbers of the file, of this run and of all runs.
+    /// `None` for a single run; the inner `None` where the robot falls.
     pub compared: Option<[Option<Quality>; 3]>,
 }
 

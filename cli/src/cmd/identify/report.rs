@@ -1,4 +1,4 @@
-//! What was found, for people.
+//! Report of the identification as text.
 
 use super::document::{compared, fits};
 use super::outcome::{Fit, Outcome};
@@ -56,7 +56,7 @@ fn head(of: &Fit) -> String {
     )
 }
 
-/// What goes into the robot file, with what of each deviation is spread between runs.
+/// Table of the values for the robot file, with the standard deviation between runs.
 fn parameters(outcome: &Outcome) -> String {
     let is_one = outcome.fits.len() == 1;
     let mut titles = vec!["parameter", "before", "fitted", "±", "between runs", "unit", "verdict"];
@@ -92,7 +92,7 @@ fn known(of: &Found, value: f64) -> String {
     }
 }
 
-/// What to make of a number.
+/// Verdict on a parameter in words.
 fn sentence(combined: &Combined, outcome: &Outcome) -> String {
     let of = &combined.found;
     let is_along = of.quantity.kind.is_along();
@@ -138,7 +138,7 @@ fn found<'f>(fit: &'f Fit, combined: &Combined) -> Option<&'f Found> {
     fit.found.found.iter().find(|of| of.quantity == combined.found.quantity)
 }
 
-/// What one of several runs does not tell.
+/// Parameters that one of several runs does not determine.
 fn gaps(fit: &Fit) -> impl Iterator<Item = String> {
     let run = &fit.run;
     fit.found.found.iter().filter_map(move |of| {
@@ -188,7 +188,7 @@ fn residuals(fit: &Fit) -> String {
     table.render()
 }
 
-/// One of several runs, with the numbers of the file, its own and those of all.
+/// Table of one of several runs, with the numbers of the file, of the run and of all runs.
 fn comparison(fit: &Fit) -> Option<String> {
     let title = format!("{} after its first quarter", fit.run);
     let mut table = Table::new([&title, "before", "alone", "together", "unit"]);
@@ -211,7 +211,7 @@ fn cell(rms: Option<f64>) -> String {
     rms.map_or("falls".to_owned(), |rms| format!("{rms:.5}"))
 }
 
-/// Where the numbers found are worse than those of the file.
+/// Warning if the fitted numbers predict a signal worse than those of the file.
 fn warning(fit: &Fit) -> Option<String> {
     let is_worse = |before: Option<f64>, after: Option<f64>| match (before, after) {
         (Some(before), Some(after)) => after > 1.1 * before,

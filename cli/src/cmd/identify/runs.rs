@@ -7,9 +7,9 @@ use rollwalk_simulate::identify::{Recording, Wanted};
 use std::path::{Path, PathBuf};
 
 pub struct Run {
-    /// Where it was read from.
+    /// Path of the recording.
     pub path: PathBuf,
-    /// Its file without the folders that it shares with the other runs: robot files, which name it, travel.
+    /// Path without the folders that it shares with the other runs: robot files contain this name and travel to other computers.
     pub name: String,
     pub recording: Recording,
 }
@@ -59,7 +59,7 @@ fn is_same(run: &Run, path: &Path, recording: &Recording) -> bool {
     is_file || run.recording == *recording
 }
 
-/// What is wanted of each run.
+/// Times from `--from` and `--to` of each run.
 fn wanted(runs: usize, from_s: &[f64], to_s: &[f64]) -> miette::Result<Vec<Wanted>> {
     let each = |option: &str, times_s: &[f64]| match times_s {
         [] => Ok(vec![None; runs]),

@@ -14,10 +14,10 @@ pub struct Source {
 }
 
 impl Source {
-    /// Of the text of a robot that has been read.
+    /// Parses the text of a robot file that has been read.
     ///
     /// # Errors
-    /// Its tables are not written as this can change them.
+    /// The text is not TOML, or has links, joints or end effectors in inline tables, which cannot be changed.
     pub fn new(path: &Path, text: &str, robot: &Robot) -> miette::Result<Self> {
         let document: DocumentMut =
             text.parse().map_err(|error| miette!("{}: {error}", path.display()))?;
@@ -44,7 +44,7 @@ impl Source {
         Ok(Self { document, drives, links })
     }
 
-    /// What can be fitted: everything of which the robot has a number other than 0.
+    /// Quantities that can be fitted: the delay, and all that are not 0 in the robot, except position gains of wheels.
     pub fn quantities(&self, robot: &Robot) -> Vec<Quantity> {
         let of = |kind: Kind| {
             let groups: Vec<Option<Group>> = match kind.is_of() {
@@ -100,9 +100,9 @@ impl Source {
 
 struct Change<'a> {
     key: &'static str,
-    /// By which it changes.
+    /// Factor on the value.
     share: f64,
-    /// As a share of it.
+    /// Standard deviation divided by the fitted value.
     deviation: f64,
     /// Name of the recording.
     run: &'a str,
@@ -214,7 +214,7 @@ fn text_of<'t>(table: &'t Table, key: &str) -> &'t str {
     table.get(key).and_then(Item::as_str).unwrap_or_default()
 }
 
-/// What has the same name, in the order of first appearance; its members are places in the sequence.
+/// Groups of equal names in the order of first appearance; members are indices of the sequence.
 fn groups(names: impl Iterator<Item = impl Into<String>>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for (number, name) in names.map(Into::into).enumerate() {

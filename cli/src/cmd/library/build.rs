@@ -14,9 +14,9 @@ use std::path::PathBuf;
 
 /// Optimise every motion and transition of a library file and pack them into a motion library.
 ///
-/// The library is written only when every plan is consistent and every motion holds in simulation: a robot on level ground plays the
-/// library as the controller does, over every transition, and has to come where the plans say. A motion whose file says that it
-/// `needs_feedback` may miss.
+/// The library is written only when every plan is consistent and every motion holds in simulation: a robot on level ground
+/// plays the library as the controller does, over every transition, and has to come where the plans say. A motion whose file
+/// says that it `needs_feedback` may miss.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -25,12 +25,12 @@ Examples:
   rollwalk library build motions/agilebot_library.toml -o agilebot.rwl --sign owner.pem
 
 The format of library files is described in docs/motion-files.md, that of the result in
-docs/motion-library.md.")]
+docs/formats/motion-library.md.")]
 pub struct Args {
     /// Library file (TOML).
     #[arg(value_name = "LIBRARY.toml")]
     library: PathBuf,
-    /// Where to write the motion library.
+    /// Motion library to write.
     #[arg(short, long, value_name = "LIB.rwl")]
     output: PathBuf,
     /// Sign the library with this private key (`rollwalk keys new-pair`).
@@ -47,7 +47,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Outcome<'a> {
     robot: &'a str,

@@ -20,7 +20,7 @@ Examples:
   rollwalk library inspect pup.rwl --robot pup.toml
   rollwalk library inspect demo-out/agilebot.rwl --json | jq '.motions[].code'
 
-The format is described in docs/motion-library.md.")]
+The format is described in docs/formats/motion-library.md.")]
 pub struct Args {
     /// Motion library.
     #[arg(value_name = "LIB.rwl")]
@@ -33,7 +33,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Content {
     robot: String,

@@ -17,7 +17,7 @@ Examples:
   rollwalk library verify agilebot.signed.rwl --key owner.pub.pem
   rollwalk flash agilebot.signed.rwl --bus sim
 
-docs/motion-library.md describes what is added to the file.")]
+docs/formats/motion-library.md describes what is added to the file.")]
 pub struct Args {
     /// Motion library.
     #[arg(value_name = "LIB.rwl")]
@@ -25,7 +25,7 @@ pub struct Args {
     /// Private key.
     #[arg(long, value_name = "KEY.pem")]
     key: PathBuf,
-    /// Where to write the signed library.
+    /// Signed library to write.
     #[arg(short, long, value_name = "SIGNED.rwl")]
     output: PathBuf,
     /// Robot file (TOML) of the robot that the library is for, if it does not ship with rollwalk.

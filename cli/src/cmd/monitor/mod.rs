@@ -46,7 +46,7 @@ Examples:
   rollwalk monitor --bus sim --foxglove --robot robots/agilebot.toml    # the robot in 3D
   rollwalk monitor --bus sim --json | jq 'select(.message == \"fault\")'
 
-A log is in candump's format: canplayer replays it; docs/decode_log.py and cantools decode it with
+A log is in candump's format: canplayer replays it; docs/formats/decode_log.py and cantools decode it with
 docs/rollwalk.dbc. Foxglove opens the MCAP file: /joint_states has measured positions,
 /planned_joint_states, which takes --library, planned ones. Both are complete when the monitor
 ends, by Ctrl-C, SIGTERM or SIGHUP as well; killed otherwise it loses a second.")]
@@ -210,7 +210,7 @@ fn listen(
     Ok(())
 }
 
-/// How a log names the bus.
+/// Name of the bus in a log.
 fn interface(bus: &BusName) -> String {
     match bus {
         BusName::Can { interface, .. } => interface.clone(),
@@ -222,7 +222,7 @@ fn interface(bus: &BusName) -> String {
     }
 }
 
-/// Where frames go.
+/// Destinations of received frames.
 struct Monitor<'a> {
     interface: String,
     json: bool,

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 /// Pictures of a motion in a strip.
 pub const STRIP_MOMENTS: usize = 6;
 
-/// Draw a plan: footfalls, centre of mass, swing heights, support, angles, speeds and torques of joints, wheel speeds, ground forces; or a log of the simulated world: way,
-/// height, tilt, speed, forces of the ground, slip, torques.
+/// Draw a plan: footfalls, centre of mass, swing heights, support, angles, speeds and torques of joints, wheel speeds, ground
+/// forces; or a log of the simulated world: way, height, tilt, speed, forces of the ground, slip, torques.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -37,13 +37,13 @@ pub struct Args {
     /// Draw the robot as it moves, in real time: one SVG file that any browser plays, also as an image of a README.
     #[arg(long, conflicts_with = "strip")]
     animate: bool,
-    /// With --animate: the forces of the ground as arrows.
+    /// Draw the forces of the ground as arrows; only with --animate.
     #[arg(long, requires = "animate")]
     forces: bool,
-    /// With --animate: the footfall chart, with a line at the time that is shown.
+    /// Draw the footfall chart, with a line at the time that is shown; only with --animate.
     #[arg(long, requires = "animate")]
     footfalls: bool,
-    /// Where to write the figure: .svg or .png; with --animate .svg, .gif or .mp4.
+    /// Figure to write: .svg or .png; with --animate .svg, .gif or .mp4.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }

@@ -16,7 +16,7 @@ const NAMED: f64 = 0.04;
 pub fn figure(path: &Path) -> miette::Result<String> {
     let text = files::read_text(path, Kind::WorldLog)?;
     let table = Table::read(&text).map_err(|error| {
-        let help = "make one with `rollwalk simulate PLAN.json --world-log RUN.csv`; docs/world-log.md describes it";
+        let help = "make one with `rollwalk simulate PLAN.json --world-log RUN.csv`; docs/formats/world-log.md describes it";
         miette!(help = help, "{}: {error}", path.display())
     })?;
     let figure = Figure { time_s: table.column("time_s").unwrap_or_default(), table };
@@ -106,7 +106,7 @@ impl Figure {
         vec![self.curve("hardest motor", most), self.curve("mean", mean)]
     }
 
-    /// Where motions begin, with their names if there is room.
+    /// Start times of motions, s, with their names if there is room.
     fn marks(&self) -> Vec<(f64, String)> {
         let motions = &self.table.motions;
         let starts = (0..motions.len()).filter(|&k| k == 0 || motions[k] != motions[k - 1]);

@@ -1,4 +1,4 @@
-//! Every motion of a library, corrected: a folder from which the library is built again.
+//! Corrects every motion of a library, into a folder from which the library is built again.
 
 use super::{Args, Corrected, STEADIER, falls, on};
 use crate::played::ratios;

@@ -17,13 +17,14 @@ use std::path::{Path, PathBuf};
 
 /// Find setpoints with which a robot with soft servos follows its plan.
 ///
-/// Servos with small gains give way under the robot's weight: its feet come late and low, and it falls behind its plan. This adds a smooth
-/// curve to the setpoints of each joint (`joint_correction_rad` of the samples), found by simulating the robot on level ground with derivatives,
-/// so that its centre of mass goes where the plan says (thesis 4.7.2). The motion itself stays as it was planned. Prints what becomes of the
-/// plan before and after; the exit code is 3 if it does not hold afterwards.
+/// Servos with small gains give way under the robot's weight: its feet come late and low, and it falls behind its plan. This
+/// adds a smooth curve to the setpoints of each joint (`joint_correction_rad` of the samples), found by simulating the robot on
+/// level ground with derivatives, so that its centre of mass goes where the plan says (thesis 4.7.2). The motion itself stays
+/// as it was planned. Prints what becomes of the plan before and after; the exit code is 3 if it does not hold afterwards.
 ///
-/// Of a library file every motion is planned and corrected. The output is then a folder with the plans, the robot file and a library file that
-/// names them; `rollwalk library build` plans its transitions, which lead from one motion's corrections to the next one's.
+/// Of a library file every motion is planned and corrected. The output is then a folder with the plans, the robot file and a
+/// library file that names them; `rollwalk library build` plans its transitions, which lead from one motion's corrections to
+/// the next one's.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -40,7 +41,7 @@ pub struct Args {
     /// Robot file (TOML): the plan's robot with other gains or torque limits of its drives, or softer feet.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
-    /// Where to write the plan with its corrections; of a library a folder, made if it is missing.
+    /// Corrected plan to write; for a library a folder, made if it is missing.
     #[arg(short, long, value_name = "FILE.json|DIR")]
     output: PathBuf,
     /// Leave the planned torques out: drives without feed-forward.
@@ -71,13 +72,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 
 /// A plan with its corrections, and what becomes of it without and with them.
 struct Corrected {
-    /// `None` if the robot falls before anything is corrected.
+    /// Corrections; `None` if the robot falls with the uncorrected plan.
     found: Option<Retargeted>,
     before: Outcome,
     after: Outcome,
 }
 
-/// What `--json` prints of a plan.
+/// Output of `--json` for a plan.
 #[derive(Serialize)]
 struct Document<'a> {
     motion: &'a str,
@@ -144,7 +145,7 @@ impl Corrected {
     }
 }
 
-/// How far a run is from where its plan says, as a share of that; a fall is farther than anything.
+/// Largest relative error of a run's way against its plan; infinite after a fall.
 fn off(outcome: &Outcome) -> f64 {
     if outcome.fell_at_s.is_some() {
         return f64::INFINITY;
@@ -152,7 +153,7 @@ fn off(outcome: &Outcome) -> f64 {
     (0..3).filter_map(|of| outcome.ratio(of)).map(|ratio| (ratio - 1.0).abs()).fold(0.0, f64::max)
 }
 
-/// Why a plan cannot be corrected, and what helps.
+/// Message for a plan with which the robot falls uncorrected.
 fn falls(plan: &Plan) -> String {
     format!(
         "{} falls with its plan as it is, so that nothing can be learned of it",

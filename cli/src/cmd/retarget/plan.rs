@@ -1,4 +1,4 @@
-//! One plan, corrected.
+//! Corrects one plan.
 
 use super::{Args, Corrected, STEADIER, falls, on};
 use crate::played::ratios;

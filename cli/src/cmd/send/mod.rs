@@ -26,8 +26,8 @@ const HOME_US: u64 = 30_000_000;
 /// Without --arm another program, such as `rollwalk console`, must have armed the robot and keep it armed. This program
 /// then waits for the end of every motion but the last, and ends when the last has begun.
 ///
-/// A motion is played once, or has the seconds after its colon: a loop goes on for so long and completes its round, one that ends then rests. Without --arm the last motion loops until
-/// another one is commanded.
+/// A motion is played once, or has the seconds after its colon: a loop goes on for so long and completes its round, one that
+/// ends then rests. Without --arm the last motion loops until another one is commanded.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -98,7 +98,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
 }
 
-/// From the second step of arming on the robot may have torque: whatever happens, it is brought home.
+/// Arms the robot, plays, and brings it home in any case: after the second step of arming the robot may have torque.
 fn arm_and_play(
     session: &mut LiveSession,
     args: &Args,
@@ -177,7 +177,7 @@ fn go_home(session: &mut LiveSession) -> Result<(), SessionError> {
     home
 }
 
-/// Whether a robot comes to be disarmed by itself: SAFE, damped, torque off.
+/// True if the robot becomes disarmed without a command: it returns to SAFE, or is damped or without torque and has no fault.
 fn is_on_its_way(status: &Status) -> bool {
     let lets_down = matches!(status.state, State::Damped | State::TorqueOff);
     status.state == State::Returning || lets_down && status.faults.is_empty()

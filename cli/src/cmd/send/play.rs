@@ -13,19 +13,20 @@ use rollwalk_terminal::{interrupt, output};
 const SLACK_US: u64 = 5_000_000;
 /// Longest interval between checks for Ctrl-C while a motion plays, s.
 const PORTION_S: f64 = 0.1;
-/// Time without a status after which the controller counts as silent, s: many times `STATUS_PERIOD_MS`, because a busy computer reads late.
+/// Time without a status after which the controller counts as silent, s: many times `STATUS_PERIOD_MS`, because a busy computer
+/// reads late.
 const SILENT_S: f64 = 2.0;
 /// Statuses of a robot that rests elsewhere, after which a motion that was selected is not played any more: 2 s of them.
 const RESTING: u32 = 2000 / STATUS_PERIOD_MS;
-/// How long before the end of a loop what follows is asked for, s: longer than a status and a command take.
+/// Lead time before the end of a loop at which the next motion is requested, s; longer than a status and a command take.
 const LEAD_S: f64 = 0.25;
 /// The same in frames: the controller has to know before it looks ahead to the first frame of another round.
 const LEAD_FRAMES: f64 = 4.0;
 /// Tolerance on the requested number of rounds: with rounds of 1.6 s, 3.21 s is two rounds and not three.
 const ROUNDS_TOLERANCE: f64 = 0.01;
 
-/// Plays all motions, one after the other, and waits for the end of each. If another program is the host, this one ends when the last
-/// motion has begun.
+/// Plays all motions, one after the other, and waits for the end of each. If another program is the host, this one ends when
+/// the last motion has begun.
 ///
 /// # Errors
 /// Errors of the session, or the robot has stopped.
@@ -157,8 +158,8 @@ impl Loop {
         Self { round_s, position_s: at_s, end_s: rounds * round_s }
     }
 
-    /// Time has passed on this clock, and the controller says where in the round it is. Its clock is the one that counts, and is off by less than
-    /// half a round between two looks.
+    /// Time has passed on this clock, and the controller says where in the round it is. Its clock is the one that counts, and
+    /// is off by less than half a round between two looks.
     fn pass(&mut self, passed_s: f64, at_s: Option<f64>) {
         self.position_s += passed_s;
         if let Some(at_s) = at_s {
@@ -177,7 +178,7 @@ impl Loop {
 struct Pauses(bool);
 
 impl Pauses {
-    /// Whether the robot is paused; reports the start of a pause.
+    /// True if the robot is paused; reports the start of a pause.
     fn check(&mut self, status: Option<&Status>) -> bool {
         let is_paused = status.is_some_and(|status| status.state == State::Paused);
         if is_paused && !self.0 {
@@ -255,9 +256,10 @@ fn run_for(session: &mut LiveSession, duration_s: f64) -> Result<(), SessionErro
     })
 }
 
-/// Lets the robot play while time is left: `left_s` is given a new status, if there is one, and how long the robot played since the last call,
-/// pauses not counted. Ends early on Ctrl-C, when the robot stops by itself, and when the controller is silent. A motion that `repeats`, by its
-/// node, does not end by itself: a robot that leaves it was sent home, or elsewhere, by another program.
+/// Lets the robot play while time is left: `left_s` is given a new status, if there is one, and how long the robot played since
+/// the last call, pauses not counted. Ends early on Ctrl-C, when the robot stops by itself, and when the controller is silent.
+/// A motion that `repeats`, by its node, does not end by itself: a robot that leaves it was sent home, or elsewhere, by another
+/// program.
 fn run_while(
     session: &mut LiveSession,
     repeats: Option<usize>,

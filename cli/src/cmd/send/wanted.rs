@@ -1,4 +1,4 @@
-//! What is asked for, and what it is in the library that the controller has.
+//! Requested motions, and their entries in the library of the controller.
 
 use miette::miette;
 use rollwalk_host::catalog::{Catalog, Motion};
@@ -13,7 +13,7 @@ pub struct Wanted {
 }
 
 impl Wanted {
-    /// Whether it says how long the motion is to be played.
+    /// True if the request has a playing time.
     pub fn has_seconds(&self) -> bool {
         self.seconds.is_some()
     }
@@ -47,9 +47,9 @@ impl FromStr for Wanted {
 /// A motion to be played.
 pub struct Chosen<'a> {
     pub code: u8,
-    /// How long it is to be played, if that was said.
+    /// Requested playing time, s, if there is one.
     pub seconds: Option<f64>,
-    /// What is known of it.
+    /// Index and entry of the motion in the catalogue, if known.
     pub motion: Option<(usize, &'a Motion)>,
 }
 

@@ -21,7 +21,7 @@ struct Document {
     /// Motions and transitions, in the order in which they were played.
     travels: Vec<Row>,
     falls: Vec<FallRow>,
-    /// Why the tour ended before its end.
+    /// Reason for an early end of the tour.
     stopped: Option<String>,
 }
 

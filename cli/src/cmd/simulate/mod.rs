@@ -10,14 +10,15 @@ use std::path::PathBuf;
 
 /// Play a plan or a motion library on the simulated ground.
 ///
-/// A plan (JSON) plays open loop, without bus and controller: the servos of the robot file play it, with the planned torques on top,
-/// on rigid ground with the friction of the robot file. What becomes of it is compared with the plan: a motion holds in simulation if
-/// the robot stays on its feet and comes to 0.95 to 1.05 of every goal, on the mean of its periods after the first one and on that of the last three;
-/// the exit code is 3 if it does not.
+/// A plan (JSON) plays open loop, without bus and controller: the servos of the robot file play it, with the planned torques on
+/// top, on rigid ground with the friction of the robot file. What becomes of it is compared with the plan: a motion holds in
+/// simulation if the robot stays on its feet and comes to 0.95 to 1.05 of every goal, on the mean of its periods after the
+/// first one and on that of the last three; the exit code is 3 if it does not.
 ///
 /// A motion library (LIB.rwl) plays as on the robot: it is flashed to the firmware over the simulated bus, and every
-/// transition of its motion graph is played. The table tells the way of each motion, and what that is of its plan where the library
-/// was built on this computer; the exit code is 3 if the robot falls or is stopped, or if a motion does not come where its plan does. On Ctrl-C the robot returns to SAFE and is disarmed, and the table lists the motions played so far.
+/// transition of its motion graph is played. The table tells the way of each motion, and what that is of its plan where the
+/// library was built on this computer; the exit code is 3 if the robot falls or is stopped, or if a motion does not come where
+/// its plan does. On Ctrl-C the robot returns to SAFE and is disarmed, and the table lists the motions played so far.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -57,8 +58,8 @@ pub struct Args {
     /// Time from a measurement to the setpoints that answer it, ms, with --tracking.
     #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "tracking", value_parser = delay_ms)]
     delay_ms: f64,
-    /// With --tracking, let the controller estimate the state from an IMU, encoders and contacts with noise, instead of knowing it; on
-    /// level ground.
+    /// Estimate the state from an IMU, encoders and contacts with noise, instead of giving the controller the true state; with
+    /// --tracking and on level ground only.
     #[arg(long, requires = "tracking", conflicts_with_all = ["slope", "terrain"])]
     estimate: bool,
     #[command(flatten)]

@@ -1,4 +1,5 @@
-//! Edits that the user has not saved yet, kept from one start of the studio to the next: a file of the user's state for each set of files.
+//! Edits that the user has not saved yet, kept from one start of the studio to the next: a file of the user's state for each
+//! set of files.
 
 use directories::ProjectDirs;
 use rollwalk_protocol::crc::file_digest;
@@ -32,7 +33,7 @@ struct Kept {
 pub struct Found {
     /// Documents and history of the page.
     page: String,
-    /// Whether the files are as they were.
+    /// True if the files are unchanged.
     is_current: bool,
 }
 

@@ -26,7 +26,7 @@ pub struct Sheet {
     pub name: String,
     pub path: PathBuf,
     pub text: String,
-    /// Whether the user named it, or a file beside or above it.
+    /// True if the user named this file, or a file beside or above it.
     pub is_users: bool,
 }
 

@@ -30,9 +30,9 @@ const LOOK_US: u64 = 2_000;
 const BUSY_US: u64 = 200;
 /// Most frames of the bus in one message, so that a busy bus does not keep the page waiting.
 const FRAMES_MAX: usize = 64;
-/// How long a port that was closed may still be in use: its listening thread sees it then.
+/// Longest time for which a closed port is still in use, until its listening thread notices.
 const CLOSING: Duration = Duration::from_millis(200);
-/// How long a page may take to answer a farewell.
+/// Timeout for a page's answer to a farewell.
 const FAREWELL: Duration = Duration::from_secs(1);
 /// Most bytes of a farewell in words (RFC 6455, 5.5).
 const REASON_MAX: usize = 123;
@@ -43,10 +43,10 @@ pub struct Relay {
     taken: Mutex<()>,
 }
 
-/// Why a page has the bus no more.
+/// Reason for which a page no longer has the bus.
 enum End {
     Gone,
-    /// It never had it, in words.
+    /// Refusal, in words: the page never had the bus.
     Refused(String),
     /// Something is wrong, in words.
     Trouble(String),
@@ -171,7 +171,7 @@ fn pass_on(
     }
 }
 
-/// What a socket did; `None` where it would have to wait.
+/// Result of a socket; `None` where it would block.
 fn unless_it_blocks<T>(outcome: tungstenite::Result<T>) -> Result<Option<T>, End> {
     match outcome {
         Ok(done) => Ok(Some(done)),

@@ -14,7 +14,7 @@ const WAITING_MAX: usize = 256;
 /// Longest wait of a frame for the bus, µs: two heartbeats.
 const WAIT_MAX_US: u64 = 100_000;
 
-/// What a page did that no page of ours does.
+/// Misuse by a page; pages of the studio never do this.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Misuse {
     /// Bytes that are no whole packets of single frames.
@@ -163,7 +163,7 @@ mod tests {
             prop_assert!(taken_in.is_ok() || frames.is_empty());
         }
 
-        /// On a bus that is busy and free by turns frames keep their order, and none is older than its time.
+        /// Frames keep their order on a bus that is busy and free by turns, and none is older than its time.
         #[test]
         fn nothing_stale_goes_out(
             steps in prop::collection::vec((0_u64..60_000, 0_u16..4, any::<bool>()), 1..100),

@@ -1,4 +1,4 @@
-//! Which files this run has read, whatever the names that they were read by: none of them may be an output.
+//! Files that this run has read, under any of their names: none of them may be an output.
 
 use super::FileError;
 use crate::kind::Kind;
@@ -14,7 +14,7 @@ struct Input {
     kind: Kind,
 }
 
-/// The inputs of this process: readers are all over the program, and an output must know all of them.
+/// Inputs of this process. They are global, because readers are all over the program and outputs are checked against all inputs.
 static INPUTS: Mutex<Vec<Input>> = Mutex::new(Vec::new());
 
 fn inputs() -> MutexGuard<'static, Vec<Input>> {

@@ -24,12 +24,12 @@ use thiserror::Error;
 /// A file that could not be read or written.
 #[derive(Debug, Error, Diagnostic)]
 pub enum FileError {
-    /// Nothing lies at the path.
+    /// Missing file.
     #[error("there is no {kind} at {}", path.display())]
     Missing {
-        /// What was looked for.
+        /// Expected kind.
         kind: Kind,
-        /// Where it was looked for.
+        /// Path that was tried.
         path: PathBuf,
         #[help]
         help: String,
@@ -39,13 +39,13 @@ pub enum FileError {
     Io {
         action: &'static str,
         path: PathBuf,
-        /// What the operating system said. Not a `source`, which reports would print once more.
+        /// Error of the operating system. Not a `source`, which reports would print once more.
         reason: io::Error,
     },
     /// The file is not text.
     #[error("{} is not a {kind}: it is not UTF-8 text", path.display())]
     NotText {
-        /// What was looked for.
+        /// Expected kind.
         kind: Kind,
         path: PathBuf,
     },
@@ -58,27 +58,27 @@ pub enum FileError {
     )]
     #[diagnostic(help("is this the right file?"))]
     TooLarge {
-        /// What was looked for.
+        /// Expected kind.
         kind: Kind,
         path: PathBuf,
-        /// Its size, if it has one.
+        /// Size of the file, if it has one.
         bytes: Option<u64>,
     },
     /// A device, a pipe or a folder, where only a file makes sense.
     #[error("cannot read {}: it is {found}, not a file with a {kind}", path.display())]
     NotAFile {
-        /// What was looked for.
+        /// Expected kind.
         kind: Kind,
-        /// Where it was looked for.
+        /// Path that was tried.
         path: PathBuf,
         found: &'static str,
     },
-    /// A pipe or device that says nothing.
+    /// A pipe or device that sends nothing.
     #[error("cannot read {}: nothing came from it for {seconds} s", path.display())]
     #[diagnostic(help("a pipe needs a program that writes into it"))]
     Silent {
         path: PathBuf,
-        /// How long it was silent.
+        /// Time without data, s.
         seconds: u64,
     },
     /// The output is a file that the run reads.
@@ -114,18 +114,18 @@ pub enum FileError {
     /// Something else is where the folder of an output should be.
     #[error("cannot write into {}: it is no folder", path.display())]
     NotAFolder {
-        /// What is no folder.
+        /// Path that is no folder.
         path: PathBuf,
     },
     /// The ending of an output's name stands for another format.
     #[error("cannot write {what} as {}: {what} can be written as {}", path.display(), dotted(endings))]
     Ending {
-        /// What is to be written.
+        /// Kind of result to be written.
         what: &'static str,
         path: PathBuf,
         /// Endings of the formats that there are.
         endings: &'static [&'static str],
-        /// How to get the format that was asked for.
+        /// Advice on the requested format.
         #[help]
         help: Option<&'static str>,
     },

@@ -13,10 +13,10 @@ use std::time::Duration;
 
 /// Most files beside a missing one that are looked at.
 const NEIGHBOURS_MAX: usize = 1000;
-/// How long a pipe may be silent.
+/// Timeout for a silent pipe.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Who names a file that is to be read.
+/// Origin of the name of a file that is to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Named {
     /// The user: a pipe makes sense, such as `<(program)` of a shell.
@@ -43,8 +43,8 @@ pub fn text((bytes, kind): (Vec<u8>, Kind), path: &Path) -> Result<String, FileE
     String::from_utf8(bytes).map_err(|_| FileError::NotText { kind, path: path.to_owned() })
 }
 
-/// The bytes of a file, no more than its kind has, and the kind, which `kind_of` tells from the beginning. The path of a shipped file
-/// names that file wherever nothing else lies at it.
+/// The bytes of a file, no more than its kind has, and the kind, which `kind_of` tells from the beginning. The path of a
+/// shipped file names that file wherever nothing else lies at it.
 ///
 /// # Errors
 /// There is no such file, it is too large, or the operating system refuses.
@@ -89,7 +89,7 @@ pub fn read_by(
     stream(path, &kind_of, PATIENCE)
 }
 
-/// What of a file has come, no more than its kind allows.
+/// Bytes received so far, no more than the kind allows.
 struct Bounded<'a, K> {
     path: &'a Path,
     kind_of: &'a K,
@@ -162,7 +162,7 @@ fn stream(
     }
 }
 
-/// What lies at a path that is no regular file.
+/// Words for a path that is no regular file.
 fn word_for(found: FileType) -> &'static str {
     #[cfg(unix)]
     {
@@ -177,7 +177,8 @@ fn word_for(found: FileType) -> &'static str {
     if found.is_dir() { "a folder" } else { "a device" }
 }
 
-/// Whether a file may be the one that was meant by `path`. Keys of all kinds have the same endings: of these the content tells.
+/// True if `found` may be the file that was meant by `path`. Keys of all kinds have the same endings; their content tells them
+/// apart.
 fn may_be(found: &Path, path: &Path, kind: Kind) -> bool {
     let mark = match kind {
         Kind::LinkKey => key_file::LINK,
@@ -191,7 +192,7 @@ fn may_be(found: &Path, path: &Path, kind: Kind) -> bool {
     file.is_ok() && String::from_utf8_lossy(&start).contains(mark)
 }
 
-/// What to type, after the files of the same kind that lie beside the missing one.
+/// Advice on a missing file: files of the same kind beside it, then the hint of its kind.
 fn help(path: &Path, kind: Kind) -> String {
     let (folder, hint) = (folder(path), kind.hint());
     let mut beside: Vec<String> = fs::read_dir(folder)
@@ -236,7 +237,7 @@ mod tests {
         assert!(help.contains("docs/motion-files.md"), "{help}");
     }
 
-    /// In the folder of these tests there is none of those that ship.
+    /// Shipped files are found from the folder of these tests, which contains none of them.
     #[test]
     fn the_path_of_a_shipped_file_names_it_where_nothing_else_lies() {
         let text = read_text(Path::new("robots/agilebot.toml"), Kind::Robot).unwrap();
@@ -246,7 +247,7 @@ mod tests {
         assert!(help.starts_with("robots has agilebot.toml, "), "{help}");
     }
 
-    /// All of them end with `.pem`; a list of public keys is no help to those who need the private one.
+    /// Keys of all kinds end with `.pem`; a list of public keys is no help to those who need the private one.
     #[test]
     fn a_missing_key_names_keys_of_its_kind() {
         let folder = tempfile::tempdir().unwrap();

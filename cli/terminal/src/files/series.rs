@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Interval at which a growing file is written to the disk: what a killed program loses at most.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// When a file is followed by another, and how many are kept.
+/// Size at which a file is followed by another, and number of files that are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rotation {
     /// Size of a full file, MB; `None` for files without bound.
@@ -23,7 +23,7 @@ pub struct Rotation {
 }
 
 impl Rotation {
-    /// One file without bound.
+    /// Single file without bound.
     pub const OFF: Self = Self { megabytes: None, files: usize::MAX };
 }
 
@@ -72,7 +72,7 @@ pub struct RotationArgs {
     pub rotate: Rotation,
 }
 
-/// Whether it is time to write a growing file to the disk.
+/// Timer for writing a growing file to the disk.
 struct Clock(Instant);
 
 impl Clock {
@@ -123,7 +123,7 @@ impl Series {
         Ok((series, file))
     }
 
-    /// Whether it is time to flush; then [`next_file`](Self::next_file).
+    /// True if it is time to flush; then call [`next_file`](Self::next_file).
     pub fn is_due(&mut self) -> bool {
         self.clock.strikes()
     }

@@ -23,7 +23,7 @@ const LINKS_MAX: usize = 40;
 /// standard output. Files that people write (robots, motions, libraries, URDF) are not replaced by results.
 #[derive(Debug)]
 pub struct Output {
-    /// As the user named it.
+    /// Path as the user named it.
     path: PathBuf,
     place: Place,
 }
@@ -42,7 +42,7 @@ enum Place {
 const SOURCES: [&str; 3] = ["toml", "urdf", "xacro"];
 /// Bytes at the beginning of a file in which a key begins.
 const KEY_START: u64 = 4096;
-/// How long a pipe may be without a reader.
+/// Timeout for a pipe without a reader.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 impl Output {
@@ -65,10 +65,10 @@ impl Output {
         }
     }
 
-    /// As [`at`](Self::at), for commands whose product is a file that people write on.
+    /// Checks like [`at`](Self::at), for commands whose product is a file that people write on.
     ///
     /// # Errors
-    /// As there.
+    /// Errors of [`at`](Self::at), except for files that people write.
     pub fn of_source(path: &Path) -> Result<Self, FileError> {
         if path == Path::new("-") || is_standard_output(path) {
             return Ok(Self { path: path.to_owned(), place: Place::StandardOutput });
@@ -210,7 +210,7 @@ pub fn save(path: &Path, content: &[u8]) -> miette::Result<()> {
     attempt().map_err(|reason| cannot_write(path, reason))
 }
 
-/// Whether a file is a key: of a link, or in PEM.
+/// True if a file is a key: of a link, or in PEM.
 fn is_key(path: &Path) -> bool {
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(KEY_START).read_to_end(&mut start));
@@ -220,7 +220,7 @@ fn is_key(path: &Path) -> bool {
     read.is_ok() && (text.trim_start().starts_with(key_file::LINK) || text.lines().any(is_pem))
 }
 
-/// Whether a path is what standard output goes to, as `/dev/stdout` is.
+/// True if standard output goes to this path, such as `/dev/stdout`.
 fn is_standard_output(path: &Path) -> bool {
     let same = |path| Some(Handle::from_path(path).ok()? == Handle::stdout().ok()?);
     // A regular file that output is redirected to is one to be replaced.
@@ -336,12 +336,12 @@ fn check_folder(folder: &Path, output: &Path) -> Result<(), FileError> {
     }
 }
 
-/// Why a file cannot be written.
+/// Error for a file that cannot be written.
 pub fn cannot_write(path: &Path, reason: io::Error) -> Report {
     FileError::Io { action: "write", path: path.to_owned(), reason }.into()
 }
 
-/// Where a link to a file that is not there leads.
+/// Target of a link to a file that does not exist.
 fn end_of_links(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     for _ in 0..LINKS_MAX {

@@ -10,7 +10,7 @@ const CHECK_US: u64 = 50_000;
 
 pub struct Interruptible {
     live: Live,
-    /// Whether Ctrl-C is ignored, because the robot returns to SAFE.
+    /// True if Ctrl-C is ignored, because the robot returns to SAFE.
     ignores: bool,
 }
 

@@ -29,7 +29,7 @@ pub const BUS_ENV: &str = "ROLLWALK_BUS";
 pub const BUS_HELP: &str =
     "The link: sim, sim:PATH, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0";
 
-/// Which controller.
+/// Address of a controller: bus, node and link key.
 #[derive(clap::Args)]
 pub struct LinkArgs {
     /// The bus, with its interface.
@@ -67,7 +67,7 @@ pub fn live(bus: &BusName) -> Result<Live, OpenError> {
 /// A session on a bus of this computer.
 pub type LiveSession = Session<Interruptible>;
 
-/// Which controller, for a command that may do without one.
+/// Address of a controller, for a command that may do without one.
 #[derive(clap::Args)]
 pub struct MaybeLinkArgs {
     #[arg(long, value_name = "BUS", env = BUS_ENV, help = BUS_HELP)]

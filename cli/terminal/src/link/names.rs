@@ -15,7 +15,7 @@ use serde::de::DeserializeOwned;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Where to look for names.
+/// Sources of names.
 #[derive(clap::Args)]
 pub struct NamesArgs {
     /// Motion library with the names of motions, if not the one built or flashed here.
@@ -131,7 +131,7 @@ pub fn keep_of(library: u32, ending: &str, what: &impl Serialize) {
     }
 }
 
-/// What is cached of the library with this identity, by an ending of its own.
+/// Cached data of the library with this identity, by an ending of its own.
 pub fn kept_of<T: DeserializeOwned>(library: u32, ending: &str) -> Option<T> {
     let text = files::read_text(&place(library, ending)?, Kind::Names).ok()?;
     serde_json::from_str(&text).ok()

@@ -1,4 +1,4 @@
-//! What a program needs to steer a robot continuously: the motion library with its SAFE pose, a gait, and how fast it may be.
+//! Inputs of continuous steering: the motion library with its SAFE pose, a gait, and the fastest speeds.
 
 use crate::inputs::{self, number_within};
 use crate::output;
@@ -13,10 +13,10 @@ use rollwalk_robot::{Contact, Robot};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Fastest speed of a robot whose gait says nothing, m/s.
+/// Fastest speed of a robot whose gait does not set one, m/s.
 const SPEED_M_S: f64 = 0.2;
 
-/// How a robot is steered.
+/// Options for steering a robot.
 #[derive(clap::Args)]
 pub struct SteeringArgs {
     /// Periodic plan (JSON) in whose gait the robot walks while it is steered.
@@ -37,21 +37,21 @@ fn fast(text: &str) -> Result<f64, String> {
     number_within(text, 0.01..=20.0)
 }
 
-/// What steering begins with.
+/// Inputs of steering.
 pub struct Prepared {
-    /// Where the robot begins, and its gait.
+    /// Robot in its SAFE pose, and its gait.
     pub route: Route,
-    /// How fast it may be steered.
+    /// Fastest speeds of steering.
     pub fastest: Fastest,
     /// Names of the library whose SAFE pose it begins in.
     pub catalog: Catalog,
 }
 
 impl Prepared {
-    /// Whether the robot can go anywhere: without a gait all end effectors have to roll.
+    /// Checks that the robot can move: without a gait all end effectors have to roll.
     ///
     /// # Errors
-    /// Those that cannot, in words.
+    /// Names of the end effectors that cannot roll, in words.
     pub fn check_goes(&self) -> Result<(), String> {
         let Route { robot, gait, .. } = &self.route;
         let stays = |contact: &Contact| !contact.rolls() || contact.rolls_with_link();
@@ -68,7 +68,7 @@ impl Prepared {
     }
 }
 
-/// What gives a robot that does not roll a gait.
+/// Advice that gives a gait to a robot that does not roll.
 pub const GIVE_GAIT: &str = "--gait PLAN.json gives it a gait: a plan with ends = \"periodic\"";
 
 impl SteeringArgs {
@@ -89,7 +89,7 @@ impl SteeringArgs {
         Duration::from_millis(self.budget_ms)
     }
 
-    /// Where the robot begins, its gait, and how fast it may be steered.
+    /// Robot in its SAFE pose, its gait, and its fastest speeds.
     fn route(&self, library: &Path, packed: &Packed) -> miette::Result<(Route, Fastest)> {
         let robot = packed.robot.clone();
         let mut pose = [0.0; MAX_CHANNELS];

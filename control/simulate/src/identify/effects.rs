@@ -1,18 +1,18 @@
 //! The mean of what several sources report of one number, when they disagree by more than their deviations say: random effects.
 //!
-//! Source k reports the value y with the deviation s. The model behind it: each source measures a number of its own, y ~ N(θ, s²), and these scatter
-//! around the one that is wanted, θ ~ N(μ, τ²). DerSimonian and Laird (1986, Controlled Clinical Trials 7, 177–188) estimate τ² from Cochran's Q = Σ
-//! w (y − m)², with w = 1/s² and m the mean with these weights. Of n sources that differ by no more than their deviations Q is n − 1 on the average,
-//! so that
+//! Source k reports the value y with the deviation s. The model behind it: each source measures a number of its own, y ~ N(θ,
+//! s²), and these scatter around the one that is wanted, θ ~ N(μ, τ²). DerSimonian and Laird (1986, Controlled Clinical Trials
+//! 7, 177–188) estimate τ² from Cochran's Q = Σ w (y − m)², with w = 1/s² and m the mean with these weights. Of n sources that
+//! differ by no more than their deviations Q is n − 1 on the average, so that
 //!
 //! τ² = max(0, (Q − (n − 1)) / (Σ w − Σ w² / Σ w)),
 //!
 //! and μ is the mean with the weights 1/(s² + τ²), with the variance 1/Σ 1/(s² + τ²).
 //!
-//! Birge's ratio (1932, Phys. Rev. 40, 207) would multiply all deviations by √(Q/(n − 1)) instead. Then the source with the smallest deviation still
-//! decides; with τ² sources that disagree come to count alike.
+//! Birge's ratio (1932, Phys. Rev. 40, 207) would multiply all deviations by √(Q/(n − 1)) instead. Then the source with the
+//! smallest deviation still decides; with τ² sources that disagree come to count alike.
 
-/// What a source reports.
+/// Value that a source reports, and its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Report {
     pub value: f64,
@@ -20,7 +20,7 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// Whether it says anything: one without a deviation has no weight.
+    /// True if the report has weight: a report without a deviation has none.
     pub fn is_known(&self) -> bool {
         self.value.is_finite() && self.deviation.is_finite() && self.deviation > 0.0
     }
@@ -30,8 +30,9 @@ impl Report {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mean {
     pub value: f64,
-    /// Deviation of one more source's number from it: √(1/Σ 1/(s² + τ²) + τ²), the prediction of Higgins, Thompson and Spiegelhalter (2009, J. R.
-    /// Statist. Soc. A 172, 137–159). That of the mean alone would take errors of a model for independent, so that they average out.
+    /// Deviation of one more source's number from it: √(1/Σ 1/(s² + τ²) + τ²), the prediction of Higgins, Thompson and
+    /// Spiegelhalter (2009, J. R. Statist. Soc. A 172, 137–159). That of the mean alone would take errors of a model for
+    /// independent, so that they average out.
     pub deviation: f64,
     /// τ, deviation between sources beyond their own.
     pub between: f64,

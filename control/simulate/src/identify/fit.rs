@@ -1,5 +1,5 @@
-//! A fit of one run: searches over its first quarter from several starting points, the best of them continued over growing parts of the run, then
-//! a verdict on each number. And other runs, predicted.
+//! A fit of one run: searches over its first quarter from several starting points, the best of them continued over growing
+//! parts of the run, then a verdict on each number. And other runs, predicted.
 
 use super::outcome::{Found, Identified, Stage, Unfit, Verdict};
 use super::quality::Quality;
@@ -12,7 +12,7 @@ use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_robot::Robot;
 use std::sync::Arc;
 
-/// How a fit goes.
+/// Limits of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Share of the run, at its end, that takes no part, and that is predicted.
@@ -34,7 +34,7 @@ const RATES_HZ: [f64; 3] = [100.0, 300.0, 120.0];
 /// Fewest steps of the world a second: at 120 a foot that lands has an error as large as 3 % of kp.
 const STEPS_HZ: f64 = 200.0;
 
-/// Fits quantities of a robot to a recording. `goes_on` hears of each rollout, and ends the search by answering `false`.
+/// Fits quantities of a robot to a recording. Calls `goes_on` for each rollout; `false` ends the search.
 ///
 /// # Errors
 /// Why there is nothing to be found.
@@ -139,8 +139,8 @@ pub fn identify(
     })
 }
 
-/// How far a simulated run is from another recording, after the quarter of it in which it is fitted where the run begins; `None` if the robot
-/// falls. `goes_on` as for [`identify`].
+/// Error of a simulated run against another recording, after its first quarter, in which the start of the run is fitted. `None`
+/// if the robot falls. `goes_on` as for [`identify`].
 ///
 /// # Errors
 /// The recording is too short, or the caller ended it.

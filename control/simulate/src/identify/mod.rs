@@ -1,24 +1,23 @@
-//! What a robot is, from how it ran (thesis 4.7.3): friction, gains of drives and what else a simulation takes from a robot file,
-//! fitted until the simulated run is the recorded one.
+//! System identification (thesis 4.7.3): friction, gains of drives and other numbers that a simulation takes from a robot file,
+//! fitted until the simulated run matches the recorded one.
 //!
 //! | module | is |
 //! |---|---|
 //! | [`series`] | a number over time |
 //! | [`recording`] | commands of the drives and measurements |
-//! | [`quantity`] | what can be fitted, in one list |
+//! | [`quantity`] | list of the quantities that can be fitted |
 //! | `start` | the state in which the recording begins |
-//! | `rollout` | the run simulated again, and what it misses |
+//! | `rollout` | the simulated run and its residuals |
 //! | [`fit`] | a run fitted, from several starting points over growing parts of it; other runs predicted |
 //! | `search` | its searches, each over a part of the run |
-//! | [`outcome`] | what it says and finds, or why it finds nothing |
+//! | [`outcome`] | progress, results and errors |
 //! | `parts` | how far parts of the run disagree |
 //! | [`together`](mod@together) | several runs, each fitted alone, as one answer |
 //! | `effects` | the mean of what disagrees by more than its deviations |
 //! | [`quality`] | noise of the measurements, and the error of a simulated run against them |
 //!
-//! Drives do what they were commanded in the recording, with the gains of the model; so a run can be simulated again with other
-//! numbers. There is no feedback from what was measured: a simulated run that is near to the recorded one after seconds has
-//! come there by itself.
+//! Simulated drives get the recorded commands, with the gains of the model, so a run can be simulated again with other numbers.
+//! Measurements are not fed back: a simulated run that is near the recorded one after seconds got there by itself.
 
 mod effects;
 pub mod fit;

@@ -1,14 +1,14 @@
-//! What a search says while it goes on, what it found in the end, or why it found nothing.
+//! Progress, results and errors of a search.
 
 use super::quality::Quality;
 use super::quantity::{Kind, Model, Quantity};
 use super::recording::SHORTEST_S;
 use thiserror::Error;
 
-/// What is being done, for who waits.
+/// Stage of a fit, for progress displays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stage {
-    /// In words.
+    /// Name of the stage.
     pub what: &'static str,
     /// Length of the simulated run, s.
     pub horizon_s: f64,
@@ -16,16 +16,16 @@ pub struct Stage {
     pub rollouts: usize,
 }
 
-/// What became of a quantity.
+/// Verdict on a quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It is another one than in the file.
+    /// Value differs from that of the file.
     Changed,
-    /// It is that of the file, within its deviation.
+    /// Value agrees with that of the file within two standard deviations.
     Agrees,
-    /// Nothing that was measured depends on it, or only together with others.
+    /// Measurements do not depend on the quantity, or only together with others.
     Silent,
-    /// It is not known well enough.
+    /// Value is not known well enough.
     Vague,
     /// The search did not come to an end within sensible values.
     Absurd,
@@ -40,7 +40,7 @@ const DIFFERENT: f64 = 2.0;
 const ABSURD: f64 = 3.0;
 
 impl Verdict {
-    /// On a value with its deviation.
+    /// Verdict on a value with its standard deviation.
     pub(super) fn of(quantity: &Quantity, before: f64, fitted: f64, deviation: f64) -> Self {
         let is_delay = quantity.kind == Kind::Delay;
         let most = if is_delay { VAGUE_DELAY_S } else { VAGUE * fitted };
@@ -61,43 +61,45 @@ impl Verdict {
 /// A fitted quantity: its value, its deviation and the verdict on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// Which.
+    /// Quantity that was fitted.
     pub quantity: Quantity,
-    /// Of the robot file.
+    /// Value of the robot file.
     pub before: f64,
-    /// As fitted, whether it is to be used or not.
+    /// Fitted value, adopted or not.
     pub fitted: f64,
-    /// Standard deviation, of noise and of what parts of the run disagree about beyond it; infinite if the run does not tell.
+    /// Standard deviation of noise and of disagreement between parts of the run beyond noise; infinite if the run does not
+    /// determine the quantity.
     pub deviation: f64,
-    /// What to make of it.
+    /// Verdict on the value.
     pub verdict: Verdict,
 }
 
 impl Found {
-    /// Whether the value takes part in the mean of several runs: the run determines it, and the search ended within sensible values. A value that is
-    /// too uncertain for the robot file takes part, with the little weight that its deviation gives it.
+    /// True if the value takes part in the mean of several runs: the run determines it, and the search ended within sensible
+    /// values. A value that is too uncertain for the robot file takes part, with the small weight of its deviation.
     pub(super) fn is_counted(&self) -> bool {
         self.deviation.is_finite() && self.deviation > 0.0 && self.verdict != Verdict::Absurd
     }
 
-    /// Whether a model takes it: it is another number than the file's, or one that no file has, which the others need as it was found.
+    /// True if a model adopts the value: it differs from the file's, or no file has it and the other quantities need it as it was
+    /// found.
     pub(super) fn is_adopted(&self) -> bool {
         self.verdict == Verdict::Changed || self.quantity.kind.is_along()
     }
 }
 
-/// What was found.
+/// Result of a fit.
 #[derive(Clone, Debug)]
 pub struct Identified {
     /// The robot with all quantities that changed.
     pub model: Model,
-    /// All of them.
+    /// Fitted quantities, changed or not.
     pub found: Vec<Found>,
-    /// Pairs of quantities that the run hardly tells apart, with their correlation.
+    /// Pairs of quantities that the run hardly separates, with their correlation.
     pub correlated: Vec<(String, String, f64)>,
-    /// Of the steps of the fit, with the numbers of the file and with those found; `None` if the robot falls.
+    /// Error over the steps of the fit, with the numbers of the file and with the fitted ones; `None` if the robot falls.
     pub fitted: [Option<Quality>; 2],
-    /// Of the end of the run, which took no part.
+    /// Error over the end of the run, which took no part in the fit.
     pub predicted: [Option<Quality>; 2],
     /// Times at which the fitted part begins, the predicted part begins, and the run ends, s.
     pub times_s: [f64; 3],
@@ -107,7 +109,7 @@ pub struct Identified {
     pub rollouts: usize,
 }
 
-/// Why nothing can be found.
+/// Error of a fit without result.
 #[derive(Debug, Error)]
 pub enum Unfit {
     /// The robot falls at once.

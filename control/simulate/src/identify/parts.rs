@@ -1,9 +1,9 @@
 //! Parts of a run, each fitted alone: where they disagree by more than noise, the model is wrong.
 //!
-//! The Hessian knows how noise moves a parameter. A contact or a drive of another kind moves it, too, one way while a wheel slips and
-//! another way while it rolls, and more measurements do not take that off. So each part is fitted from where it was measured to begin,
-//! and the variance of what they tell beyond their own is that of the model ([`effects`]). It counts in full: errors of
-//! a model do not cancel as noise does. An error that is the same in all parts stays unknown.
+//! The Hessian knows how noise moves a parameter. A contact or a drive of another kind moves it, too, one way while a wheel
+//! slips and another way while it rolls, and more measurements do not take that off. So each part is fitted from where it was
+//! measured to begin, and the variance of what they tell beyond their own is that of the model ([`effects`]). It counts in
+//! full: errors of a model do not cancel as noise does. An error that is the same in all parts stays unknown.
 
 use super::effects::{self, Report};
 use super::quantity::Model;

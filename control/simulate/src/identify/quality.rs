@@ -3,7 +3,7 @@
 use super::rollout::{Miss, Noise, Signal, centered};
 use std::collections::BTreeMap;
 
-/// How far a simulated run is from the recorded one over some of its steps: root mean squares of each signal.
+/// Error of a simulated run against the recorded one over some of its steps: root mean square of each signal.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quality {
     /// Signals that were measured, and their root mean squares.
@@ -11,7 +11,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Of residuals after a step, up to another one.
+    /// Error of the residuals after a step, up to another one.
     pub(super) fn of(misses: &[Miss], after: usize, until: usize) -> Self {
         let values = centered(misses);
         let rms = Signal::ALL.into_iter().filter_map(|signal| {
@@ -37,8 +37,9 @@ pub(super) fn nominal() -> Noise {
     Signal::ALL.map(|signal| signal.noise()[0])
 }
 
-/// Deviations that residuals have. What a model cannot follow lasts: n residuals with a correlation ρ from one to the next tell as
-/// much as n (1 − ρ) / (1 + ρ) that are independent, so that they count as if their deviation were √((1 + ρ) / (1 − ρ)) times as large.
+/// Deviations that residuals have. What a model cannot follow lasts: n residuals with a correlation ρ from one to the next tell
+/// as much as n (1 − ρ) / (1 + ρ) that are independent, so that they count as if their deviation were √((1 + ρ) / (1 − ρ))
+/// times as large.
 pub(super) fn found(misses: &[Miss]) -> Noise {
     let mut last: BTreeMap<(usize, usize), f64> = BTreeMap::new();
     let mut sums = [[0.0_f64; 3]; 6];

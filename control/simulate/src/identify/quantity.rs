@@ -1,4 +1,4 @@
-//! What can be fitted: each kind of number that a robot has, where it stands, and what a rollout changes by it.
+//! Quantities that can be fitted: kinds, values in a model, and parameters of a rollout.
 
 use super::recording::Recording;
 use nalgebra::Vector3;
@@ -17,16 +17,17 @@ use std::sync::Arc;
 pub struct Model {
     /// The robot.
     pub robot: Robot,
-    /// Of its joints and contacts.
+    /// Parameters of its joints and contacts.
     pub parameters: Parameters,
     /// Time that commands take to the drives, s.
     pub delay_s: f64,
 }
 
 impl Model {
-    /// The robot as its file says, stepped and held together so that neither passes for a gain: backward Euler damps a joint at 120 Hz as
-    /// a quarter less of its kd would, and bearings that give way tilt the body by as much as its drives do. Contacts do not pull, because
-    /// a run in which they do jumps with its numbers; they stay as stiff as its weight makes them, also when masses change.
+    /// The robot as its file says, stepped and held together so that neither passes for a gain: backward Euler damps a joint at
+    /// 120 Hz as a quarter less of its kd would, and bearings that give way tilt the body by as much as its drives do. Contacts
+    /// do not pull, because a run in which they do jumps with its numbers; they stay as stiff as its weight makes them, also
+    /// when masses change.
     pub fn new(robot: &Robot) -> Self {
         let mut parameters = Parameters::new(robot);
         parameters.settings.scheme = Scheme::Bdf2;
@@ -46,7 +47,7 @@ pub enum Kind {
     Friction,
     /// Rolling resistance of free wheels at any speed.
     Resistance,
-    /// What is added to it per speed.
+    /// Increase of the rolling resistance per speed.
     Drag,
     /// kp of a drive model.
     PositionGain,
@@ -64,17 +65,17 @@ pub enum Kind {
     Delay,
 }
 
-/// What is known of a kind.
+/// Properties of a kind.
 struct Facts {
     kind: Kind,
     name: &'static str,
-    /// Of [`Kind::label`]: what it is and its unit.
+    /// Description and unit for [`Kind::label`].
     label: (&'static str, &'static str),
-    /// Whether it is fitted when nothing else is said.
+    /// True if the kind is fitted by default.
     by_default: bool,
     /// Key of the robot file that has it, if one does.
     key: Option<&'static str>,
-    /// What it means that nothing depends on it.
+    /// Explanation if nothing depends on the quantity.
     silence: &'static str,
 }
 
@@ -162,7 +163,7 @@ const FACTS: [Facts; 10] = [
 ];
 
 impl Kind {
-    /// All of them.
+    /// Iterates over all kinds.
     pub fn all() -> impl Iterator<Item = Self> {
         FACTS.iter().map(|facts| facts.kind)
     }
@@ -171,17 +172,17 @@ impl Kind {
         FACTS.iter().find(|facts| facts.kind == self).expect("every kind is in the list")
     }
 
-    /// As commands spell it.
+    /// Name in commands.
     pub fn name(self) -> &'static str {
         self.facts().name
     }
 
-    /// What it is, and its unit.
+    /// Description and unit.
     pub fn label(self) -> (&'static str, &'static str) {
         self.facts().label
     }
 
-    /// Whether it is fitted when nothing else is said.
+    /// True if the kind is fitted by default.
     pub fn by_default(self) -> bool {
         self.facts().by_default
     }
@@ -191,17 +192,17 @@ impl Kind {
         self.facts().key
     }
 
-    /// What it means that nothing depends on it.
+    /// Explanation if nothing depends on the quantity.
     pub fn silence(self) -> &'static str {
         self.facts().silence
     }
 
-    /// Whether it is fitted along because others depend on it, and no robot file has it.
+    /// True if the kind is fitted along because others depend on it, and no robot file has it.
     pub fn is_along(self) -> bool {
         self.key().is_none()
     }
 
-    /// Whether there is one for each drive model, for each description of links, or for the whole robot.
+    /// Scope of the kind: each drive model, each description of links, or the whole robot.
     pub fn is_of(self) -> Of {
         match self {
             Self::PositionGain | Self::SpeedGain | Self::Armature => Of::Drives,
@@ -211,7 +212,7 @@ impl Kind {
     }
 }
 
-/// What a number belongs to.
+/// Scope of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Of {
     /// A drive model.
@@ -225,7 +226,7 @@ pub enum Of {
 /// Drives or links that the robot file describes once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Group {
-    /// Its name there.
+    /// Name in the robot file.
     pub name: String,
     /// Channels, or links.
     pub members: Vec<usize>,
@@ -234,9 +235,9 @@ pub struct Group {
 /// A number that is fitted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Quantity {
-    /// What it is.
+    /// Kind of the number.
     pub kind: Kind,
-    /// Of which drives or links; empty for numbers of the whole robot.
+    /// Drives or links of the number; `None` for numbers of the whole robot.
     pub group: Option<Group>,
 }
 
@@ -250,7 +251,7 @@ impl Quantity {
         format!("{}{}", self.kind.name(), group.unwrap_or_default())
     }
 
-    /// A link with a soft foot, whose mass it would change: what is rigid of it would have another centre of mass, and a rollout has no
+    /// Link with a soft foot, if the quantity is its mass. The rigid part would get another centre of mass, and a rollout has no
     /// derivative by that.
     pub(super) fn soft_link<'r>(&self, robot: &'r Robot) -> Option<&'r str> {
         let is_soft = |&&link: &&usize| {
@@ -264,7 +265,7 @@ impl Quantity {
         self.group.as_ref().map_or(&[], |group| &group.members)
     }
 
-    /// Its value: of several that keep their proportions that of the first, of masses their sum; 0 if the robot has none.
+    /// Value in a model: the first of several that keep their proportions, or the sum of masses; 0 if the robot has none.
     pub fn value(&self, model: &Model) -> f64 {
         let robot = &model.robot;
         let drive = |of: fn(&Actuator) -> f64| {
@@ -351,7 +352,7 @@ impl Quantity {
         if self.kind == Kind::Delay { DELAY_S } else { value }
     }
 
-    /// What a rollout changes by it, each with its factor to the derivative by the value.
+    /// Parameters of a rollout that the quantity changes, each with its factor to the derivative by the value.
     pub(super) fn parameters(
         &self,
         world: &World,

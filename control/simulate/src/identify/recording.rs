@@ -1,4 +1,4 @@
-//! What is known of a run: what drives were commanded, and what was measured.
+//! Recording of a run: commands of the drives, and measurements.
 
 use super::series::Series;
 use crate::log::{LogError, Table};
@@ -15,7 +15,7 @@ pub struct Recording {
     pub span_s: [f64; 2],
     /// Shortest time between two measurements of one thing, s.
     pub interval_s: f64,
-    /// By channel.
+    /// Drives, by channel.
     pub drives: Vec<Drive>,
     /// Origin of the body, m.
     pub position_m: Option<[Series; 3]>,
@@ -40,10 +40,10 @@ pub struct Drive {
     pub rad_s: Series,
 }
 
-/// Why a table is no run of a robot.
+/// Error of a table that is not a run of a robot.
 #[derive(Debug, Error)]
 pub enum TableError {
-    /// It cannot be read.
+    /// Table that cannot be read.
     #[error("{0}")]
     Log(#[from] LogError),
     /// A column is missing.
@@ -51,10 +51,10 @@ pub enum TableError {
     Missing {
         /// Name of the column.
         name: String,
-        /// What it would have.
+        /// Contents of the column.
         what: &'static str,
     },
-    /// It has motors of another robot.
+    /// Table with motors of another robot.
     #[error(
         "it is the run of another robot: it has the motor `{}`, and none of {robot}, such as `{expected}`",
         Excerpt::start_of(found)
@@ -67,7 +67,7 @@ pub enum TableError {
         /// A motor of the table.
         found: String,
     },
-    /// No motor was measured.
+    /// Table in which no motor was measured.
     #[error("there is no column `{0}_rad` or `{0}_rad_s`, nor any other that has what a motor did")]
     Unmeasured(String),
     /// Times do not ascend.
@@ -75,12 +75,12 @@ pub enum TableError {
     Order {
         /// Counted from 1, below the heading.
         row: usize,
-        /// Its time.
+        /// Time of the row, s.
         time_s: f64,
-        /// That of the row before.
+        /// Time of the row before, s.
         before_s: f64,
     },
-    /// There is no stretch to fit.
+    /// Run without a stretch to fit.
     #[error(transparent)]
     Idle(#[from] Idle),
 }
@@ -221,7 +221,8 @@ impl Recording {
         Self { span_s: none, interval_s: 0.0, drives, position_m, orientation, gyro_rad_s }
     }
 
-    /// The longest of some stretches of time, as far as they are wanted: such in which the robot stands on its own, with its drives on.
+    /// The longest of some stretches of time, as far as they are wanted: such in which the robot stands on its own, with its
+    /// drives on.
     ///
     /// # Errors
     /// None is long enough.
@@ -260,7 +261,7 @@ impl Recording {
         Some(rotation([at(w)?, at(x)?, at(y)?, at(z)?]))
     }
 
-    /// Of three numbers that are measured together.
+    /// Vector of three numbers that are measured together.
     pub(super) fn vector_at(
         of: Option<&[Series; 3]>,
         time_s: f64,

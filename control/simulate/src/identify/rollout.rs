@@ -14,7 +14,7 @@ use rollwalk_physics::world::FallWatch;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What was measured.
+/// Kind of measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Signal {
     /// Angle of a joint, rad.
@@ -32,11 +32,11 @@ pub enum Signal {
 }
 
 impl Signal {
-    /// All of them.
+    /// List of all signals.
     pub const ALL: [Self; 6] =
         [Self::Joint, Self::Wheel, Self::Speed, Self::Position, Self::Orientation, Self::Gyro];
 
-    /// What it is, and its unit.
+    /// Description and unit.
     pub fn label(self) -> (&'static str, &'static str) {
         match self {
             Self::Joint => ("angles of joints", "rad"),
@@ -78,7 +78,7 @@ pub(super) struct Replay {
 #[derive(Clone, Debug)]
 pub(super) struct Miss {
     pub signal: Signal,
-    /// Which of the numbers of the signal.
+    /// Index among the numbers of the signal.
     pub number: usize,
     pub step: usize,
     pub residual: Residual,
@@ -88,13 +88,13 @@ pub(super) struct Miss {
 pub(super) struct Played {
     rollout: Rollout,
     misses: Vec<Miss>,
-    /// Of each parameter of the search, its derivatives' places and factors.
+    /// Indices and factors of the derivatives of each search parameter.
     columns: Vec<Vec<(usize, f64)>>,
 }
 
 impl Replay {
-    /// Simulates the first steps, with derivatives by quantities, and by the start if `by_start`. None if the robot falls or a step
-    /// has no solution.
+    /// Simulates the first steps, with derivatives by quantities, and by the start if `by_start`. Returns `None` if the robot
+    /// falls or a step has no solution.
     pub fn play(
         &self,
         model: &Model,
@@ -147,7 +147,7 @@ impl Replay {
         Some(Played { rollout, misses, columns })
     }
 
-    /// All that was measured in the first steps, against the rollout.
+    /// Residuals of all measurements in the first steps, against the rollout.
     fn misses(&self, world: &World, model: &Model, rollout: &Rollout, steps: usize) -> Vec<Miss> {
         let recording = &self.recording;
         let joints = model.robot.joints.len();
@@ -224,7 +224,7 @@ fn origin_residual(
 }
 
 impl Played {
-    /// What it misses.
+    /// Residuals of the rollout.
     pub fn misses(&self) -> &[Miss] {
         &self.misses
     }

@@ -1,4 +1,5 @@
-//! The search of one run: Gauss–Newton's method on parts of it, from several starting points at first, and how sure its numbers are at the end.
+//! The search of one run: Gauss–Newton's method on parts of it, from several starting points at first, and how sure its numbers
+//! are at the end.
 
 use super::effects::Report;
 use super::outcome::{Found, Stage, Unfit, Verdict};
@@ -19,16 +20,16 @@ const FRICTIONS: [f64; 6] = [0.75, 0.55, 0.4, 0.3, 0.2, 1.5];
 const FIRMNESS: f64 = 4.0;
 /// Largest change of a parameter in an iteration.
 const MOST: f64 = 0.3;
-/// Improvement of an iteration that is too small to go on, as a share: a run has some 10,000 residuals, and a deviation of a parameter
-/// changes the objective by a half.
+/// Improvement of an iteration that is too small to go on, as a share: a run has some 10,000 residuals, and a deviation of a
+/// parameter changes the objective by a half.
 const TOLERANCE: f64 = 1e-6;
 
-/// Where a search is.
+/// Parameters that a search has reached.
 #[derive(Clone, Debug)]
 pub(super) struct At {
     /// A parameter for each quantity: 0 is the number of the file.
     pub quantities: Vec<f64>,
-    /// Of the start.
+    /// Parameters of the start.
     pub start: Vec<f64>,
 }
 
@@ -48,7 +49,7 @@ pub(super) struct Search<'a, G> {
 }
 
 impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
-    /// From the numbers of the file, and where the run was measured to begin.
+    /// Begins at the numbers of the file and the measured start of the run.
     pub fn new(
         replay: &'a Replay,
         file: &'a Model,
@@ -106,8 +107,8 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         model
     }
 
-    /// Minimises the error over the quantities that are not held, over the initial state, or over both. `None` if the simulated robot falls
-    /// with the present values.
+    /// Minimises the error over the quantities that are not held, over the initial state, or over both. `None` if the simulated
+    /// robot falls with the present values.
     pub fn minimise(
         &mut self,
         what: &'static str,
@@ -160,13 +161,15 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         Some(fit)
     }
 
-    /// Searches the first `steps` of the run once from each of several starting points ([`Self::starts`]), and stays where the sum of squares is
-    /// least.
+    /// Searches the first `steps` of the run once from each of several starting points ([`Self::starts`]), and stays where the
+    /// sum of squares is least.
     ///
-    /// Robot files have neither the stiffness and creep of contacts nor the delay of commands. What is assumed of them at first may be wrong by
-    /// factors, and over such a range the sum of squares has several minima: a single search ends in the one that is nearest to its starting point.
+    /// Robot files have neither the stiffness and creep of contacts nor the delay of commands. What is assumed of them at first
+    /// may be wrong by factors, and over such a range the sum of squares has several minima: a single search ends in the one
+    /// that is nearest to its starting point.
     ///
-    /// Returns the state in which the run begins, fitted with the numbers of the file; none if the robot falls with these numbers.
+    /// Returns the state in which the run begins, fitted with the numbers of the file; none if the robot falls with these
+    /// numbers.
     pub fn begin(&mut self, steps: usize) -> Option<Vec<f64>> {
         let begins = "where the run begins";
         self.minimise(begins, steps, false, true)?;
@@ -189,8 +192,8 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         Some(file)
     }
 
-    /// Starting points of the search: the numbers of the file, contacts [`FIRMNESS`] times as stiff and as firm, and commands half a period
-    /// earlier, in all combinations of those that are fitted.
+    /// Starting points of the search: the numbers of the file, contacts [`FIRMNESS`] times as stiff and as firm, and commands
+    /// half a period earlier, in all combinations of those that are fitted.
     fn starts(&self) -> Vec<Vec<f64>> {
         let commands = self.replay.recording.drives.iter();
         let interval_s = commands.filter_map(|drive| drive.target_rad.interval_s()).next();
@@ -251,7 +254,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         }
     }
 
-    /// How far the open parameters are from one another in parts of the run, each fitted alone, beyond noise.
+    /// Disagreement of the open parameters between parts of the run, each fitted alone, beyond noise.
     pub fn spreads(&mut self, steps: usize) -> Vec<f64> {
         let replays = parts::of(self.replay, self.file, steps);
         let mut reports: Vec<Vec<Report>> = vec![Vec::new(); self.open.len()];
@@ -275,7 +278,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         reports.iter().map(|of| parts::spread(of)).collect()
     }
 
-    /// What to make of each open quantity.
+    /// Judges each open quantity, and returns it by its number.
     pub fn judge(&self, fit: &Fit, spreads: &[f64]) -> Vec<(usize, Found)> {
         let deviations = fit.deviations();
         let of = |(place, &number): (usize, &usize)| {

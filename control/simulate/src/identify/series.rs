@@ -1,4 +1,4 @@
-//! One measured or commanded number over time, with times of its own: buses report one motor after the other.
+//! Time series of one measured or commanded number. Each has its own times: buses report one motor after the other.
 
 /// Longest gap between two measurements over which one between them is taken, s.
 const GAP_S: f64 = 0.1;
@@ -11,7 +11,7 @@ pub struct Series {
 }
 
 impl Series {
-    /// Of times and values; points that are no numbers, or not later than the one before, are left out.
+    /// Series of times and values. Skips points that are not finite, or not later than the one before.
     pub fn new(points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         let mut kept: Vec<[f64; 2]> = Vec::new();
         for (time_s, value) in points {
@@ -28,7 +28,7 @@ impl Series {
         Self { points: vec![[0.0, value]] }
     }
 
-    /// Whether nothing is known.
+    /// True if the series has no points.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
@@ -90,8 +90,8 @@ impl Series {
         }
     }
 
-    /// Value and slope at the beginning of a stretch of time, of the parabola nearest to what was measured in it; `None` if that is
-    /// nothing.
+    /// Value and slope at the beginning of a stretch of time, of the parabola nearest to what was measured in it; `None` if
+    /// that is nothing.
     pub fn beginning(&self, [from_s, to_s]: [f64; 2]) -> Option<[f64; 2]> {
         let within: Vec<&[f64; 2]> =
             self.points.iter().filter(|point| (from_s..=to_s).contains(&point[0])).collect();

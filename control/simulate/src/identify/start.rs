@@ -1,4 +1,4 @@
-//! Where a run begins: the logged state, and the small changes of it that a fit finds.
+//! Start of a run: the logged state, and small changes of it that a fit finds.
 
 use super::quantity::Model;
 use super::recording::{Recording, rotation};
@@ -41,7 +41,7 @@ enum Freedom {
     Joint(usize),
 }
 
-/// How much a freedom of the start may change.
+/// Unit and expected size of a change of the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Deviation {
     /// Change by a parameter of 1: large, because a step of the search is a share of it.
@@ -51,7 +51,7 @@ struct Deviation {
 }
 
 impl Start {
-    /// Of what was measured at the beginning; where nothing was, level, at the origin, at rest.
+    /// Start from the measurements at the beginning. Without measurements the robot is level, at the origin, at rest.
     pub fn of(recording: &Recording, model: &Model) -> Self {
         let robot = &model.robot;
         let [begin_s, _] = recording.span_s;
@@ -108,7 +108,7 @@ impl Start {
         self.freedoms.len()
     }
 
-    /// What they should not be much more than.
+    /// Penalties that keep changes near their expected deviations.
     pub fn penalties(&self, first: usize) -> Vec<Penalty> {
         let of = |(number, (_, deviation)): (usize, &(Freedom, Deviation))| {
             let factors = vec![(first + number, deviation.unit / deviation.expected)];
@@ -212,7 +212,7 @@ fn stand(state: &mut RobotState, model: &Model, is_known: bool) -> bool {
     stands
 }
 
-/// What the start leaves open: of what was not measured only that which the ground tells.
+/// Freedoms that the start leaves open. Position and heading without measurements are open only if the ground determines them.
 fn freedoms(recording: &Recording, stands: bool, joints: usize) -> Vec<(Freedom, Deviation)> {
     let height_m = if stands { 1e-3 } else { 1e-2 };
     let has_place = recording.position_m.is_some();
@@ -243,7 +243,7 @@ mod tests {
 
     /// Length of the recordings, s.
     const LONG_S: f64 = 1.0;
-    /// Where the body is far above the ground, m.
+    /// Height at which the body is far above the ground, m.
     const HIGH_M: f64 = 2.0;
 
     fn robot(name: &str) -> Robot {

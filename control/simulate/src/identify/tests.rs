@@ -15,7 +15,7 @@ use rollwalk_physics::motor::Law;
 use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::sync::Arc;
 
-/// Of a row, and steps of the world in it, as many as a fit takes.
+/// Duration of a row, s, and steps of the world in it: as many as a fit takes.
 const STEP_S: f64 = 1.0 / 120.0;
 const PARTS: usize = 2;
 

@@ -1,34 +1,36 @@
 //! Several runs of one robot, each fitted alone, as one answer.
 //!
-//! A run in which contacts slip otherwise than with us moves its numbers by more than their deviations say, and the same way in all of its parts: no
-//! estimate from that run sees it. Another motion slips otherwise, so that what motions disagree about measures it: `effects`.
+//! A run in which contacts slip otherwise than with us moves its numbers by more than their deviations say, and the same way in
+//! all of its parts: no estimate from that run sees it. Another motion slips otherwise, so that what motions disagree about
+//! measures it: `effects`.
 //!
-//! Means are of the search's parameters: logarithms, but for delays. A deviation is then a share of the value, and of two runs that are as sure the
-//! one with the smaller value does not count for more. Correlations between quantities of a run do not enter.
+//! Means are of the search's parameters: logarithms, but for delays. A deviation is then a share of the value, and of two runs
+//! that are as sure the one with the smaller value does not count for more. Correlations between quantities of a run do not
+//! enter.
 
 use super::effects::{self, Report};
 use super::outcome::{Found, Identified, Verdict};
 use super::quantity::{Model, Quantity};
 use rollwalk_robot::Robot;
 
-/// What several runs give together.
+/// Result of several runs together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Together {
     /// The robot with all quantities that changed.
     pub model: Model,
-    /// Every quantity.
+    /// Combined quantities.
     pub combined: Vec<Combined>,
 }
 
 /// A quantity from several runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Combined {
-    /// Its value, its deviation and the verdict on both. Of one run that tells it they are those of that run.
+    /// Value, standard deviation and verdict. If only one run determines the quantity, they are those of that run.
     pub found: Found,
-    /// Deviation between runs beyond their own, which is part of its deviation; none if fewer than two runs tell it: then an error of the model is in
-    /// no deviation.
+    /// Deviation between runs beyond their own, which is part of the deviation. `None` if fewer than two runs determine the
+    /// quantity; then the deviation contains no error of the model.
     pub between: Option<f64>,
-    /// Numbers of the runs that tell it, from 0.
+    /// Numbers of the runs that determine the quantity, from 0.
     pub runs: Vec<usize>,
 }
 
@@ -45,7 +47,7 @@ pub fn together(robot: &Robot, quantities: &[Quantity], fits: &[Identified]) -> 
     Together { model, combined }
 }
 
-/// One quantity, of which `before` is the value of the file, from what was found of each run.
+/// Combines the fits of one quantity, whose value in the file is `before`.
 fn combine(quantity: &Quantity, before: f64, fits: &[&[Found]]) -> Combined {
     let of_run = |(run, found): (usize, &&[Found])| {
         found.iter().find(|of| of.quantity == *quantity).cloned().map(|of| (run, of))
@@ -76,7 +78,7 @@ fn combine(quantity: &Quantity, before: f64, fits: &[&[Found]]) -> Combined {
     Combined { found, between: Some(mean.between * by), runs }
 }
 
-/// What no run has anything of.
+/// Result for a quantity that no run has.
 fn silent(quantity: &Quantity, before: f64) -> Found {
     let (quantity, deviation) = (quantity.clone(), f64::INFINITY);
     Found { quantity, before, fitted: before, deviation, verdict: Verdict::Silent }
@@ -91,7 +93,7 @@ mod tests {
         Quantity { kind, group: None }
     }
 
-    /// As a run tells it, with a deviation as a share of the value (of delays, in s).
+    /// Result of a run, with a deviation as a share of the value (of delays, in s).
     fn found(kind: Kind, before: f64, fitted: f64, share: f64) -> Found {
         let quantity = quantity(kind);
         let deviation = share * if kind == Kind::Delay { 1.0 } else { fitted };

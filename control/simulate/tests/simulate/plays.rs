@@ -151,7 +151,8 @@ fn a_robot_that_is_pushed_to_its_side_steps_on() {
     assert!(ahead == 0 && (1..400).contains(&aside), "{ahead} {aside}");
 }
 
-/// The tracker does not know that a way is steered by the direction of skates. Tracked to the end they come to half of it, or less.
+/// The tracker does not know that a way is steered by the direction of skates. Tracked to the end they come to half of it, or
+/// less.
 #[test]
 fn the_plan_of_a_robot_that_stumbles_is_played_in_open_loop() {
     let skate = plan("skaterbot", "skate");
@@ -163,7 +164,7 @@ fn the_plan_of_a_robot_that_stumbles_is_played_in_open_loop() {
     assert!((ratio - 1.0).abs() < 0.05, "{ratio}: {outcome:?}");
 }
 
-/// Without a state the robot comes to rest on its feet, at whatever moment of its turn that is.
+/// Stops a robot without a state: it comes to rest on its feet at any moment of its turn.
 #[test]
 fn a_robot_that_loses_its_sensors_comes_to_rest() {
     let turn = plan("anymal_wheels", "anymal_turn");
@@ -200,7 +201,8 @@ fn a_robot_that_loses_its_sensors_comes_to_rest() {
     }
 }
 
-/// With the old angle of a state measured 6 ms ago the drives' own loops mislead small motors: without a prediction Creature3 comes to 0.03.
+/// Small motors are misled by the drives' own loops if these get the angle of a state measured 6 ms ago: without a prediction
+/// Creature3 covers 3 % of its planned distance.
 #[test]
 fn a_known_delay_of_setpoints_costs_nothing() {
     let delayed = |plan: &Plan, delay_s: f64| {

@@ -61,7 +61,7 @@ fn a_swizzle_on_soft_servos_makes_its_way_again() {
     assert!((0.5 * most_rad..most_rad).contains(&first.largest_rad), "{first:?} {most_rad}");
 }
 
-/// Its setpoints begin and end at rest, near where the planned torques hold it.
+/// Setpoints begin and end at rest, near where the planned torques hold the robot.
 #[test]
 fn a_motion_that_ends_does_so_at_rest() {
     let plan = soft("agilebot", "duck");

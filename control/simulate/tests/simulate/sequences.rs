@@ -61,7 +61,7 @@ struct Plans {
 }
 
 impl Plans {
-    /// Those of a shipped library.
+    /// Plans the motions of a shipped library.
     fn of(library: &str, gait: &str) -> Self {
         let text = fs::read_to_string(format!("{ROOT}/motions/{library}.toml")).unwrap();
         let contents = Contents::read(library, &text, &mut Files).unwrap();
@@ -95,7 +95,7 @@ impl Plans {
         ]
     }
 
-    /// Where the body comes to from where it is, by the plans' samples: another way than that of the splines.
+    /// Planned displacement of the body from the plans' samples; independent of the splines.
     fn way(&self, cycles: u32) -> Isometry3<f64> {
         let of = |plan: &Plan| {
             let [first, last] = plan.ends().map(planar);
@@ -127,13 +127,13 @@ struct Bus {
     rate_hz: u32,
     /// Ticks after which setpoints act.
     delay: u32,
-    /// Whether the robot has contact switches.
+    /// True if the robot has contact switches.
     switches: bool,
     noise: Noise,
     seed: u64,
-    /// Every how many samples one is lost.
+    /// Number of samples of which one is lost.
     loses: Option<usize>,
-    /// When the IMU fails, s.
+    /// Time at which the IMU fails, s.
     imu_until_s: f64,
 }
 
@@ -150,17 +150,17 @@ const BUS: Bus = Bus {
 
 /// Steps of the world per second, at least: drives act between ticks.
 const WORLD_HZ: u32 = 480;
-/// When the robot is to begin, and when the latency is known, s.
+/// Time at which the robot is to begin, and time at which the latency is known, s.
 const GO_S: f64 = 1.5;
 const MEASURED_S: f64 = 0.7;
 /// Longest run, s: one that was stopped is never over.
 const LONGEST_S: f64 = 30.0;
 
-/// How a sequence went.
+/// Result of a sequence.
 #[derive(Debug, Default, PartialEq)]
 struct Outcome {
     fell_at_s: Option<f64>,
-    /// From the body at its start to the body at the end.
+    /// Displacement from the body at its start to the body at the end.
     way: Isometry3<f64>,
     /// The estimate at the end, seen from the reference.
     from_reference: Isometry3<f64>,
@@ -173,7 +173,7 @@ struct Outcome {
 }
 
 impl Outcome {
-    /// Where it is at the end, seen from where it should be: mm and mrad.
+    /// Deviation from the planned displacement at the end: mm and mrad.
     fn off(&self, planned: &Isometry3<f64>) -> [f64; 2] {
         far(&(planned.inverse() * self.way))
     }
@@ -276,7 +276,7 @@ fn play(
 /// AgileBot's walk.
 static WALK: LazyLock<Plans> = LazyLock::new(|| Plans::of("agilebot_library", "walk"));
 
-/// Every plan was played, every tick in motion had setpoints, and the robot comes to its reference.
+/// Checks that all plans were played, that all ticks in motion had setpoints, and that the robot ended at its reference.
 fn check(outcome: &Outcome) {
     assert!(outcome.fell_at_s.is_none() && !outcome.stopped, "{outcome:?}");
     assert_eq!((outcome.untracked, &outcome.legs[..]), (0, &[0, 1, 2, 3, 4][..]), "{outcome:?}");
@@ -285,7 +285,7 @@ fn check(outcome: &Outcome) {
     assert!(mm < 20.0 && mrad < 10.0, "{mm} {mrad} {outcome:?}");
 }
 
-/// With sensors in order it comes to where the plans lead one after the other; noise lets the estimate drift, by less than 3 % along the way.
+/// Follows the plans one after the other if the sensors are exact. Noise lets the estimate drift by less than 3 % along the way.
 #[test]
 fn a_robot_stands_walks_and_stands_on_a_slow_bus() {
     let planned = WALK.way(3);
@@ -300,7 +300,7 @@ fn a_robot_stands_walks_and_stands_on_a_slow_bus() {
     assert!(noisy != exact);
 }
 
-/// Of twelve samples one is missing, and whether a wheel touches is not known.
+/// Loses one of twelve samples, without contact switches.
 #[test]
 fn without_switches_and_all_of_its_samples_a_robot_walks_as_well() {
     let planned = WALK.way(2);
@@ -310,7 +310,7 @@ fn without_switches_and_all_of_its_samples_a_robot_walks_as_well() {
     assert!(mm < 35.0 && mrad < 20.0, "{mm} {mrad} {outcome:?}");
 }
 
-/// In its second cycle of a hundred, and before its first one.
+/// Stops in the second cycle of a hundred, and before the first one.
 #[test]
 fn a_sequence_ends_early_where_its_plans_can_be_left() {
     let bus = Bus { noise: Noise::default(), ..BUS };
@@ -337,7 +337,7 @@ fn a_robot_whose_imu_fails_comes_to_rest_for_good() {
     assert_eq!(outcome.legs.last(), Some(&2));
 }
 
-/// It is not known where it stands.
+/// Robot in motion: its pose cannot be initialised.
 #[test]
 fn a_robot_that_was_not_at_rest_does_not_begin() {
     let mut sequence =
@@ -384,7 +384,7 @@ fn plans_that_do_not_follow_each_other_make_no_sequence() {
     }
 }
 
-/// With and without switches, with other noise.
+/// Runs with and without switches, and with other noise.
 #[test]
 #[ignore = "minutes: cargo xtask nightly --only long"]
 fn sequences_of_both_gaits_come_where_their_plans_lead() {

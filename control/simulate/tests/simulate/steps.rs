@@ -20,7 +20,7 @@ fn with_both_steps(plan: &Plan) -> [Outcome; 2] {
     })
 }
 
-/// In steps of 1/120 s the pace holds, and it does not in shorter ones.
+/// Pace holds in steps of 1/120 s, but not in shorter ones.
 #[test]
 fn half_the_step_changes_no_verdict() {
     for (motion, holds) in [("walk", true), ("trot", true), ("pace", false)] {

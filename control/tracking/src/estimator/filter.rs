@@ -24,8 +24,8 @@ const ANGULAR_ACCELERATION: f64 = 2.2;
 /// Noise of the specific force, (m/s²)/√Hz: 0.5 m/s² at 500 Hz, with vibrations of the robot on top of an accelerometer's own
 /// noise.
 const SPECIFIC_FORCE: f64 = 0.022;
-/// Magnitude of the specific force above which a sample may be wrong, m/s². The filter adds the part above it to the standard deviation of the
-/// velocity, so that contact measurements correct the velocity after a wrong sample.
+/// Magnitude of the specific force above which a sample may be wrong, m/s². The filter adds the part above it to the standard
+/// deviation of the velocity, so that contact measurements correct the velocity after a wrong sample.
 const OUTLIER_M_S2: f64 = 50.0;
 /// Process noise of the velocity without an accelerometer, (m/s²)/√Hz: 5 m/s² at 500 Hz.
 const UNMEASURED_FORCE: f64 = 0.22;
@@ -48,11 +48,11 @@ type MeasurementJacobian = SMatrix<f64, 3, ERRORS>;
 #[derive(Clone, Copy, Debug)]
 pub struct Filter {
     pub world_from_body: Matrix3<f64>,
-    /// Of the base origin in world, m/s.
+    /// Velocity of the base origin in world, m/s.
     pub velocity_m_s: Vector3<f64>,
     /// Angular velocity in body axes, rad/s.
     pub rate_rad_s: Vector3<f64>,
-    /// Of the gyro in body axes, rad/s.
+    /// Bias of the gyro in body axes, rad/s.
     pub gyro_bias_rad_s: Vector3<f64>,
     covariance: SMatrix<f64, ERRORS, ERRORS>,
 }
@@ -182,7 +182,7 @@ impl Filter {
         self.world_from_body * self.rate_rad_s
     }
 
-    /// Whether estimate and covariance are finite.
+    /// True if estimate and covariance are finite.
     pub fn is_finite(&self) -> bool {
         let vectors = [self.velocity_m_s, self.rate_rad_s, self.gyro_bias_rad_s];
         let mut all = vectors.iter().flatten().chain(&self.world_from_body).chain(&self.covariance);
@@ -193,11 +193,11 @@ impl Filter {
 /// A contact from forward kinematics, world axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
-    /// From the base origin to the contact, m.
+    /// Vector from the base origin to the contact, m.
     pub lever_m: Vector3<f64>,
     /// Velocity of the material at the contact due to the joints alone, m/s.
     pub by_joints_m_s: Vector3<f64>,
-    /// Its velocity due to the spin of the wheel alone, m/s.
+    /// Velocity of the material due to the spin of the wheel alone, m/s.
     pub spin_m_s: Vector3<f64>,
 }
 

@@ -13,7 +13,7 @@ const GYRO_RAD_S: f64 = 0.1;
 /// Largest difference of the mean specific force at rest from gravity, m/s².
 const FORCE_M_S2: f64 = 0.5;
 
-/// Whether the robot stands still, and low-passed sensors.
+/// Detector of a robot that stands still, with low-passed sensors.
 #[derive(Clone, Debug)]
 pub struct Rest {
     /// Mean gyro, body axes, rad/s.

@@ -17,7 +17,7 @@ fn tree(name: &str) -> Tree {
     Tree::new(&robot).with_spinning_wheels(|_| 5e-6)
 }
 
-/// What the sensors of a robot are to measure.
+/// True motion of a robot, from which its sensor readings follow.
 #[derive(Clone)]
 struct Truth {
     tree: Tree,
@@ -30,7 +30,7 @@ struct Truth {
 }
 
 impl Truth {
-    /// At rest on all end effectors, with the base turned; without noise.
+    /// Robot at rest on all end effectors, with the base turned; without noise.
     fn at_rest(name: &str, turn: Vector3<f64>) -> Self {
         let tree = tree(name);
         let mut state = State::nominal(&tree);
@@ -165,7 +165,7 @@ fn a_wrong_tilt_comes_right() {
     assert!(off < 1e-3, "{off}");
 }
 
-/// In flight there is the IMU alone.
+/// Flight: only the IMU measures the motion.
 #[test]
 fn a_constant_rotation_is_integrated() {
     let mut truth = Truth::at_rest("pup", Vector3::new(0.1, 0.0, 0.0));
@@ -330,7 +330,7 @@ fn spoil(sensors: &mut Sensors<'_>, at: usize, value: f64, angles: &mut [f64], s
 proptest! {
     #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
 
-    /// Any finite sensors give a finite state, trusted or not.
+    /// Finite sensor readings give a finite state, trusted or not.
     #[test]
     fn whatever_is_measured_the_state_is_finite(
         robot in 0..ROBOTS.len(),

@@ -55,7 +55,8 @@ impl Tracker {
 }
 
 impl Foot {
-    /// Most force along the ground per normal force, along the way of a wheel or blade and to its side, in a pyramid whose sides are at this part of the cone.
+    /// Most force along the ground per normal force, along the way of a wheel or blade and to its side, in a pyramid whose
+    /// sides are at this part of the cone.
     pub(super) fn most(&self, part: f64) -> [f64; 2] {
         // A blade has no cone, but the drag of its glide.
         let along = self.drag.unwrap_or(part * self.friction);

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use rollwalk_multibody::{ANGULAR, JOINTS, Kinematics, rotation};
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// How far below the planned ground an end effector aims that has to land, m.
+/// Depth below the planned ground at which a landing end effector aims, m.
 const BELOW_M: f64 = 0.02;
 
 impl Tracker {

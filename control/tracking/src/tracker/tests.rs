@@ -91,7 +91,7 @@ fn moving(reference: &Reference) -> State {
     state
 }
 
-/// Where the tick ends as expected, a drive adds up to the torque that is wanted.
+/// Drive and feed-forward add up to the wanted torque if the tick ends as expected.
 #[test]
 fn drives_and_feed_forward_add_up_at_the_end_of_a_tick() {
     let mut tracker = tracker("anymal_wheels");
@@ -118,7 +118,8 @@ fn drives_and_feed_forward_add_up_at_the_end_of_a_tick() {
     }
 }
 
-/// Setpoints that act later are those for the state then: of a robot that moves evenly, and of one whose last tick wanted it to brake.
+/// Setpoints that act later are those for the state then: of a robot that moves evenly, and of one whose last tick wanted it to
+/// brake.
 #[test]
 fn with_a_latency_a_tick_acts_on_the_state_then() {
     const LATENCY_S: f64 = 0.01;
@@ -194,7 +195,7 @@ fn the_plan_moves_along_with_a_robot_that_is_far_away() {
     assert!(anchor_m.y.abs() < 1e-9 && (0.05..0.15).contains(&left_m), "{anchor_m}");
 }
 
-/// Where a robot is and where it heads changes nothing, with feet in the air and far off its plan neither.
+/// Setpoints do not depend on the robot's position and heading, also with feet in the air and far off its plan.
 #[test]
 fn setpoints_do_not_depend_on_place_and_heading() {
     let elsewhere = Isometry3::new(Vector3::new(3.0, -2.0, 0.0), Vector3::z() * 2.2);
@@ -305,8 +306,8 @@ fn bad_measurements_are_an_error_and_leave_no_trace() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
 
-    /// Any state near the plan, any feet down: forces within friction, none that pull, none in the air, torques within limits, and
-    /// forward dynamics of all of them gives the accelerations that the tick expects.
+    /// States near the plan, with any feet down, give forces within friction, none that pull, none in the air, and torques within
+    /// limits. Forward dynamics of all of them gives the accelerations that the tick expects.
     #[test]
     fn what_a_tick_wants_is_possible(
         robot in 0..ROBOTS.len(),

@@ -7,7 +7,7 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
 use rollwalk_protocol::time::divided;
 
-/// Of the processor and of the board's timers.
+/// Clock of the processor and of the board's timers, Hz.
 const HZ: u32 = 25_000_000;
 const COUNTS_PER_US: u16 = (HZ / 1_000_000) as u16;
 
@@ -17,7 +17,7 @@ const VALUE: *mut u32 = 0x4000_0004 as *mut u32;
 const RELOAD: *mut u32 = 0x4000_0008 as *mut u32;
 const CTRL_ENABLE: u32 = 1 << 0;
 
-/// A control period has begun, and [`Clock::begun`] has not reported it yet.
+/// True if a control period has begun that [`Clock::take_period`] has not reported yet.
 static PERIOD_STARTED: AtomicBool = AtomicBool::new(false);
 
 /// The clock. There is one; it is made once, by `main`.
@@ -52,12 +52,12 @@ impl Clock {
         divided(self.counts, COUNTS_PER_US)
     }
 
-    /// Whether a control period has begun since the last call that returned true.
+    /// True if a control period has begun since the last call that returned true.
     pub fn take_period(&mut self) -> bool {
         PERIOD_STARTED.swap(false, Ordering::AcqRel)
     }
 
-    /// Whether the next [`Self::take_period`] will return true.
+    /// True if the next [`Self::take_period`] will return true.
     pub fn is_due(&self) -> bool {
         PERIOD_STARTED.load(Ordering::Acquire)
     }

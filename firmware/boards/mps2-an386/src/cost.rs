@@ -51,7 +51,7 @@ impl Cost {
         self.figures
     }
 
-    /// Does some work; what it returns, and the counts that it took.
+    /// Runs `work`; returns its result, and the counts that it took.
     pub fn counted<T>(&mut self, work: impl FnOnce() -> T) -> (T, u32) {
         self.timer.enable_counter();
         let before = SYST::get_current();

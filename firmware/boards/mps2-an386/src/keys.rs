@@ -1,5 +1,5 @@
-//! What keys cost on an emulated Cortex-M4F whose controller insists on them: a command without authenticator, with one and
-//! with a wrong one, and the signature of a short and of a longer library.
+//! Cost of keys on an emulated Cortex-M4F whose controller insists on them: a command without, with a right and with a wrong
+//! authenticator, and the signature of a short and of a longer library.
 //!
 //! Writes SysTick's counts of each and the deepest stack to the emulator's console, and ends it. A test program: it may panic.
 #![no_std]
@@ -36,7 +36,7 @@ type Core = Controller<Signed<store::Libraries>>;
 static CONTROLLER: StaticCell<Core> = StaticCell::new();
 
 const NONCE: u64 = 7;
-/// Bytes of the short library, as in the firmware's test of what OpenSSL signed; of the longer one so many more.
+/// Bytes of the short library, as in the firmware's test of OpenSSL's signature, and the additional bytes of the longer one.
 const SHORT: usize = 100;
 const MORE: usize = 1024;
 const FINGERPRINT: [u8; 8] = [0xFD, 0x11, 0x0D, 0x30, 0x1D, 0x2F, 0x07, 0x7D];

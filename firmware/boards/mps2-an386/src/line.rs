@@ -31,7 +31,7 @@ static WRITER: Mutex<Cell<Option<Producer<'static, u8>>>> = Mutex::new(Cell::new
 /// Bytes found no room there.
 static LOST: AtomicBool = AtomicBool::new(false);
 
-/// Its transmit interrupt: wakes the processor when there is room again.
+/// Transmit interrupt of the UART: wakes the processor when there is room again.
 #[derive(Clone, Copy)]
 struct Sent;
 
@@ -69,12 +69,12 @@ impl Line {
         self.received.dequeue()
     }
 
-    /// Whether bytes were lost since the last call.
+    /// True if bytes were lost since the last call.
     pub fn has_lost(&mut self) -> bool {
         LOST.swap(false, Ordering::AcqRel)
     }
 
-    /// Whether there is room for a frame.
+    /// True if there is room for a frame.
     pub fn is_free(&self) -> bool {
         self.room() >= FRAME_BYTES
     }
@@ -103,7 +103,7 @@ impl Line {
         }
     }
 
-    /// Whether there is something to do without another interrupt.
+    /// True if there is work without another interrupt.
     pub fn is_busy(&self) -> bool {
         self.received.ready() || (!self.waiting.is_empty() && has_room())
     }

@@ -1,4 +1,4 @@
-//! Keys that are no secret, of the program that shows what keys cost.
+//! Keys of the program that measures the cost of keys. They are not secret.
 
 use rollwalk_protocol::wire::authentication::{LINK_KEY_LEN, LinkKey};
 

@@ -9,18 +9,18 @@ use rollwalk_protocol::actuator::{
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
 
-/// All servos of the robot.
+/// Servos of the robot.
 pub struct Servos([Servo; CHANNELS.len()]);
 
 struct Servo {
     bus: u8,
     id: u8,
-    /// Its measurements. A wheel's angle stays 0.
+    /// Measurements of the servo. A wheel's angle stays 0.
     feedback: Feedback,
 }
 
 impl Servos {
-    /// At rest, each within its range, torque off.
+    /// Servos at rest, each within its range, torque off.
     pub fn new() -> Self {
         Self(CHANNELS.map(|Channel { kind, min, max, bus, id, .. }| {
             let position_rad = match kind {

@@ -4,7 +4,8 @@ use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicBool, Ordering};
 use rollwalk_firmware::store::{FlashStore, RamFlash};
 
-/// As large as that of the host's simulation: a controller reports it, and both must report the same.
+/// Size of the library flash, bytes, equal to that of the host's simulation: a controller reports it, and both must report the
+/// same.
 pub const CAPACITY: usize = (2 << 20) + (8 << 10);
 /// Starts that a library on trial is given.
 const TRIAL_BOOTS: u8 = 3;
@@ -18,9 +19,9 @@ pub type Libraries = FlashStore<Flash<CAPACITY>>;
 
 /// The stores, which are taken once.
 pub struct Stores {
-    /// With the libraries in memory.
+    /// Store with the libraries in memory.
     pub libraries: Libraries,
-    /// For the count of boots. A real board's outlasts its power, this one ends with the emulator.
+    /// Flash for the count of boots. Here it is lost when the emulator ends.
         pub boots: Flash<BOOTS>,
 }
 

@@ -1,4 +1,4 @@
-//! A classic CAN bus on one FDCAN (RM0440, chapter 44), written for what a robot needs.
+//! Classic CAN bus on one FDCAN (RM0440, chapter 44), with the functions that a robot needs.
 //!
 //! The HAL's driver queues frames, and cannot cancel one. Here:
 //!
@@ -25,14 +25,14 @@ use rollwalk_protocol::serial::{BusReport, BusState};
 /// Most time quanta of segments 1 and 2 of a bit (FDCAN_NBTP).
 const MAX_SEGMENTS: (u32, u32) = (256, 128);
 
-/// Of an identifier of 29 bits, in the first word of an element.
+/// Flag of a 29-bit identifier, in the first word of an element.
 const EXTENDED: u32 = 1 << 30;
 
 /// Words of a FIFO element or transmit buffer in message RAM (44.3.8, 44.3.9).
 const ELEMENT_WORDS: usize = 18;
 /// Number of the FIFO's last element.
 const LAST_ELEMENT: u8 = 2;
-/// All three transmit buffers.
+/// Bits of all three transmit buffers.
 const ALL_BUFFERS: u32 = 0b111;
 
 /// Registers and message RAM of an FDCAN.
@@ -56,7 +56,7 @@ pub fn silence() {
     }
 }
 
-/// Gives two pins to an FDCAN: the compiler knows which can be.
+/// Connects two pins to an FDCAN; the types admit only suitable pins.
 pub fn connect<T: Instance>(rx: Peri<'static, impl RxPin<T>>, tx: Peri<'static, impl TxPin<T>>) {
     let (rx_function, tx_function) = (rx.af_num(), tx.af_num());
     // Pulled up: without a transceiver the bus reads as idle.
@@ -72,13 +72,13 @@ pub fn connect<T: Instance>(rx: Peri<'static, impl RxPin<T>>, tx: Peri<'static, 
 #[derive(Clone, Copy)]
 struct Timing {
     segment_1: u32,
-    /// Behind the sample point, at 87.5 % as CiA 601-3 wants; and how far a resynchronisation may jump.
+    /// Quanta after the sample point, which is at 87.5 % as in CiA 601-3; also the largest jump of a resynchronisation.
     segment_2: u32,
 }
 
 impl Timing {
-    /// Of a bus; `None` for a rate that whole quanta do not make: robot files have 125 kbit/s to 1 Mbit/s, and
-    /// 192 to 24 quanta make them.
+    /// Timing for a bit rate; `None` if whole quanta do not make the rate. Robot files have 125 kbit/s to 1 Mbit/s: 192 to 24
+    /// quanta.
     fn at(bit_rate: u32) -> Option<Self> {
         let quanta = CRYSTAL_HZ.checked_div(bit_rate)?;
         let segment_2 = (quanta + 4) / 8;
@@ -93,7 +93,7 @@ impl Timing {
 pub struct Bus {
     port: Port,
     timing: Timing,
-    /// When the frame that waits in the hardware was put there.
+    /// Time at which the waiting frame was handed to the hardware.
     waits_since_us: u64,
     report: BusReport,
 }
@@ -177,7 +177,7 @@ impl Bus {
         }
     }
 
-    /// Whether a frame can be sent now.
+    /// True if a frame can be sent now.
     pub fn is_free(&self) -> bool {
         let regs = self.port.regs;
         !regs.cccr().read().init() && regs.txbrp().read().0 & ALL_BUFFERS == 0
@@ -223,7 +223,7 @@ impl Bus {
         }
     }
 
-    /// How the bus is; to be asked once in a control period.
+    /// State of the bus; call it once in each control period.
     pub fn report(&mut self) -> BusReport {
         let regs = self.port.regs;
         // Reading it forgets the last error (44.4.13): nobody else does.

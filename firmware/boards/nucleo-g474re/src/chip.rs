@@ -61,7 +61,7 @@ pub fn start(peripherals: &mut Peripherals) {
     });
 }
 
-/// Whether the supply is below 2.8 V: no time to write flash, or to drive a robot.
+/// True if the supply is below 2.8 V: too low to write flash, or to drive a robot.
 pub fn supply_is_low() -> bool {
     pac::PWR.sr2().read().pvdo()
 }
@@ -71,7 +71,7 @@ pub fn brown_out_level() -> u8 {
     pac::FLASH.optr().read().bor_lev()
 }
 
-/// Why the chip was reset (RCC_CSR); forgets it, so that the next reset tells its own cause.
+/// Cause of the last reset (RCC_CSR). Clears it, so that the next reset reports its own cause.
 pub fn take_reset_cause() -> Reset {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
@@ -90,7 +90,7 @@ pub fn take_reset_cause() -> Reset {
     }
 }
 
-/// 48 bits that tell this chip from others: its unique 96, folded.
+/// Identifier of this chip, 48 bits: its unique 96 bits, folded.
 pub fn uid() -> [u8; 6] {
     let [a, b, c, d, e, f, g, h, i, j, k, l] = embassy_stm32::uid::uid();
     [a ^ g, b ^ h, c ^ i, d ^ j, e ^ k, f ^ l]

@@ -20,7 +20,7 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// On PA10, with the pin's own pull-up.
+    /// Contact on PA10, with the pin's own pull-up.
     pub fn new(pin: Peri<'static, peripherals::PA10>) -> Self {
         let pin = Input::new(pin, Pull::Up);
         // Port A is 0 in SYSCFG_EXTICR3. Rising edges, unmasked.
@@ -32,12 +32,12 @@ impl Contact {
         Self { pin }
     }
 
-    /// Whether it is open.
+    /// True if the contact is open.
     pub fn is_open(&self) -> bool {
         self.pin.is_high()
     }
 
-    /// Whether it was open since the last call, however shortly.
+    /// True if the contact was open since the last call, however briefly.
     pub fn take_opened(&self) -> bool {
         // Read first: a swap in every turn of the loop is dearer than a load.
         OPENED.load(Ordering::Relaxed) && OPENED.swap(false, Ordering::Relaxed)

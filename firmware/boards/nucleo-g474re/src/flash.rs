@@ -34,13 +34,13 @@ const ERRORS: u32 = 1 << 1 | 0b11_1111_1000 | 1 << 14;
 /// Words that could not be corrected since the reset.
 static BROKEN_WORDS: AtomicU32 = AtomicU32::new(0);
 
-/// How many loads found a word that could not be corrected.
+/// Number of loads that found a word that could not be corrected.
 pub fn broken_words() -> u32 {
     BROKEN_WORDS.load(Ordering::Relaxed)
 }
 
-/// A word of the library's flash that cannot be corrected is noted. Every other cause is the end: the crystal has stopped,
-/// or the program's own flash is broken.
+/// Records an uncorrectable word of the library's flash. Any other cause halts the chip: the crystal has stopped, or the
+/// program's own flash is broken.
 // SAFETY: touches an atomic and the flash's error register.
 #[exception]
 unsafe fn NonMaskableInt() {
@@ -49,7 +49,7 @@ unsafe fn NonMaskableInt() {
     }
 }
 
-/// Called by the NMI: whether its cause is a broken word of bank 2, which is noted.
+/// Records a broken word of bank 2, called by the NMI. Returns true if that was the cause.
 fn note_broken_word() -> bool {
     let errors = FLASH.eccr().read();
     let ours = errors.eccd() && errors.bk_ecc() && !errors.sysf_ecc();
@@ -155,7 +155,7 @@ impl MappedFlash for Part {
     }
 }
 
-/// Without the data cache, which must not keep a word that changes (3.3.7, "Programming and caches").
+/// Runs `work` with the data cache off: it must not keep a word that changes (3.3.7, "Programming and caches").
 fn uncached<T>(work: impl FnOnce() -> T) -> T {
     FLASH.acr().modify(|w| w.set_dcen(false));
     let done = work();
@@ -166,7 +166,7 @@ fn uncached<T>(work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// One operation, from unlocking to locking.
+/// Runs a flash operation, from unlocking to locking.
 fn operate(begin: impl FnOnce()) -> Result<(), NorFlashErrorKind> {
     if chip::supply_is_low() {
         return Err(NorFlashErrorKind::Other);

@@ -1,9 +1,8 @@
 //! The controller on a NUCLEO-G474RE: FDCAN1 is the link, FDCAN2, FDCAN3 and USART3 are the
 //! actuator buses, the debugger's serial port is a second way to the link.
 //!
-//! One loop, nothing blocks while torque is on. Interrupts only take bytes of the serial line and
-//! note that the emergency-stop contact opened; everything else is asked in turn.
-//! `firmware/boards/nucleo-g474re/README.md` says how it is wired, flashed and tried.
+//! One loop, nothing blocks while torque is on. Interrupts only take bytes of the serial line and note that the emergency-stop
+//! contact opened; everything else is polled in turn. Wiring, flashing and testing: `firmware/boards/nucleo-g474re/README.md`.
 #![no_std]
 #![no_main]
 
@@ -57,7 +56,7 @@ use watchdog::Watchdog;
 /// CAN ports for actuators.
 const ACTUATOR_PORTS: usize = can::PORTS.len() - 1;
 const LINK_BIT_RATE: u32 = 1_000_000;
-/// How long a frame of the link may wait for the bus: one from before a break is no use after it.
+/// Timeout of a link frame that waits for the bus: after a break, an older frame is useless.
 const LINK_PATIENCE_US: u64 = 50_000;
 
 /// Takes the buses off.
@@ -141,7 +140,7 @@ enum HostPort {
 
 /// A bus of the robot at a port of the board.
 struct ActuatorBus {
-    /// Its number in the robot.
+    /// Number of the bus in the robot.
     number: u8,
     bus: Bus,
 }
@@ -240,7 +239,7 @@ impl Board {
         self.watchdog.feed();
     }
 
-    /// How the actuator buses are. One that is off stays so until an operator has cleared the stop.
+    /// Watches the actuator buses. A bus that is off stays off until an operator has cleared the stop.
     fn watch_actuator_buses(&mut self, now_us: u64) {
         let [_, slots @ ..] = &mut self.report.buses;
         for (ActuatorBus { number, bus }, slot) in self.actuators.iter_mut().zip(slots) {
@@ -253,8 +252,8 @@ impl Board {
         }
     }
 
-    /// How the link is. With torque on, one that is off is a host that is lost: the robot goes to SAFE.
-    /// With torque off it is an emergency stop, so that it, too, waits for an operator.
+    /// Watches the link. With torque on, a bus-off link is a lost host: the robot goes to SAFE. With torque off it is an
+    /// emergency stop, so that it, too, waits for an operator.
     fn watch_link(&mut self, now_us: u64) {
         self.link.expire(now_us, LINK_PATIENCE_US);
         let [slot, ..] = &mut self.report.buses;
@@ -272,7 +271,7 @@ impl Board {
         }
     }
 
-    /// To every bus that can take a frame, the next one.
+    /// Sends the next frame on every bus that can take one.
     fn give_out(&mut self) {
         let now_us = self.clock.now_us();
         for ActuatorBus { number, bus } in &mut self.actuators {

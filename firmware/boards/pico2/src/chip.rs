@@ -141,7 +141,7 @@ pub fn output<const PIN: usize>() {
     embassy_rp::pac::SIO.gpio_oe(0).value_set().write_value(1 << PIN);
 }
 
-/// Why the chip was reset; forgets a stopped loop, so that the next reset tells its own cause.
+/// Cause of the last reset. Clears a stopped loop, so that the next reset reports its own cause.
 pub fn take_reset_cause() -> Reset {
     let chip = POWMAN.chip_reset().read();
     if watchdog::take_expired() {
@@ -157,7 +157,7 @@ pub fn take_reset_cause() -> Reset {
     }
 }
 
-/// 48 bits that tell this chip from others: its 64 in the one-time memory (rows 0 to 3), folded.
+/// Identifier of this chip, 48 bits: its 64 bits in the one-time memory (rows 0 to 3), folded.
 pub fn uid() -> [u8; 6] {
     let row = |n: usize| {
         // A row has 16 bits, and 8 of its ECC above them.

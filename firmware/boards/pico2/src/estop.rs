@@ -1,7 +1,8 @@
 //! The emergency-stop contact: normally closed, from GP22 to ground.
 //!
 //! Closed is the only state that allows torque: a pressed button, a broken wire and a plug that is out are the same high
-//! level. The firmware reads the level in every control period, and the edge that the pin has latched, which catches shorter pulses.
+//! level. The firmware reads the level in every control period, and the edge that the pin has latched, which catches shorter
+//! pulses.
 
 use crate::chip;
 use embassy_rp::pac::{IO_BANK0, SIO};
@@ -12,7 +13,7 @@ const PIN: usize = 22;
 pub struct Contact(());
 
 impl Contact {
-    /// With the pin's own pull-up.
+    /// Contact with the pin's own pull-up.
     pub fn new() -> Self {
         chip::input::<PIN>();
         let contact = Self(());
@@ -21,12 +22,12 @@ impl Contact {
         contact
     }
 
-    /// Whether it is open.
+    /// True if the contact is open.
     pub fn is_open(&self) -> bool {
         SIO.gpio_in(0).read() & 1 << PIN != 0
     }
 
-    /// Whether it opened since the last call, however shortly: a latched edge, without an interrupt (9.5).
+    /// True if the contact opened since the last call, however briefly: a latched edge, without an interrupt (9.5).
     pub fn take_opened(&self) -> bool {
         let edges = IO_BANK0.intr(PIN / 8);
         let opened = edges.read().edge_high(PIN % 8);

@@ -1,9 +1,9 @@
-//! The flash of libraries, parameters and the count of boots: the upper half of the Pico 2's 4 MiB, erased in sectors of 4 KiB and written in
-//! pages of 256 bytes.
+//! The flash of libraries, parameters and the count of boots: the upper half of the Pico 2's 4 MiB, erased in sectors of 4 KiB
+//! and written in pages of 256 bytes.
 //!
-//! **The program stands still meanwhile**, interrupts included: it runs from the same flash. Erasing a sector takes 45 ms, up
-//! to 400 ms by the data sheet of the flash (W25Q32JV-like), a page 0.4 to 3 ms. The store writes while torque is off only;
-//! what the host sends in that time is lost, and sent again.
+//! **The program stands still meanwhile**, interrupts included: it runs from the same flash. Erasing a sector takes 45 ms, up to
+//! 400 ms by the data sheet of the flash (W25Q32JV-like), a page 0.4 to 3 ms. The store writes while torque is off only. Messages
+//! of the host in that time are lost, and sent again.
 
 use crate::partition::{Part, Parts};
 use core::ptr::read_volatile;
@@ -12,7 +12,7 @@ use embassy_rp::peripherals::FLASH;
 use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind, ReadNorFlash};
 use rollwalk_firmware::store::MappedFlash;
 
-/// Of the flash, and where the program's part ends (`memory.x`).
+/// Size of the flash, and the end of the program's part (`memory.x`), bytes.
 const ALL: usize = 4 << 20;
 const START: usize = 2 << 20;
 /// Least that is written at once: the hardware programs bits, and pages may be filled in pieces.

@@ -1,7 +1,7 @@
 //! The controller on a Raspberry Pi Pico 2: two lines of serial servos; the link over USB or UART0.
 //!
-//! One loop, nothing blocks while torque is on. Interrupts only take bytes of the lines; everything else is asked in turn.
-//! `firmware/boards/pico2/README.md` says how it is wired, flashed and tried.
+//! One loop, nothing blocks while torque is on. Interrupts only take bytes of the lines; everything else is polled in turn.
+//! Wiring, flashing and testing: `firmware/boards/pico2/README.md`.
 #![no_std]
 #![no_main]
 
@@ -101,7 +101,7 @@ fn main() -> ! {
 
 /// A bus of the robot at a port of the board.
 struct ActuatorLine {
-    /// Its number in the robot.
+    /// Number of the line in the robot.
     number: u8,
     line: Line<Sender>,
 }
@@ -140,7 +140,7 @@ impl Board {
         }
     }
 
-    /// What arrived: some bytes of each line at a time, so that none waits for another.
+    /// Takes in received bytes, a few of each line at a time, so that no line waits for another.
     fn take_in(&mut self) {
         let now_us = clock::now_us();
         if self.contact.take_opened() {
@@ -187,7 +187,7 @@ impl Board {
         self.watchdog.feed();
     }
 
-    /// To every line that can take a packet, the next one.
+    /// Sends the next packet on every line that can take one.
     fn give_out(&mut self) {
         let now_us = clock::now_us();
         for ActuatorLine { number, line } in &mut self.actuators {

@@ -21,7 +21,7 @@ const TO_HOST: u16 = 0x200;
 /// release (12.7.3.7.1).
 const SETTLE: u32 = 12;
 
-/// One direction of an endpoint.
+/// Direction of an endpoint.
 #[derive(Clone, Copy)]
 enum Pipe {
     ControlIn,
@@ -31,7 +31,7 @@ enum Pipe {
     ToHost,
 }
 
-/// How far an exchange at the control endpoint has come.
+/// Progress of an exchange at the control endpoint.
 enum Stage {
     /// Waits for a request.
     Idle,
@@ -74,7 +74,7 @@ impl Usb {
         Self { device, stage: Stage::Idle, received: Vec::new(), taken: 0, sent_full: false }
     }
 
-    /// Does what the bus asks for; in every turn of the loop.
+    /// Serves the bus; call it in every turn of the loop.
     pub fn work(&mut self) {
         let status = USB.sie_status().read();
         // These are cleared by writing 1.
@@ -277,7 +277,7 @@ impl Pipe {
         }
     }
 
-    /// Whether the buffer is the controller's.
+    /// True while the buffer belongs to the USB controller.
     fn is_busy(self) -> bool {
         self.state().available(0)
     }

@@ -8,10 +8,11 @@ const TIMEOUT_US: u32 = 1_000_000;
 /// Everything but the oscillators, bits 2 and 3 (7.4.5).
 const ALL_BUT_OSCILLATORS: u32 = 0x01FF_FFF3;
 
-/// In a register that such a reset leaves alone: the boot ROM's own restarts, as after a copied UF2 file, use the watchdog, too.
+/// Mark in a register that a watchdog reset preserves: the boot ROM's own restarts, as after a copied UF2 file, use the watchdog,
+/// too.
 const RUNNING: u32 = 0x526F_6C6C;
 
-/// Whether the last reset was that of a control loop that had stopped; forgets it.
+/// True if the last reset was caused by a stopped control loop; clears the cause.
 pub fn take_expired() -> bool {
     let was_running = WATCHDOG.scratch0().read() == RUNNING;
     WATCHDOG.scratch0().write_value(0);

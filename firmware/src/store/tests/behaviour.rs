@@ -1,4 +1,4 @@
-//! What the store does when nothing fails, and when the flash rots.
+//! Behaviour of the store without failures, and with decaying flash.
 
 use super::nor::Nor;
 use super::*;
@@ -70,7 +70,7 @@ fn the_first_library_is_not_rolled_back_to_nothing() {
     assert!(!reboot(store).on_trial());
 }
 
-/// It may be refused: the first library has not played yet, and is the only one.
+/// Refusal of the second library must leave the first one in place: it has not played yet, and is the only one.
 #[test]
 fn the_first_library_outlasts_the_next_transfer() {
     let (a, b) = (library(1, 90), library(2, 100));
@@ -277,7 +277,7 @@ impl<const READ: usize, const WRITE: usize> MappedFlash for Odd<READ, WRITE> {
     }
 }
 
-/// Why neither store can be in such a flash.
+/// Reasons why neither store can be in such a flash.
 fn refused<const READ: usize, const WRITE: usize>() -> [Option<GeometryError>; 2] {
     let blank = || Odd::<READ, WRITE>(RamFlash::new([0xFF; _]));
     [FlashStore::mount(blank(), 3).err(), FlashParameters::mount(blank()).err()]

@@ -68,7 +68,7 @@ fn send<F: MappedFlash>(store: &mut FlashStore<F>, library: &[u8]) -> Result<(),
     Ok(())
 }
 
-/// A flash of which everything is read by the store, with `library` confirmed.
+/// Store in `flash` with `library` confirmed.
 fn holding<F: MappedFlash>(flash: F, library: &[u8]) -> FlashStore<F> {
     let mut store = FlashStore::mount(flash, TRIAL_BOOTS).unwrap();
     send(&mut store, library).unwrap();

@@ -13,7 +13,7 @@ use crate::store::MappedFlash;
 pub enum Torn {
     /// The bytes before the cut are written or erased, the others unchanged.
     Short,
-    /// Some more bits of the word are cleared, or of the unit set.
+    /// Random further bits of the word are cleared, or of the unit set.
     SomeBits,
     /// The word, or all of a unit that was being erased, has random content.
     Garbage,

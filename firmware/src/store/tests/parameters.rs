@@ -15,18 +15,18 @@ use crate::store::record::Record;
 use embedded_storage::nor_flash::NorFlash;
 use rollwalk_protocol::crc::crc32c;
 
-/// Of the cuts while a cut is mended, one in so many; which ones, goes round with the first cut.
+/// Interval of the second cuts that are tried, while a first cut is mended. The first of them shifts with the first cut.
 const SECOND_STEP: usize = 131;
 
 /// A store that does one thing wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Bug {
     None,
-    /// When the log turns, the unit with the newest set is erased.
+    /// Erases the unit with the newest set when the log turns.
     EraseNewest,
     /// Two units take turns: enough, if a record that reads well once did so ever after.
     TwoUnits,
-    /// One place only, erased and written again.
+    /// Uses a single place, erased and written again.
     InPlace,
     /// A set with a wrong checksum is accepted.
     BelieveAnything,
@@ -91,7 +91,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         (store.into_flash(), saved)
     }
 
-    /// What is there after a reset must be the set before or the new one; whether it is the new one.
+    /// Checks that the set after a reset is the set before or the new one. Returns true for the new one.
     fn judge(&self, flash: &Nor<W, E>, saved: bool) -> Result<bool, String> {
         let mut flash = flash.clone();
         let loaded = if self.bug == Bug::BelieveAnything {
@@ -144,7 +144,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         Ok(report)
     }
 
-    /// Saves until the power fails after so many bytes; power is back afterwards.
+    /// Saves until the power fails after `fuel` bytes; power is back afterwards.
     fn cut(&self, start: &Nor<W, E>, fuel: usize) -> Nor<W, E> {
         let mut flash = start.clone();
         flash.arm(self.torn, Some(fuel));
@@ -155,7 +155,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 }
 
-/// A flash in which so many sets were saved, and the last of them.
+/// A flash in which `saves` sets were saved, and the last of them.
 fn start<const W: usize, const E: usize>(
     units: usize,
     saves: u16,
@@ -277,7 +277,7 @@ fn a_set_that_comes_back_is_older_than_what_was_saved_without_it() {
     }
 }
 
-/// Writes that fail now and then, without a cut: what is saved in the end is there.
+/// Writes that fail now and then, without a cut: sets whose saving succeeded are there.
 #[test]
 fn a_flash_with_bad_days_keeps_what_it_said_it_keeps() {
     let mut store = FlashParameters::mount(Nor::<8, 2048>::blank(3)).unwrap();
@@ -293,7 +293,7 @@ fn a_flash_with_bad_days_keeps_what_it_said_it_keeps() {
 }
 
 proptest! {
-    /// Any content of the flash: no panic, and a set that is saved then is there.
+    /// Random content of the flash: no panic, and a set that is saved then is there.
     #[test]
     fn any_flash_can_be_taken_into_use(
         cells in prop::collection::vec(any::<u8>(), 1536),

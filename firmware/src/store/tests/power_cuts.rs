@@ -12,20 +12,20 @@ use crate::store::log::Log;
 use crate::store::record::{Candidate, Image, StoreState};
 use crate::store::slots::{self, LOG_UNITS};
 
-/// Of the cuts, one in so many: all of them, but for Miri, which is a hundred times slower.
+/// Interval of the cuts that are tried: 1, but higher for Miri, which is a hundred times slower.
 const EVERY: usize = if cfg!(miri) { 151 } else { 1 };
 
 /// A store that does one thing wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Bug {
     None,
-    /// The record that says "confirmed" is written before the data, and believed after a reset.
+    /// The record that says "confirmed" is written before the data, and accepted after a reset.
     RecordBeforeData,
     /// The new library goes where the confirmed one is.
     SlotInUse,
     /// A unit is noted as written before it is.
     NoteBeforeData,
-    /// When the log turns, the unit with the newest record is erased.
+    /// Erases the unit with the newest record when the log turns.
     EraseNewestRecord,
 }
 
@@ -37,7 +37,7 @@ struct Progress {
     confirmed: bool,
 }
 
-/// How many cuts came, and how often the store was tried.
+/// Numbers of power cuts, by kind.
 #[derive(Default, Debug)]
 struct Report {
     cuts: usize,
@@ -140,7 +140,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         Ok(())
     }
 
-    /// Checks what plays after a reset.
+    /// Checks the active library after a reset.
     fn judge(&self, flash: &Nor<W, E>, progress: Progress) -> Result<(), String> {
         let store = self.mount(flash.clone());
         let playing = store.bytes();

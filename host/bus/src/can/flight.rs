@@ -33,18 +33,18 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// No frames in flight; at most `depth` later.
+    /// Creates an empty queue for at most `depth` frames in flight.
     pub fn new(depth: usize) -> Self {
         let (frames, given_up) = (VecDeque::new(), VecDeque::new());
         Self { depth: depth.max(1), frames, given_up, since_us: 0, probes: 0 }
     }
 
-    /// Whether another frame may be sent.
+    /// True if another frame may be sent.
     pub fn has_room(&self) -> bool {
         self.frames.len() < self.depth
     }
 
-    /// Whether a stuck interface may be tried with one more frame.
+    /// True if one more frame may be tried on a stuck interface.
     pub fn may_try(&self, now_us: u64) -> bool {
         self.probes < PROBES && self.stuck_us(now_us) > PROBE_US
     }
@@ -63,8 +63,8 @@ impl Flight {
         self.frames.push_back(frame);
     }
 
-    /// Takes a frame that was heard; returns whether it is the echo of one of ours. Frames are transmitted in order,
-    /// so older ones without an echo are lost.
+    /// Processes a received frame; returns true if it is the echo of a sent one. Frames are transmitted in order, so older ones
+    /// without an echo are lost.
     pub fn landed(&mut self, now_us: u64, frame: &Frame) -> bool {
         let find = |frames: &VecDeque<_>| frames.iter().position(|ours| ours == frame);
         match (find(&self.given_up), find(&self.frames)) {
@@ -147,12 +147,12 @@ mod tests {
     #[test]
     fn those_that_were_given_up_are_still_ours_when_they_leave_after_all() {
         let mut flight = Flight::new(1);
-        // The first one, then two that are tried while nobody acknowledges.
+        // The first frame, then two that are tried while no node acknowledges.
         for (id, now_us) in [(1, 0), (2, 1_100_000), (3, 2_200_000)] {
             assert!(flight.has_room() || flight.may_try(now_us));
             flight.took_off(now_us, frame(id));
         }
-        // Now somebody does.
+        // A node acknowledges again.
         assert!(flight.landed(3_000_000, &frame(1)));
         assert_eq!(flight.stuck_us(3_000_500), 500);
         assert!(!flight.landed(3_000_600, &frame(1)), "somebody else says the same");

@@ -107,7 +107,7 @@ mod tests {
     use super::*;
     use socketcan::CanErrorFrame;
 
-    /// As the kernel sends it: class bits of `linux/can/error.h`, then eight bytes of detail.
+    /// Encodes an error as the kernel does: class bits of `linux/can/error.h`, then eight bytes of detail.
     fn error(class: u32, data: [u8; 8]) -> CanError {
         CanErrorFrame::new_error(class, &data).unwrap().into_error()
     }

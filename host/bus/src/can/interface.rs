@@ -23,23 +23,23 @@ pub fn list() -> Vec<String> {
     names
 }
 
-/// An interface as the kernel tells of it, without opening it.
+/// Description of an interface by the kernel, without opening it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Interface {
     /// Name, as in `can:NAME`.
     pub name: String,
-    /// Whether it is up.
+    /// True if the interface is up.
     pub is_up: bool,
-    /// Whether it has no hardware of its own: `vcan`, `slcan`.
+    /// True for `vcan` and `slcan`, which have no network hardware of their own.
     pub is_virtual: bool,
     /// Bitrate, bit/s; virtual interfaces and some drivers have none.
     pub bitrate: Option<u32>,
-    /// Whether its controller has left the bus after too many errors.
+    /// True if the controller is bus-off, after too many errors.
     pub is_bus_off: bool,
 }
 
 impl Interface {
-    /// What the kernel tells of the interface `name`.
+    /// Reads the kernel's description of the interface `name`.
     pub fn describe(name: &str) -> Self {
         let netlink = CanInterface::open(name).ok();
         let netlink = netlink.as_ref();
@@ -59,10 +59,10 @@ impl Interface {
     }
 }
 
-/// Whether this kernel has SocketCAN, and this process may use it.
+/// Checks that this kernel has SocketCAN and that this process may use it.
 ///
 /// # Errors
-/// What is missing, and the command that mends it.
+/// SocketCAN is missing or access is denied; the error has the command that mends it.
 pub fn check_support() -> Result<(), OpenError> {
     // All interfaces at once: opens if the kernel knows CAN at all.
     let Err(error) = CanSocket::open_iface(0) else { return Ok(()) };

@@ -44,8 +44,7 @@ struct Condition {
 }
 
 impl Condition {
-    /// Whether another frame may be handed to the kernel. Nothing is tried during bus-off: the interface reports its
-    /// recovery.
+    /// True if another frame may be handed to the kernel. False during bus-off: the interface reports its recovery.
     fn takes(&self, now_us: u64) -> bool {
         let may_try = self.health.state() != BusState::Off && self.flight.may_try(now_us);
         self.flight.has_room() || may_try

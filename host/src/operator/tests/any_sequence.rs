@@ -90,7 +90,7 @@ fn happens() -> impl Strategy<Value = Happens> {
 /// Checks the invariants of every sent frame, in order.
 #[derive(Default)]
 struct Watch {
-    /// Whether the operator has cleared and armed since the last stop sent or heard; `None` without a stop.
+    /// Flags: cleared and armed since the last stop was sent or received; `None` without a stop.
     since_stop: Option<(bool, bool)>,
     held: Option<bool>,
     /// The last command; `gone` has the ones before it.

@@ -9,15 +9,15 @@ use crate::system::System;
 pub struct Touching {
     contacts: Vec<usize>,
     of: OfContact,
-    /// Of each contact, its share of the first one's number.
+    /// Ratio of each contact's number to that of the first.
     shares: Vec<f64>,
 }
 
 impl Touching {
-    /// Of forces of a system that are contacts; the value is that of the first.
+    /// Creates a parameter of forces that are contacts. The value is that of the first.
     ///
     /// # Panics
-    /// One is not, or there is none.
+    /// A force is not a contact, or there is none.
     pub fn new(system: &System, contacts: impl IntoIterator<Item = usize>, of: OfContact) -> Self {
         let contacts: Vec<usize> = contacts.into_iter().collect();
         let number = |contact: usize| {

@@ -5,7 +5,7 @@ use crate::sensitivity::parameter::targets::target_by;
 use crate::sensitivity::parameter::{Column, Parameter, Solved};
 use std::sync::Arc;
 
-/// One knot of a curve that is added to the target of a motor: angle and speed, [`Law::position_rad`](crate::motor::Law) and
+/// Knot of a curve that is added to the target of a motor: angle and speed, [`Law::position_rad`](crate::motor::Law) and
 /// `speed_rad_s`, at the end of each step.
 #[derive(Clone, Debug)]
 pub struct Control {
@@ -13,12 +13,13 @@ pub struct Control {
     pub motor: usize,
     /// The curve.
     pub curve: Arc<Curve>,
-    /// Which of its knots.
+    /// Index of the knot.
     pub knot: usize,
 }
 
 impl Control {
-    /// All knots of curves of some motors, the first knot of all motors first: so that targets still to come cost nothing.
+    /// Parameters for all knots of the curves of some motors, the first knot of all motors first. In this order targets still to
+    /// come cost nothing.
     pub fn of_all(motors: &[usize], curve: &Arc<Curve>) -> Vec<Box<dyn Parameter>> {
         let of_knot = |knot: usize| {
             motors.iter().map(move |&motor| -> Box<dyn Parameter> {

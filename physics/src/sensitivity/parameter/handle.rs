@@ -7,7 +7,7 @@ use crate::sensitivity::parameter::{Column, Parameter, Solved};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// One knot of a curve that is added to the place of an anchor, at the end of each step.
+/// Knot of a curve that is added to the place of an anchor, at the end of each step.
 #[derive(Clone, Debug)]
 pub struct Handle {
     /// Force that is the anchor.
@@ -16,7 +16,7 @@ pub struct Handle {
     pub axis: Vector3<f64>,
     /// The curve.
     pub curve: Arc<Curve>,
-    /// Which of its knots.
+    /// Index of the knot.
     pub knot: usize,
 }
 

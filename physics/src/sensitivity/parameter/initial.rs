@@ -1,4 +1,4 @@
-//! Where bodies begin, and how fast.
+//! Initial poses and velocities of bodies.
 
 use crate::body::Body;
 use crate::motion::Motion;
@@ -8,12 +8,12 @@ use crate::sensitivity::parameter::{Column, Parameter, Solved, Start};
 use crate::system::System;
 use nalgebra::Vector3;
 
-/// How bodies begin, moved all together as one rigid body from where they are.
+/// Change of the initial motion of bodies, moved together as one rigid body.
 #[derive(Clone, Debug)]
 pub struct Initial {
     /// The bodies.
     pub bodies: Vec<usize>,
-    /// What changes.
+    /// Quantity that changes.
     pub freedom: Freedom,
     /// Unit vector in world axes.
     pub axis: Vector3<f64>,

@@ -11,7 +11,7 @@ use nalgebra::Matrix3;
 pub struct BodyMass {
     /// The body.
     pub body: usize,
-    /// Which number.
+    /// Quantity that the parameter changes.
     pub of: OfMass,
 }
 

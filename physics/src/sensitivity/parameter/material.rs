@@ -12,7 +12,7 @@ use std::ops::Range;
 pub struct Softness {
     /// Forces that are its elements.
     pub elements: Range<usize>,
-    /// Which number.
+    /// Quantity that the parameter changes.
     pub of: OfMaterial,
 }
 

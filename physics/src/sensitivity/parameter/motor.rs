@@ -10,7 +10,7 @@ use crate::system::System;
 pub struct Drive {
     /// Forces that are the motors.
     pub motors: Vec<usize>,
-    /// Which number.
+    /// Quantity that the parameter changes.
     pub of: OfMotor,
 }
 

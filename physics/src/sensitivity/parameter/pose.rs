@@ -8,16 +8,16 @@ use nalgebra::Vector3;
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
 
-/// One knot of a curve that is added to a coordinate of the place of a hold, at the end of each step.
+/// Knot of a curve that is added to a coordinate of a hold's place, at the end of each step.
 #[derive(Clone, Debug)]
 pub struct Pose {
     /// Force that is the hold.
     pub hold: usize,
-    /// Which coordinate.
+    /// Coordinate that the curve is added to.
     pub coordinate: Coordinate,
     /// The curve.
     pub curve: Arc<Curve>,
-    /// Which of its knots.
+    /// Index of the knot.
     pub knot: usize,
 }
 

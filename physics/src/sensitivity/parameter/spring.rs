@@ -28,7 +28,7 @@ pub enum OfSpring {
 
 /// A kind of spring: [`Spring`], [`Ball`], [`ParallelAxes`] or [`Anchor`].
 pub trait Springy: Force + Clone {
-    /// One of its numbers, in all of which its wrenches are linear.
+    /// Returns a number of the spring. Wrenches are linear in all these numbers.
     fn number(&mut self, of: OfSpring) -> &mut f64;
 }
 
@@ -69,7 +69,7 @@ impl Springy for ParallelAxes {
 }
 
 impl<F: Springy> Elastic<F> {
-    /// Of forces of this kind.
+    /// Creates a parameter of forces of this kind.
     pub fn new(forces: impl IntoIterator<Item = usize>, of: OfSpring) -> Self {
         Self { forces: forces.into_iter().collect(), of, kind: PhantomData }
     }

@@ -6,13 +6,13 @@ use crate::sensitivity::parameter::{Column, Parameter, Solved};
 use std::fmt;
 use std::sync::Arc;
 
-/// How targets change with a parameter.
+/// Change of motors' targets with a parameter.
 #[derive(Clone)]
 pub struct Targets {
     /// Forces that are the motors.
     pub motors: Vec<usize>,
-    /// Derivatives of angle, speed and feed-forward torque that a motor, by its place among `motors`, is to have at the end of a step,
-    /// by the parameter. Of a delay they are minus the slopes of these, of an offset of the encoder −1, 0 and 0.
+    /// Derivatives of angle, speed and feed-forward torque that a motor, by its place among `motors`, is to have at the end of
+    /// a step, by the parameter. Of a delay they are minus the slopes of these, of an offset of the encoder −1, 0 and 0.
     #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
     pub by: Arc<dyn Fn(usize, f64) -> [f64; 3] + Send + Sync>,
 }

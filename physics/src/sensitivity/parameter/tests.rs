@@ -1,4 +1,4 @@
-//! Every kind of parameter against differences of the residual, at random states.
+//! Tests of all kinds of parameters against differences of the residual, at random states.
 
 use super::*;
 use crate::anchor::Anchor;
@@ -283,7 +283,7 @@ fn poses_of_holds_are_derivatives_of_the_residual() {
     for (number, pose) in poses.enumerate() {
         let [share, _] = curve.of_knot(number / 6, 0.3);
         let change = |system: &mut System, by: f64| {
-            // Turned far, as a gripper may be; nobody else moves the place.
+            // Large rotation, as of a gripper; no other change moves this pose.
             static MOVED: std::sync::Mutex<f64> = std::sync::Mutex::new(0.0);
             let mut moved = MOVED.lock().unwrap();
             *moved += by;

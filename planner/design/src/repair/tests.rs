@@ -10,7 +10,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 use std::fs;
 use std::path::Path;
 
-/// How far front wheels that are tilted by 45 degrees hang above the ground, m.
+/// Height above the ground of front wheels that are tilted by 45 degrees, m.
 const HANGS_M: f64 = 0.05 * (1.0 - FRAC_1_SQRT_2);
 
 fn text(path: &str) -> String {

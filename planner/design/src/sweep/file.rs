@@ -20,7 +20,8 @@
 //! motions = ["../motions/trot.toml", "../motions/walk.toml"]   # in place of the design's
 //! ```
 //!
-//! In place of `design` an axis may have robots, each with its own motions: `robots = [{ name = "two", robot = "…", motions = ["…"] }]`.
+//! In place of `design` an axis may have robots, each with its own motions:
+//! `robots = [{ name = "two", robot = "…", motions = ["…"] }]`.
 
 use crate::catalog::Catalog;
 use crate::designed::{Designed, NamedText};
@@ -51,7 +52,7 @@ pub enum Axis {
     Parameter {
         /// Name of the parameter.
         name: String,
-        /// Its values.
+        /// Values of the parameter.
         values: Vec<f64>,
     },
     /// Servos of the catalogue for an actuator of the robot file.
@@ -82,9 +83,9 @@ pub enum Axis {
 /// A robot of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotChoice {
-    /// What it is called.
+    /// Name of the choice.
     pub name: String,
-    /// Its file, relative to the sweep file.
+    /// Robot file, relative to the sweep file.
     pub robot: String,
     /// The motion files, relative to the sweep file.
     pub motions: Vec<String>,
@@ -111,12 +112,12 @@ impl Axis {
         }
     }
 
-    /// Whether it has none, which no sweep file gives it.
+    /// True if the axis has no points, which no sweep file allows.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// What one of its points is called.
+    /// Label of a point.
     pub fn label(&self, at: usize) -> String {
         match self {
             Self::Parameter { values, .. } => values[at].to_string(),

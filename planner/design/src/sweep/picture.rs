@@ -1,8 +1,8 @@
-//! What a figure of a sweep shows: one quantity over the axes, with the points that hold and those that do not.
+//! Contents of a figure of a sweep: one quantity over the axes, with the points that hold and those that do not.
 //!
-//! The columns decide: without an axis of a parameter choices stand side by side; with one there is a line for each combination of
-//! choices and motions; with two or more there is a map of the last two for each combination, and what a field of it shows is the best point along
-//! the parameters before them.
+//! The axes decide on the kind of figure. Without a parameter axis, choices stand side by side. With one there is a line for each
+//! combination of choices and motions. With two or more there is a map of the last two for each combination. A field of a map
+//! shows the best point along the parameters before them.
 
 use super::{Axis, Ready, Row};
 use crate::goal::Quantity;
@@ -20,25 +20,25 @@ pub struct Picture {
     pub kind: Kind,
 }
 
-/// What is at a place of a figure.
+/// Value at a place of a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Field {
     /// The best value of the points there that hold.
     Holds(f64),
     /// Points, of which none holds.
     Lost,
-    /// No point: motions of other robots.
+    /// Empty place: motions of other robots.
     Absent,
 }
 
 impl Field {
-    /// Its value.
+    /// Value of a place that holds.
     pub fn value(&self) -> Option<f64> {
         if let Self::Holds(value) = self { Some(*value) } else { None }
     }
 }
 
-/// What is along an axis.
+/// Fields along an axis.
 pub type Values = Vec<Field>;
 
 /// Kind of a figure.
@@ -48,7 +48,7 @@ pub enum Kind {
     Choices {
         /// Name of the axis.
         axis: String,
-        /// What its points are called.
+        /// Labels of the points.
         labels: Vec<String>,
         /// A name and values for each combination of the other choices.
         series: Vec<(String, Values)>,
@@ -57,7 +57,7 @@ pub enum Kind {
     Lines {
         /// The parameter, with its unit.
         x: String,
-        /// Its values.
+        /// Values of the parameter.
         at: Vec<f64>,
         /// A name and values for each combination of choices.
         series: Vec<(String, Values)>,
@@ -66,7 +66,7 @@ pub enum Kind {
     Maps {
         /// The parameters, with their units; the second one is horizontal, because chains go along it.
         axes: [String; 2],
-        /// Their values.
+        /// Values of the parameters.
         at: [Vec<f64>; 2],
         /// A name and values for each combination of choices, in rows along the second parameter.
         panels: Vec<(String, Vec<Values>)>,
@@ -74,7 +74,7 @@ pub enum Kind {
 }
 
 impl Picture {
-    /// Of rows of a sweep; of the quantity that the design's goal minimises first, if none is given.
+    /// Figure of rows of a sweep. Without a given quantity, the figure shows the one that the design's goal minimises first.
     pub fn of(ready: &Ready, rows: &[&Row], quantity: Option<Quantity>) -> Self {
         let of = quantity.unwrap_or_else(|| preferred(ready, rows));
         let column = Quantity::ALL.iter().position(|other| *other == of).unwrap_or(0);
@@ -149,7 +149,7 @@ impl Picture {
     }
 }
 
-/// What is shown if no quantity is asked for.
+/// Default quantity: the first of the goal, else the cost of transport if a row has one, else the plan cost.
 fn preferred(ready: &Ready, rows: &[&Row]) -> Quantity {
     if let Some((objective, _)) = ready.goal().and_then(|goal| goal.minimise.first()) {
         return Quantity::of(*objective);

@@ -16,15 +16,15 @@ use serde::{Deserialize, Serialize};
 pub struct Row {
     /// Number of the point.
     pub point: u64,
-    /// What the point is called on every axis.
+    /// Label of the point on every axis.
     pub labels: Vec<String>,
     /// Name of the motion; empty where there is no such robot.
     pub motion: String,
-    /// What became of its plan.
+    /// Status of the plan.
     pub status: String,
-    /// Whether it may be played.
+    /// True if the motion may be played.
     pub holds: bool,
-    /// Why there is no plan; empty if there is one.
+    /// Reason why there is no plan; empty if there is one.
     pub reason: String,
     /// Iterations of the planner.
     pub iterations: u64,

@@ -94,7 +94,7 @@ fn copied(document: &mut DocumentMut, template: &str, limbs: &[String]) -> Strin
     name
 }
 
-/// What the names of limbs begin with, all of them if they have nothing in common: `front` of `front_left` and `front_right`.
+/// Common beginning of the names of limbs, or all names if they have none: `front` of `front_left` and `front_right`.
 fn in_common(limbs: &[String]) -> String {
     let first = limbs.first().map_or("", String::as_str);
     let same = |len: &usize| limbs.iter().all(|limb| limb.get(..*len) == first.get(..*len));

@@ -22,7 +22,7 @@ pub struct Keyframe {
 }
 
 impl Keyframe {
-    /// As the attributes of an element.
+    /// Attributes of the `key` element.
     pub fn attributes(&self) -> [(&'static str, String); 5] {
         [
             ("name", self.name.clone()),
@@ -90,8 +90,8 @@ pub fn keyframes(plan: &Plan, rate: Rate) -> Vec<Keyframe> {
     rate.times_s(plan.motion.duration_s).enumerate().map(frame).collect()
 }
 
-/// Controls of servos, rad, and of drives, rad/s: setpoints with what makes the servo of the model add the speed of the setpoint and
-/// the feed-forward torque.
+/// Controls of servos, rad, and of drives, rad/s: setpoints with what makes the servo of the model add the speed of the
+/// setpoint and the feed-forward torque.
 fn controls(
     robot: &Robot,
     joint_rad: &[f64],
@@ -113,7 +113,7 @@ fn controls(
     joints.chain(wheels).collect()
 }
 
-/// What a coordinate of a model is.
+/// Joint or wheel of a coordinate, with its index.
 enum Coordinate {
     Joint(usize),
     Wheel(usize),

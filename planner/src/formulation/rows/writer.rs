@@ -26,13 +26,14 @@ pub struct Pattern {
     columns: Arc<[usize]>,
     /// End of the entries of every row.
     ends: Vec<usize>,
-    /// For every row the range of the places of its derivatives; `None` if they have none, because a sample is placed.
+    /// Range of each row in `places`; `None` for a row that uses a sample with a placement, whose derivatives have no fixed
+    /// places.
     of_rows: Vec<Option<Range<usize>>>,
     /// Places of the derivatives of these rows, in the order in which terms write them.
     places: Vec<DerivativePlace>,
 }
 
-/// Where a derivative with respect to a variable of a sample of the window goes.
+/// Destination of a derivative with respect to a variable of a sample of the window.
 #[derive(Clone, Copy, Debug)]
 struct DerivativePlace {
     sample: u16,
@@ -43,7 +44,7 @@ struct DerivativePlace {
 
 const NOWHERE: u32 = u32::MAX;
 
-/// What an evaluation writes. The first, which finds the pattern, writes all.
+/// Output of an evaluation. The first evaluation finds the pattern and writes all.
 #[derive(Clone, Copy, Debug)]
 pub enum Wanted<'a> {
     /// Values and all derivatives.
@@ -77,7 +78,7 @@ pub struct RowWriter<'a> {
     entries: usize,
     differentiates: bool,
     is_direct: bool,
-    /// Whether all rows so far have the known pattern; others are not written any more.
+    /// True if all rows so far match the known pattern. Rows after a mismatch are not written.
     fits: bool,
     family: Family,
     at: [usize; 3],
@@ -90,7 +91,7 @@ pub struct RowWriter<'a> {
     gradients: [Vec<f64>; 3],
     written: [Vec<usize>; 3],
     is_written: [Vec<bool>; 3],
-    /// All derivatives of the row under construction in the order of writing, if the pattern is not known.
+    /// Derivatives of the row under construction in the order of writing, if the pattern is not known.
     calls: Vec<(usize, usize)>,
     /// Position of each column in the row, if it has one; dense scratch memory over all columns.
     position: Vec<u32>,
@@ -152,7 +153,7 @@ impl<'a> RowWriter<'a> {
         writer
     }
 
-    /// Whether the finished rows have the known pattern, as far as their derivatives were wanted.
+    /// True if the finished rows match the known pattern, as far as their derivatives were requested.
     pub fn fits(&self) -> bool {
         self.fits && self.known.is_none_or(|known| self.row == known.ends.len())
     }
@@ -189,7 +190,7 @@ impl<'a> RowWriter<'a> {
         self.role = role;
     }
 
-    /// Whether the derivatives of the next row are wanted: if not, they need not be written.
+    /// True if the derivatives of the next row are requested. Otherwise they need not be written.
     pub fn differentiates(&self) -> bool {
         self.differentiates
     }

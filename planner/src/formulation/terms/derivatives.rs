@@ -1,5 +1,5 @@
-//! Every derivative of every term against central differences, on every shipped robot, at random
-//! poses, with every kind of ends, on level ground and on waves.
+//! Derivatives of each term against central differences, on each shipped robot at random poses, with each kind of ends, on level
+//! ground and on waves.
 
 use super::link_clearance::FAR_M;
 use crate::families::{Family, FamilySet};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// Central differences of this step in scaled variables: truncation about step², rounding about
 /// 1e-13/step for residuals of size 1000.
 const STEP: f64 = 1e-5;
-/// Both of the above with a margin, relative to the size of the row's derivatives.
+/// Truncation and rounding with a margin, relative to the largest derivative of the row.
 const TOLERANCE: f64 = 2e-6;
 
 fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
@@ -133,7 +133,7 @@ fn every_term_matches_finite_differences_on_waves() {
     }
 }
 
-/// No term takes a coordinate for a height above the ground.
+/// Terms measure heights from the ground, not from z = 0.
 #[test]
 fn no_row_changes_where_ground_and_robot_are_higher() {
     const UP_M: f64 = 0.7;

@@ -43,7 +43,7 @@ pub(super) struct Torque<'w> {
     ground_force: Vector3<f64>,
     /// Σ m (p − o) before, at and after the sample, kg·m.
     arms: [Vector3<f64>; 3],
-    /// What the joint carries, before and after the sample.
+    /// Bodies that the joint carries, before and after the sample.
     carried: [CarriedPair<'w>; 2],
     /// Mean of a second derivative over the sum of its samples' differences, 1/s².
     per_h2: f64,

@@ -1,8 +1,8 @@
 //! Rolling without slip (Eq. 2.8) on intervals with both ends in stance: (e₊ − e)/h + ω a × ρ = 0 for wheels,
 //! (e₊ − e)/h − r Ω × n = 0 for feet, spheres that roll with their link's turn Ω on ground with the normal n. Two rows
-//! (x, y) per end effector and interval, m/s: the heights of contact points are the third. For free wheels and blades one end in stance is enough: they lift off and touch down along their
-//! rolling direction, at any speed along it. For feet and driven wheels, which may be too slow for that, the rows at
-//! those intervals are costs.
+//! (x, y) per end effector and interval, m/s: the heights of contact points are the third. For free wheels and blades one end
+//! in stance is enough: they lift off and touch down along their rolling direction, at any speed along it. For feet and driven
+//! wheels, which may be too slow for that, the rows at those intervals are costs.
 //!
 //! a × ρ = −r t for every tilt, so only the rolling direction matters. It is taken at the middle of the interval, as is n: the
 //! plans slip by 1.5 mm/s, against 2–19 mm/s with the forward Euler rule printed in the thesis. Skates that touch
@@ -38,7 +38,7 @@ fn ends(window: &Window, j: usize) -> Ends {
     }
 }
 
-/// Whether end effector `j` glides over the ground: a free wheel or a blade.
+/// True if end effector `j` glides over the ground: a free wheel or a blade.
 fn glides(window: &Window, j: usize) -> bool {
     window.problem.model.robot().end_effectors[j].contact.drag().is_some()
 }

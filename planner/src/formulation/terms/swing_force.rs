@@ -1,4 +1,4 @@
-//! No ground force in swing (Eq. 2.7): f = 0. Three rows per end effector and sample, N.
+//! Zero ground force in swing (Eq. 2.7): f = 0. Three rows per end effector and sample, N.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};

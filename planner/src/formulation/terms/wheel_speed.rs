@@ -59,7 +59,7 @@ pub(super) struct MotorSpeed<'w> {
 }
 
 impl<'w> MotorSpeed<'w> {
-    /// On the interval of a window; `None` for a foot.
+    /// Computes the speed on the interval of a window; `None` for a foot.
     pub fn new(window: &'w Window<'w>, j: usize) -> Option<Self> {
         let wheel = window.problem.layout.end_effectors[j].wheel?;
         let [_, here, after] = window.states;

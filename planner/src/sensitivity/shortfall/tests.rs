@@ -26,7 +26,7 @@ fn on(_: &Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// Some iterations towards a plan that there is not.
+/// Options of few iterations, for motions without a feasible plan.
 fn options() -> Options {
     let mut options = Options { start: Start::Standing, refine: false, ..Options::default() };
     options.settings.iterations = 40;

@@ -37,7 +37,7 @@ impl Front {
     }
 }
 
-/// What an earlier front leaves on its border, and where that goes.
+/// Child of a front: the lines of its parent that its update matrix is added to.
 #[derive(Debug)]
 pub(super) struct Child {
     pub front: usize,

@@ -89,7 +89,8 @@ pub(super) fn groups(
     groups
 }
 
-/// Which columns are local: those of local variables, of which inequalities, few of which count, take single ones out.
+/// Flags of local columns: those of local variables. If a counting inequality couples local columns of several slots, only those
+/// of one slot stay local; few inequalities count.
 fn local_columns<'a, I: Iterator<Item = (usize, usize, usize)>>(
     rows: &'a Rows,
     counts: &'a [bool],

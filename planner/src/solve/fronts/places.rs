@@ -3,7 +3,7 @@
 use super::front::Front;
 use pulp::NullaryFnOnce;
 
-/// Where the products of the derivatives of one row go.
+/// Destinations of the products of the derivatives of one row.
 #[derive(Clone, Debug, Default)]
 pub(in super::super) struct Places {
     /// Entries of the row in the order of elimination.

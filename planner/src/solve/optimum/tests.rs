@@ -17,7 +17,7 @@ pub struct Toy<'a> {
 }
 
 impl<'a> Toy<'a> {
-    /// At a base point.
+    /// Begins at a base point.
     pub fn new(base: &[f64], penalty: f64, roles: &'a [Role], rows: ValuesAt<'a>) -> Self {
         let count = base.len();
         let columns =

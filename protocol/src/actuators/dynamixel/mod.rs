@@ -36,18 +36,19 @@ use table::{CENTRE, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S, XM430_W210};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Encoded", into = "Encoded")]
 pub struct Dynamixel {
-    /// Their model.
+    /// Model of the servos.
     pub model: Model,
     /// Bus watchdog while torque is on: 1 to 127 times 20 ms; 0 is none.
     pub watchdog_20ms: u8,
-    /// What the servos wait before they answer ("Return Delay Time"), µs. 500 from the factory.
+    /// Return delay of the servos ("Return Delay Time"), µs. 500 from the factory.
     pub return_delay_us: u32,
-    /// They answer all at once ([`FAST_SYNC_READ`]), up to [`MAX_PARTS`] of them: firmware 45 and later, of an XL330 46.
+    /// True if the servos answer all at once ([`FAST_SYNC_READ`]), up to [`MAX_PARTS`] of them. Needs firmware 45 or later; of an
+    /// XL330, 46.
     pub reads_fast: bool,
 }
 
-/// As it is encoded. Whether it reads fast is a bit of the return delay, far above all delays: servos that read as
-/// before have the encoding of before, which the hash of a robot's configuration covers.
+/// Encoding of [`Dynamixel`]. `reads_fast` is a bit of the return delay, far above all delays. Servos without it keep their old
+/// encoding, which the hash of a robot's configuration covers.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 #[serde(rename = "Dynamixel")]
 struct Encoded {
@@ -79,7 +80,7 @@ impl From<Encoded> for Dynamixel {
     }
 }
 
-/// The bit of an answer's error byte that says that something is wrong with the hardware.
+/// Bit of an answer's error byte that reports a hardware error.
 const ALERT: u8 = 0x80;
 /// Bytes of the sync write that is longest: gains.
 const MAX_WRITE: usize = 4 + MAX_CHANNELS * 7;
@@ -92,7 +93,7 @@ const RETURN_DELAYS_US: RangeInclusive<u32> = 0..=508;
 /// Current, velocity and position.
 const PRESENT_BYTES: u16 = PART_BYTES as u16;
 
-/// One address range of many servos, written at once.
+/// Write of an address range of many servos at once.
 #[derive(Clone, Debug)]
 pub struct SyncWrite {
     parameters: Vec<u8, MAX_WRITE>,
@@ -100,7 +101,7 @@ pub struct SyncWrite {
 }
 
 impl SyncWrite {
-    /// Nothing to write yet: `bytes` from `address` on.
+    /// Empty write: `bytes` from `address` on.
     pub fn new(address: u16, bytes: u16) -> Self {
         let mut parameters = Vec::new();
         let _ = append(&mut parameters, &address.to_le_bytes());
@@ -163,14 +164,13 @@ pub fn goal_pwm(share: f32) -> Option<[u8; 2]> {
 }
 
 impl Dynamixel {
-    /// For [`table::GOAL_POSITION`]: 256 turns either way at most, of which the position mode takes
-    /// the one around 0 rad.
+    /// Value of [`table::GOAL_POSITION`]: at most 256 turns either way. The position mode takes only the turn around 0 rad.
     pub fn goal_position(&self, position_rad: f32) -> Option<[u8; 4]> {
         let steps = position_rad * STEPS_PER_TURN / TAU + CENTRE as f32;
         nearest(steps, -1_048_575, 1_048_575).map(i32::to_le_bytes)
     }
 
-    /// For [`table::GOAL_VELOCITY`].
+    /// Value of [`table::GOAL_VELOCITY`].
     pub fn goal_velocity(&self, speed_rad_s: f32) -> Option<[u8; 4]> {
         let most = self.model.max_velocity;
         nearest(speed_rad_s / VELOCITY_STEP_RAD_S, most.saturating_neg(), most)
@@ -182,7 +182,7 @@ impl Dynamixel {
         self.model.max_current as f32 * self.model.torque_step_nm
     }
 
-    /// For [`table::GOAL_CURRENT`].
+    /// Value of [`table::GOAL_CURRENT`].
     pub fn goal_current(&self, torque_nm: f32) -> Option<[u8; 2]> {
         let most = self.model.max_current;
         nearest(torque_nm / self.model.torque_step_nm, most.saturating_neg(), most)
@@ -215,7 +215,7 @@ impl Dynamixel {
         feedback
     }
 
-    /// What an order writes.
+    /// Register writes of an order.
     fn writes(&self, order: &ActuatorCommand) -> Result<Writes, Refusal> {
         super::address(order.id, MAX_ID)?;
         let position = |rad| self.goal_position(rad).ok_or(Refusal::OutOfRange("position"));
@@ -290,7 +290,7 @@ struct Write {
     data: [u8; 4],
 }
 
-/// What an order writes, one after the other.
+/// Register writes of an order, in sequence.
 type Writes = Vec<Write, 4>;
 
 impl Write {
@@ -346,13 +346,13 @@ impl Codec for Dynamixel {
         self.encode(core::slice::from_ref(order), send).map_err(|(_, refusal)| refusal)
     }
 
-    /// Without making packets of it.
+    /// Checks the order without building packets.
     fn check(&self, order: &ActuatorCommand) -> Result<(), Refusal> {
         self.writes(order).map(|_| ())
     }
 
-    /// One sync write for each address range, torque switches before setpoints, and at last one sync
-    /// read: one packet carries the setpoints of all servos, so they begin together.
+    /// Encodes a sync write for each address range, torque switches before setpoints, and last a sync read. A single packet
+    /// carries the setpoints of all servos, so they begin together.
     fn encode(
         &self,
         orders: &[ActuatorCommand],
@@ -467,7 +467,7 @@ impl SerialCodec for Dynamixel {
     }
 }
 
-/// What [`Dynamixel::encode`] writes, the urgent first.
+/// Address ranges that [`Dynamixel::encode`] writes, the urgent first.
 const RANGES: [(u16, u16); 6] = [
     (table::TORQUE_ENABLE, 1),
     (table::BUS_WATCHDOG, 1),

@@ -10,7 +10,7 @@ use crate::packet::append;
 
 static CRC_16: Crc<u16> = Crc::<u16>::new(&CRC_16_UMTS);
 
-/// How every packet begins.
+/// Header of every packet.
 pub const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0x00];
 /// Address of all servos: no answers, but to a ping and to a sync read.
 pub const BROADCAST: u8 = 0xFE;
@@ -39,11 +39,11 @@ pub const SYNC_WRITE: u8 = 0x83;
 /// A packet whose CRC was right, without its stuffing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// Of the servo that is spoken to, or speaks.
+    /// Address of the servo: the receiver of an instruction, the sender of an answer.
     pub id: u8,
-    /// What it is.
+    /// Instruction code; [`STATUS`] for an answer.
     pub instruction: u8,
-    /// Its parameters; of an answer, the error byte first.
+    /// Parameters; in an answer, the error byte comes first.
     pub parameters: Vec<u8, MAX_PARAMETERS>,
 }
 
@@ -86,7 +86,7 @@ pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
     }
 }
 
-/// What [`next`] has found.
+/// Packet or part that [`next`] removed from the buffer.
 #[expect(
     clippy::large_enum_variant,
     reason = "there are no boxes without alloc, and it is not kept"
@@ -99,7 +99,8 @@ pub enum Taken {
     Part(Part),
 }
 
-/// As [`take`]; where answers to [`FAST_SYNC_READ`] are waited for (`with_parts`), their parts one by one.
+/// Removes the next packet, like [`take`]. `with_parts` is true while answers to [`FAST_SYNC_READ`] are expected: the parts are
+/// then returned one by one.
 pub fn next(buffer: &mut ReceiveBuffer, is_silent: bool, with_parts: bool) -> Option<Taken> {
     if is_silent && buffer.bytes().is_empty() {
         buffer.parts = None;
@@ -155,7 +156,7 @@ pub fn next(buffer: &mut ReceiveBuffer, is_silent: bool, with_parts: bool) -> Op
 pub const PART_BYTES: usize = 10;
 /// A part: error, address, data, CRC.
 const PART: usize = PART_BYTES + 4;
-/// What comes before the first part.
+/// Bytes before the first part.
 const BEFORE_PARTS: usize = BEFORE + 1;
 /// Most servos that can answer in one packet, so that it fits into a buffer.
 pub const MAX_PARTS: usize = (MAX_PACKET - BEFORE_PARTS) / PART;
@@ -163,15 +164,15 @@ pub const MAX_PARTS: usize = (MAX_PACKET - BEFORE_PARTS) / PART;
 /// A servo's part of an answer to [`FAST_SYNC_READ`], whose CRC was right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Whose it is.
+    /// Address of the servo.
     pub id: u8,
-    /// Its error byte.
+    /// Error byte of the servo.
     pub error: u8,
-    /// What was read.
+    /// Data read.
     pub data: [u8; PART_BYTES],
 }
 
-/// The parts of an answer to [`FAST_SYNC_READ`], if that is what begins here.
+/// Parts of an answer to [`FAST_SYNC_READ`], if `bytes` begin with such an answer.
 fn parts_at(bytes: &[u8]) -> Option<Parts> {
     let [_, _, _, _, BROADCAST, low, high, STATUS, ..] = *bytes else { return None };
     let left = usize::from(u16::from_le_bytes([low, high])).checked_sub(1)?;
@@ -182,9 +183,9 @@ fn parts_at(bytes: &[u8]) -> Option<Parts> {
     Some(Parts { left: parts as u8, crc: crc16(bytes.get(..BEFORE_PARTS)?) })
 }
 
-/// Removes the next part of an answer to [`FAST_SYNC_READ`], each as soon as it is there: servos that are silent cost the
-/// parts behind them and none before. These packets have no stuffing, and the CRC of a part covers all before it. `None`
-/// where more of it has to come first, or it is damaged, which ends the parts.
+/// Removes the next part of an answer to [`FAST_SYNC_READ`] as soon as it is complete. A silent servo costs the parts after its
+/// own, and none before. These packets have no stuffing, and the CRC of a part covers all bytes before it. `None` while the part
+/// is incomplete, and after damage, which ends the parts.
 fn take_part(buffer: &mut ReceiveBuffer) -> Option<Part> {
     let Parts { left, crc } = buffer.parts?;
     let (body, sum) = buffer.bytes().get(..PART)?.split_last_chunk()?;
@@ -211,7 +212,7 @@ fn header_at(bytes: &[u8]) -> usize {
     (0..bytes.len()).find(begins).unwrap_or(bytes.len())
 }
 
-/// What a whole packet says, if its CRC is right.
+/// Decodes a whole packet; `None` if its CRC is wrong.
 fn message(packet: &[u8]) -> Option<Message> {
     let (body, crc) = packet.split_last_chunk()?;
     let [_, _, _, _, id, _, _, instruction, stuffed @ ..] = body else { return None };
@@ -237,21 +238,18 @@ fn message(packet: &[u8]) -> Option<Message> {
 /// An answer of a servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status<'a> {
-    /// Whose.
+    /// Address of the servo.
     pub id: u8,
-    /// Something is wrong with the hardware: [`HARDWARE_ERROR`](super::table::HARDWARE_ERROR) has
-    /// what.
+    /// True if the hardware has an error, which [`HARDWARE_ERROR`](super::table::HARDWARE_ERROR) names.
     pub alert: bool,
-    /// Why the instruction was not carried out: 1 failed, 2 unknown, 3 CRC, 4 out of range, 5 too
-    /// short, 6 beyond a limit, 7 no access. 0 it was.
+    /// Error of the instruction: 0 none, 1 failed, 2 unknown, 3 CRC, 4 out of range, 5 too short, 6 beyond a limit, 7 no access.
     pub error: u8,
-    /// What was read.
+    /// Data read.
     pub data: &'a [u8],
 }
 
 impl Message {
-    /// The answer that this is; `None` for instructions, among them our own on a line that hears
-    /// itself.
+    /// Converts an answer; `None` for instructions, among them the controller's own on a line with echo.
     pub fn status(&self) -> Option<Status<'_>> {
         let (&error, data) = self.parameters.split_first()?;
         let status = Status { id: self.id, alert: error & 0x80 != 0, error: error & 0x7F, data };

@@ -61,7 +61,7 @@ pub const MAX_GAIN: u16 = 16_383;
 pub struct Model {
     /// Name of the servo.
     pub name: &'static str,
-    /// What it answers to a ping.
+    /// Model number: the answer to a ping.
     pub number: u16,
     /// Largest current, steps; 0 for servos without a current sensor, which have no goal current.
     pub max_current: i32,
@@ -74,13 +74,13 @@ pub struct Model {
 }
 
 impl Model {
-    /// From the lines of its page.
+    /// Builds a model from the values of its data sheet page.
     const fn new(name: &'static str, number: u16, max: (i32, i32), torque_step_nm: f32) -> Self {
         let (max_current, max_velocity) = max;
         Self { name, number, max_current, max_velocity, torque_step_nm }
     }
 
-    /// Whether it measures and controls its current.
+    /// True if the servo measures and controls its current.
     pub const fn has_current(&self) -> bool {
         self.max_current > 0
     }
@@ -123,7 +123,7 @@ pub const XH540_W150: Model = Model::new("XH540-W150", 1110, (2047, 300), STEP_A
 /// 9.9 N·m at 4.9 A and 12 V.
 pub const XH540_W270: Model = Model::new("XH540-W270", 1100, (2047, 167), STEP_A * 9.9 / 4.9);
 
-/// All of them.
+/// Supported models.
 pub const MODELS: [Model; 11] = [
     XM430_W210, XM540_W150, XL330_M077, XL330_M288, XL430_W250, XM430_W350, XM540_W270, XH430_W210,
     XH430_W350, XH540_W150, XH540_W270,

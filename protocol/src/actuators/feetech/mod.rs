@@ -31,10 +31,10 @@ use table::{CENTRE, Model, STEP_RAD, STS3215_C001};
 /// Servos of one model on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Feetech {
-    /// Their model.
+    /// Model of the servos.
     #[serde(with = "named")]
     pub model: Model,
-    /// What the servos wait before they answer ("Return delay"), µs. 500 from the factory.
+    /// Return delay of the servos ("Return delay"), µs. 500 from the factory.
     pub return_delay_us: u32,
 }
 
@@ -49,7 +49,7 @@ const STATUS: [(u32, Faults); 4] = [
     (1 << 3 | 1 << 5, Faults::OVERCURRENT),
 ];
 
-/// Bytes from an address on, of which so many are written.
+/// Address range: first address and number of bytes written.
 type Range = (u8, u8);
 
 const SWITCH: Range = (table::TORQUE_ENABLE, 1);
@@ -62,7 +62,7 @@ const POSITION: Range = (table::GOAL_POSITION, 2);
 /// Goal of a wheel.
 const VELOCITY: Range = (table::GOAL_VELOCITY, 2);
 
-/// What [`Feetech::encode`] writes, the urgent first.
+/// Address ranges that [`Feetech::encode`] writes, the urgent first.
 const RANGES: [Range; 6] = [SWITCH, LIMIT, ACCELERATION, MOTION, POSITION, VELOCITY];
 
 /// Values for a range of [`RANGES`], as many bytes of it as that has.
@@ -82,7 +82,7 @@ impl Write {
     }
 }
 
-/// What an order writes, one after the other.
+/// Register writes of an order, in sequence.
 type Writes = Vec<Write, 3>;
 
 /// A magnitude with its sign in `bit`.
@@ -99,23 +99,23 @@ fn steps(value: i32) -> [u8; 2] {
 }
 
 impl Feetech {
-    /// For [`table::GOAL_POSITION`]: the turn around 0 rad.
+    /// Value of [`table::GOAL_POSITION`], within the turn around 0 rad.
     pub fn goal_position(&self, position_rad: f32) -> Option<[u8; 2]> {
         nearest(position_rad / STEP_RAD + CENTRE as f32, 0, 4095).map(steps)
     }
 
-    /// For [`table::GOAL_VELOCITY`].
+    /// Value of [`table::GOAL_VELOCITY`].
     pub fn goal_velocity(&self, speed_rad_s: f32) -> Option<[u8; 2]> {
         let most = self.model.max_velocity;
         nearest(speed_rad_s / STEP_RAD, most.saturating_neg(), most).map(steps)
     }
 
-    /// For [`table::TORQUE_LIMIT`]; 0 would be no torque at all.
+    /// Value of [`table::TORQUE_LIMIT`], at least 1: a limit of 0 would turn the torque off.
     pub fn torque_limit(&self, torque_nm: f32) -> Option<[u8; 2]> {
         nearest(torque_nm / self.model.stall_torque_nm * 1000.0, 1, 1000).map(steps)
     }
 
-    /// What an order writes.
+    /// Register writes of an order.
     fn writes(&self, order: &ActuatorCommand) -> Result<Writes, Refusal> {
         super::address(order.id, MAX_ID)?;
         let position = |rad| self.goal_position(rad).ok_or(Refusal::OutOfRange("position"));
@@ -214,12 +214,12 @@ impl Codec for Feetech {
         self.encode(core::slice::from_ref(order), send).map_err(|(_, refusal)| refusal)
     }
 
-    /// Without making packets of it.
+    /// Checks the order without building packets.
     fn check(&self, order: &ActuatorCommand) -> Result<(), Refusal> {
         self.writes(order).map(|_| ())
     }
 
-    /// One sync write for each range, torque switches before setpoints, and at last one sync read.
+    /// Encodes a sync write for each range, torque switches before setpoints, and last a sync read.
     fn encode(
         &self,
         orders: &[ActuatorCommand],

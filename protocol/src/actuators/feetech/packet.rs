@@ -40,11 +40,11 @@ pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
 /// An answer to a question for [`ANSWER_BYTES`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Answer {
-    /// Whose.
+    /// Address of the servo.
     pub id: u8,
-    /// What is wrong, as bits.
+    /// Error bits of the servo.
     pub status: u8,
-    /// What was read.
+    /// Data read.
     pub data: [u8; ANSWER_BYTES],
 }
 

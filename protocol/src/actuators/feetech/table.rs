@@ -37,17 +37,17 @@ const KG_CM_NM: f32 = 0.098_066_5;
 /// A servo at its voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// Its name, with the maker's code of a variant.
+    /// Name of the servo, with the maker's code of a variant.
     pub name: &'static str,
-    /// Its speed without load, steps a second.
+    /// Speed without load, steps/s.
     pub max_velocity: i32,
-    /// Its stall torque, N·m, of which [`TORQUE_LIMIT`] and load are shares. The load is the share of the voltage that
-    /// the motor gets, so a torque that is computed of it is an estimate.
+    /// Stall torque, N·m: the reference of [`TORQUE_LIMIT`] and load. The load is the share of the voltage at the motor, so a
+    /// torque computed from it is an estimate.
     pub stall_torque_nm: f32,
 }
 
 impl Model {
-    /// From the lines of its data sheet: rev/min without load and kg·cm at stall.
+    /// Builds a model from its data sheet: rev/min without load and kg·cm at stall.
     const fn new(name: &'static str, rev_min: f32, kg_cm: f32) -> Self {
         let max_velocity = (rev_min * 4096.0 / 60.0) as i32;
         Self { name, max_velocity, stall_torque_nm: kg_cm * KG_CM_NM }
@@ -62,12 +62,12 @@ impl Named for Model {
     }
 }
 
-/// At 7.4 V.
+/// STS3215 at 7.4 V.
 pub const STS3215_C001: Model = Model::new("STS3215-C001", 52.0, 19.5);
-/// At 12 V.
+/// STS3215 at 12 V.
 pub const STS3215_C018: Model = Model::new("STS3215-C018", 45.0, 30.0);
-/// At 12 V: 60° in 0.133 s.
+/// STS3250 at 12 V: 60° in 0.133 s.
 pub const STS3250: Model = Model::new("STS3250", 75.0, 50.0);
 
-/// All of them.
+/// Supported models.
 pub const MODELS: [Model; 3] = [STS3215_C001, STS3215_C018, STS3250];

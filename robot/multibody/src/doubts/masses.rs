@@ -63,7 +63,7 @@ fn inertia(seen: &Seen<'_>, link: &Link) -> Option<String> {
     })
 }
 
-/// Of the box with the link's mass and inertia.
+/// Doubt about the density of the box with the link's mass and inertia.
 fn density(link: &Link) -> Option<String> {
     let moments = link.inertia_in_link_kg_m2.symmetric_eigenvalues();
     let half = 0.5 * moments.sum();

@@ -8,7 +8,7 @@ use rollwalk_robot::Actuator;
 const ARMATURE_OF_LIMB: f64 = 5.0;
 /// The same over the robot's mass times the square of its size: joints that carry next to nothing have more of the former.
 const ARMATURE_OF_ROBOT: f64 = 0.02;
-/// How far a joint yields as the robot stands, rad: at most 0.09 in robots that were built.
+/// Largest plausible deflection of a joint as the robot stands, rad. Robots that were built reach 0.09.
 const YIELDS_MAX_RAD: f64 = 0.15;
 /// Steps of the loop in which a drive damps its motor, s: many are shorter, few are longer.
 const LOOP_S: f64 = 1e-3;

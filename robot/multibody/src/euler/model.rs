@@ -128,7 +128,7 @@ impl Model {
         &self.carried[index]
     }
 
-    /// What must keep clear of each other and of the ground.
+    /// Shapes and points that must keep clear of each other and of the ground.
     pub fn clearance(&self) -> &Clearance {
         &self.clearance
     }

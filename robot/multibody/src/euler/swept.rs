@@ -35,7 +35,7 @@ pub fn turned_second(s: &Matrix3<f64>, w: &Vector3<f64>) -> Vector3<f64> {
     w * s.trace() - s.tr_mul(w)
 }
 
-/// What a joint carries, at both ends of an interval.
+/// Bodies that a joint carries, at both ends of an interval.
 #[derive(Clone, Copy, Debug)]
 pub struct CarriedPair<'a> {
     from: &'a Pose,

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 pub(super) type Flat = Vector2<f64>;
 
-/// How far the level ground before and after a profile is looked at for the place where a part comes out, and twice as far as a
-/// part goes on beneath ground from which it never does, m.
+/// Length of the level ground before and after a profile in which the exit of a part is searched, m. A part that never comes out
+/// goes on beneath the ground for half of it.
 const FAR_M: f64 = 4.0;
 
 /// The surface at a distance from a line or corner in the x-z plane: gap, normal, and its derivative.
@@ -98,8 +98,8 @@ pub(super) fn parts(corners: &[[f64; 2]]) -> Vec<Arc<dyn Ground>> {
     begins.zip(ends).map(part).collect()
 }
 
-/// Where a part that goes on along a direction beyond a concave corner turns straight down: half-way to where it would come
-/// out from beneath its neighbours. A wall goes straight down itself.
+/// Point at which a part turns straight down after it goes on along a direction beyond a concave corner: half-way to its exit
+/// from beneath its neighbours. A wall turns down at the corner.
 fn beneath(corners: &[Flat], cut: usize, along: Flat) -> Flat {
     let corner = corners[cut];
     if along.x.abs() < 1e-12 {

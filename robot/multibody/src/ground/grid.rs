@@ -152,7 +152,7 @@ mod tests {
         assert!(fine[0] < 1e-4, "{}", fine[0]);
     }
 
-    /// Where a ray from the middle of the lattice leaves it, a micron on either side; and how far outside all is smooth.
+    /// Rays from the middle cross the boundary of the lattice, a micron on either side; far outside the field is smooth.
     #[test]
     fn gap_and_normal_go_on_across_the_boundary_of_the_lattice() {
         let grid = grid(24);

@@ -40,9 +40,9 @@ impl Ground for Plane {
 /// A ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
-    /// Its centre, m.
+    /// Centre, m.
     pub center: Vector3<f64>,
-    /// Its radius, m.
+    /// Radius, m.
     pub radius_m: f64,
 }
 
@@ -66,7 +66,7 @@ impl Ground for Sphere {
     }
 }
 
-/// All that is within a radius of a line between two points.
+/// Points within a radius of a line between two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capsule {
     /// Ends of the line, m.
@@ -132,9 +132,9 @@ impl Ground for Cuboid {
 /// A solid grown by a radius all around, which rounds its edges.
 #[derive(Clone, Debug)]
 pub struct Rounded {
-    /// What it is around.
+    /// Solid that grows.
     pub inner: Arc<dyn Ground>,
-    /// How much it grows, m.
+    /// Radius of the growth, m.
     pub radius_m: f64,
 }
 
@@ -149,10 +149,10 @@ impl Ground for Rounded {
     }
 }
 
-/// All of several solids, of which a point sees the nearest. From the outside it is the exact distance.
+/// Union of several solids: the nearest one to a point counts. From the outside it is the exact distance.
 #[derive(Clone, Debug)]
 pub struct Union {
-    /// At least one.
+    /// Solids, at least one.
     pub parts: Vec<Arc<dyn Ground>>,
 }
 

@@ -5,7 +5,7 @@ use std::fmt;
 /// Samples that a spline needs along each axis.
 pub(super) const LEAST: usize = 4;
 
-/// Why samples are no field.
+/// Reason for which samples are no field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FieldError {
     /// Too few samples.
@@ -16,13 +16,13 @@ pub enum FieldError {
         /// Samples along it.
         count: usize,
     },
-    /// No spacing.
+    /// Spacing that is not positive.
     #[error("spacing_m is {spacing_m}: it must be positive")]
     Spacing {
         /// Distance of samples, m.
         spacing_m: f64,
     },
-    /// Not the number of samples that the counts say.
+    /// Number of samples that differs from the product of the counts.
     #[error("{found} samples where the counts ask for {wanted}")]
     Length {
         /// Samples.
@@ -35,7 +35,7 @@ pub enum FieldError {
     Value {
         /// Index of the sample.
         index: usize,
-        /// Its value.
+        /// Value of the sample.
         value: f64,
     },
     /// A solid that its grid cuts.
@@ -45,7 +45,7 @@ pub enum FieldError {
     Cut {
         /// Index of the sample.
         index: usize,
-        /// Its value.
+        /// Value of the sample.
         value: f64,
     },
 }
@@ -53,7 +53,7 @@ pub enum FieldError {
 /// Samples along axes, the first axis fastest.
 #[derive(Clone, PartialEq)]
 pub(super) struct Lattice<const N: usize> {
-    /// Of the first coefficient, one place before the first sample.
+    /// Position of the first coefficient, one place before the first sample.
     pub origin: [f64; N],
     pub spacing_m: f64,
     /// Coefficients along each axis, two more than samples.
@@ -71,7 +71,7 @@ pub(super) struct Basis {
 }
 
 impl<const N: usize> fmt::Debug for Lattice<N> {
-    /// Without its coefficients, which are many.
+    /// Leaves out the coefficients, which are many.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let &Self { origin, spacing_m, counts, .. } = self;
         write!(f, "Lattice {{ {counts:?} from {origin:?} m, {spacing_m} m apart }}")

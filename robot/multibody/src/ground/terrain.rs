@@ -16,10 +16,10 @@ pub struct Profile {
     corners: Vec<[f64; 2]>,
 }
 
-/// Why points are no profile.
+/// Reason for which points are no profile.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ProfileError {
-    /// There are none.
+    /// The list of points is empty.
     #[error("a profile needs a point")]
     Empty,
     /// A coordinate that is no number.
@@ -83,8 +83,8 @@ impl Profile {
         Self::new(vec![[from_x_m, 0.0], [from_x_m + length_m, height_m]])
     }
 
-    /// Whether a point is below the line. Nearest to a corner the parts' own sides do not tell: both are as far away as the
-    /// corner, and where they meet at less than a right angle the point can be behind one of them in the air.
+    /// True if a point is below the line. Near a corner the sides of the parts are ambiguous: both parts are as far away as the
+    /// corner. If they meet at less than a right angle, a point in the air can be behind one of them.
     fn is_below(&self, at: &Flat) -> bool {
         let ahead = self.corners.partition_point(|corner| corner[0] <= at.x);
         let [behind, ahead] = [ahead.saturating_sub(1), ahead.min(self.corners.len() - 1)];

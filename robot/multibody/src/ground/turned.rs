@@ -1,4 +1,4 @@
-//! Any ground, turned about the vertical through the origin.
+//! Ground turned about the vertical through the origin.
 
 use super::{Ground, Surface};
 use nalgebra::{Rotation3, Vector3};

@@ -201,7 +201,7 @@ impl Flight {
         }
     }
 
-    /// One step of the classical Runge-Kutta method.
+    /// Step of the classical Runge-Kutta method.
     fn step(&self, tree: &Tree, time_s: f64) -> Self {
         let k1 = self.rates(tree);
         let k2 = self.plus(&k1, 0.5 * time_s).rates(tree);

@@ -1,4 +1,4 @@
-//! Every Jacobian and every time derivative against finite differences.
+//! Jacobians and their time derivatives against finite differences.
 
 use crate::robots::{State, for_random_states};
 use nalgebra::{Matrix3xX, Vector3};

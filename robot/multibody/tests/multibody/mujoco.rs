@@ -1,4 +1,4 @@
-//! All results of the crate against MuJoCo, on random states of every shipped robot.
+//! Results of the crate against MuJoCo, on random states of every shipped robot.
 //!
 //! Ignored by default: needs Python with the package `mujoco`, which `cargo xtask test --only multibody` installs.
 //! The comparison is `robot/multibody/tests/compare_with_mujoco.py`.

@@ -7,7 +7,7 @@ use rollwalk_robot::{Contact, EndEffector, Robot};
 use std::fs;
 use std::path::Path;
 
-/// Every robot file of the checkout, by name.
+/// Robots of the checkout, sorted by file name.
 pub fn shipped() -> Vec<Robot> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shipped/robots");
     let mut paths: Vec<_> =
@@ -124,7 +124,7 @@ pub fn vector(rng: &mut fastrand::Rng) -> Vector3<f64> {
     Vector3::from_vec(numbers(3, 1.0, rng))
 }
 
-/// Some random states of every robot, with spinning wheels and armature.
+/// Checks three random states of each robot, with spinning wheels and armature.
 pub fn for_random_states(check: impl Fn(&Tree, &State)) {
     for robot in all() {
         let tree = full_tree(&robot);

@@ -15,7 +15,7 @@ const WORLD: &str = "world";
 /// A body that is still to be read, with its place in the link that carries it.
 struct Open<'a, 'i> {
     of: Element<'a, 'i>,
-    /// None in the world.
+    /// Parent link; `None` in the world.
     parent: Option<String>,
     parent_from_here: Isometry3<f64>,
 }
@@ -23,9 +23,9 @@ struct Open<'a, 'i> {
 /// Something in a body, with the frame that it is in.
 type Item<'a, 'i> = (Element<'a, 'i>, Isometry3<f64>);
 
-/// What actuators and equalities say of joints, by their name.
+/// Data of actuators and equalities, by the name of the joint.
 struct Drives<'a> {
-    /// What has an actuator.
+    /// Joints with an actuator.
     driven: HashSet<&'a str>,
     /// Largest torque or force, N·m or N.
     effort: HashMap<&'a str, f64>,
@@ -64,7 +64,7 @@ pub fn read<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
     urdf
 }
 
-/// What is in a body or the world itself, through `<frame>`s, in the order of the file.
+/// Elements in a body or the world itself, through `<frame>`s, in the order of the file.
 fn items<'a, 'i>(
     reader: &mut Reader<'_, '_, '_, 'a, 'i>,
     of: Element<'a, 'i>,

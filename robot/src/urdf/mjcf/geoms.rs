@@ -107,7 +107,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         }
     }
 
-    /// What MuJoCo makes of a body's mass and inertia by the settings of the model.
+    /// Adjusts a body's mass and inertia like MuJoCo, by the settings of the model.
     pub fn settled(&self, mut mass: MassProperties) -> MassProperties {
         let [least_kg, least_kg_m2] = self.model.bounds;
         mass.mass_kg = mass.mass_kg.max(least_kg);
@@ -194,7 +194,7 @@ mod tests {
     use crate::urdf::notes::Notes;
     use nalgebra::Rotation3;
 
-    /// Of MuJoCo 3: principal moments below a bound are raised to it, and those that no body can have become their mean.
+    /// MuJoCo 3 raises principal moments to a lower bound, and replaces those that no body can have by their mean.
     #[test]
     fn moments_are_settled_as_in_mujoco() {
         let settled = |compiler: &str, moments: [f64; 3]| {

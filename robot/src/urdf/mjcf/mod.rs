@@ -1,8 +1,8 @@
 //! MJCF, the models of MuJoCo, as the links and joints of a URDF: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 //!
-//! `model` has the settings and classes of defaults, `numbers` reads attributes and poses, `geoms` solids and their masses, `bodies` the
-//! tree. As in URDF a link's frame is that of its joint, so that a body is moved to the anchor of its joint. Meshes and included files
-//! are not read.
+//! `model` has the settings and classes of defaults, `numbers` reads attributes and poses, `geoms` solids and their masses,
+//! `bodies` the tree. As in URDF a link's frame is that of its joint, so that a body is moved to the anchor of its joint.
+//! Meshes and included files are not read.
 
 mod bodies;
 mod geoms;

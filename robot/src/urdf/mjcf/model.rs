@@ -1,4 +1,4 @@
-//! What holds for a whole model: the settings of `<compiler>`, and classes of defaults.
+//! Settings of a whole model: `<compiler>`, and classes of defaults.
 
 use roxmltree::{Attribute, Node};
 use std::collections::HashMap;
@@ -10,11 +10,11 @@ const ACTUATORS: [&str; 5] = ["general", "motor", "position", "velocity", "intve
 /// Longest chain of classes that is followed.
 const DEPTH_MAX: usize = 16;
 
-/// When masses follow from geoms.
+/// Condition under which masses follow from geoms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FromGeoms {
     Never,
-    /// Where a body has no `<inertial>`.
+    /// Bodies without `<inertial>`.
     Missing,
     Always,
 }
@@ -140,7 +140,7 @@ impl<'a, 'i> Model<'a, 'i> {
         }
     }
 
-    /// Whether there is such a class.
+    /// True if the class exists.
     pub fn has_class(&self, name: &str) -> bool {
         name == MAIN || self.classes.contains_key(name)
     }

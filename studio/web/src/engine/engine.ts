@@ -7,7 +7,7 @@ import type { Fault, Progress, RequestBody } from "../contract.ts";
 export const LANES = ["documents", "solver", "library", "slopes"] as const;
 export type Lane = (typeof LANES)[number];
 
-/** What a worker needs to have an engine of its own: its code, or where a program listens. */
+/** Source of a worker's own engine: its code, or the address of a program. */
 export type Source = { module: WebAssembly.Module } | { address: string };
 
 export type Done = { value: any; binary: Uint8Array | null };
@@ -40,10 +40,10 @@ export class Cancelled extends Error {
 }
 
 export interface Engine {
-  /** How the engine is reached, in words. */
+  /** Location of the engine, in words. */
   readonly place: string;
   readonly source: Source;
-  /** The program behind it has files of its own, from its command line. */
+  /** True if the program behind it has files from its command line. */
   readonly hasFiles: boolean;
   request(lane: Lane, body: RequestBody, options?: Options): Promise<Done>;
   /** Starts what the lane needs, before its first request. */

@@ -16,7 +16,7 @@ export type Events = {
 
 type Waiting = { resolve(done: Done): void; reject(error: Error): void; options: Options };
 
-/** Each lane with a channel of its own. */
+/** Opens all lanes, with a separate channel for each. */
 export function lanes(open: (lane: Lane, events: Events) => Channel): Record<Lane, LaneOfRequests> {
   const lane = (name: Lane) => [name, new LaneOfRequests((events) => open(name, events))];
   return Object.fromEntries(LANES.map(lane));

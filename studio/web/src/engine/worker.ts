@@ -1,5 +1,5 @@
 // The worker around the engine's WebAssembly: passes requests in and answers out. A trap spends the instance;
-// the page is told and starts another worker.
+// the page receives a message and starts another worker.
 
 import { Door } from "./door.ts";
 

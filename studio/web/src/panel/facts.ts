@@ -4,7 +4,7 @@ import type { Shown } from "../project/studio.ts";
 import { QUANTITIES } from "../timeline/quantities.ts";
 import { format } from "../ui/dom.ts";
 
-/** What a motor comes to at most, as a share of its limit. */
+/** Peak load of a motor, as a share of its limit. */
 export type Peak = { of: string; motor: string; share: number; time_s: number };
 
 export function peaksOf({ frames, planned }: Shown): Peak[] {

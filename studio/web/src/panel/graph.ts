@@ -3,7 +3,7 @@
 import { h, s } from "../ui/dom.ts";
 
 export type Node = { name: string; code: number; duration_s: number; frames: number | null; periodic: boolean };
-/** Between nodes by their index. */
+/** Transition between nodes, by index. */
 export type Edge = { from: number; to: number; duration_s: number };
 
 const [WIDTH, HEIGHT, RADIUS] = [320, 260, 15];

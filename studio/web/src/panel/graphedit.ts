@@ -9,7 +9,7 @@ import { iconButton, textButton } from "../ui/header.ts";
 import { numberField } from "../ui/number.ts";
 import { drawGraph } from "./graph.ts";
 
-/** How long a transition takes that is new. */
+/** Duration of a new transition, s. */
 const TRANSITION_S = 1.2;
 
 export function graphEditor(studio: Studio): HTMLElement {

@@ -97,7 +97,7 @@ export function motionPanel(studio: Studio, playback: Playback): HTMLElement {
   return panel;
 }
 
-/** What the motion file says of its gait: the engine writes it so, and people do. */
+/** Gait of the motion file, in the form that the engine and people write. */
 function gaitOf(studio: Studio): string | null {
   const text = studio.documents.text(studio.documents.motionPath) ?? "";
   const gait = /^\s*gait\s*=\s*"(\w+)"/m.exec(text)?.[1];

@@ -15,9 +15,9 @@ const MEANINGS: Record<string, string> = {
 };
 
 export type Slopes = {
-  /** Where they are asked for, and which quantity is shown is chosen. */
+  /** Controls that request the slopes and select the displayed quantity. */
   element: HTMLElement;
-  /** Where a parameter's is shown. */
+  /** Element that shows the slope of a parameter. */
   of(name: string, unit: string): HTMLElement;
   /** The panel became visible. */
   shown(): void;

@@ -54,7 +54,7 @@ async function store(studio: Studio, text: string) {
   else localStorage.setItem(KEY, text);
 }
 
-/** What this browser has kept. */
+/** History that this browser has stored. */
 export function keptHere(): History | null {
   try {
     return unpacked(localStorage.getItem(KEY));

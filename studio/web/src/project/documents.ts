@@ -12,7 +12,7 @@ export class Documents {
   #future: Snapshot[] = [];
   #gesture: string | null = null;
   #saved = new Map<string, string>();
-  /** Where the engine found the robot that the motion file names. */
+  /** Path at which the engine found the robot that the motion file names. */
   readRobot = "";
 
   get now(): Snapshot {
@@ -149,7 +149,7 @@ export class Documents {
 
 export type Kind = "robot" | "motion" | "library" | "design" | "plan" | "urdf" | "other";
 
-/** What a file seems to be, from the tables that only such files have. The engine has the last word. */
+/** Guesses the kind of a file from tables that only such files have. The engine decides. */
 export function kindOf(file: File): Kind {
   if (/^\s*\{/.test(file.text)) return file.text.includes('"rollwalk-plan"') ? "plan" : "other";
   if (/^\s*</.test(file.text)) return /<(robot|mujoco)[\s>]/.test(file.text) ? "urdf" : "other";

@@ -11,7 +11,7 @@ const OPENED = [{ description: "Rollwalk files, URDF", accept: { "text/plain": [
 const SAVED = [{ description: "Rollwalk files", accept: { "text/plain": [".toml"], "application/json": [".json"] } }];
 const MOST_BYTES = 5_000_000;
 
-/** Where files were opened from, by path, so that they can be saved in place. */
+/** Handles of opened files, by path, to save them in place. */
 const handles = new Map<string, Handle>();
 
 /** Files of the command line, which the program that serves the page saves. */
@@ -97,7 +97,7 @@ export async function importRobot(studio: Studio, urdf: Text, side: Text | null)
   remarkImport(studio, urdf, value);
 }
 
-/** What the import, whose files are motion, robot and side file, assumed; it is offered once more when the side file has changed. The motion stays as it is. */
+/** Shows the assumptions of an import, whose files are motion, robot and side file. Offers the import again when the side file has changed; the motion stays unchanged. */
 function remarkImport(studio: Studio, urdf: Text, imported: { files: Text[]; warnings: string[] }) {
   const [, robot, side] = imported.files;
   const now = () => studio.documents.text(side.path);

@@ -48,7 +48,7 @@ function set(row: boolean[], edit: { from: number; to: number; stance: boolean }
   return next;
 }
 
-/** As rows are stretched to a number of samples: docs/motion-files.md. */
+/** Resamples stance rows to a number of samples (docs/motion-files.md). */
 function resampled(stance: boolean[][], samples: number): boolean[][] {
   return stance.map((row) => Array.from({ length: samples }, (_, i) => row[Math.floor((i * row.length) / samples)]));
 }

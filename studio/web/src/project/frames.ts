@@ -95,7 +95,7 @@ export class Frames {
     }
   }
 
-  /** What some cycles of a periodic motion add: they turn about the vertical by `yaw`, rad, and move by `x` and `y`, m. */
+  /** Displacement over some cycles of a periodic motion: turn about the vertical by `yaw`, rad, and offset by `x` and `y`, m. */
   moved(cycles: number): { x: number; y: number; yaw: number } {
     const { period } = this.header;
     let [x, y, yaw] = [0, 0, 0];
@@ -144,7 +144,7 @@ export class Frames {
     return out;
   }
 
-  /** How far a wheel turns in the frames, about its own axis, carried on to the end of the period. */
+  /** Rotation of a wheel about its own axis over the frames, extrapolated to the end of the period. */
   #turn(link: number, wheel: number): Quaternion {
     const relative = (index: number) => {
       const row = this.row(index);

@@ -6,7 +6,7 @@ import type { Edge, Node } from "../panel/graph.ts";
 import { baseName } from "./documents.ts";
 import type { Studio } from "./studio.ts";
 
-export type Built = { name: string; /** As robots name the library that they have. */ identity: string | null; nodes: Node[]; edges: Edge[]; failures: string[]; bytes: Uint8Array | null };
+export type Built = { name: string; /** Identity of the library, as robots report it. */ identity: string | null; nodes: Node[]; edges: Edge[]; failures: string[]; bytes: Uint8Array | null };
 
 export class LibraryBuild {
   built: Built | null = null;

@@ -52,12 +52,12 @@ export function save(settings: Settings) {
   }
 }
 
-/** Whether dark colours are to be used. */
+/** True if dark colours are to be used. */
 export function isDark(theme: Theme): boolean {
   return theme === "dark" || (theme === "system" && matchMedia("(prefers-color-scheme: dark)").matches);
 }
 
-/** What lasts as long as the tab is open, reloads included; nothing does where storage is forbidden. */
+/** Value stored until the tab is closed, reloads included; null where storage is forbidden. */
 export function kept(key: string): string | null {
   try {
     return sessionStorage.getItem(key);

@@ -15,7 +15,7 @@ export type Shown = { planned: Planned; frames: Frames; version: number; drag: b
 export type Problem = { message: string; help: string };
 /** The last good plan with its multipliers, and the documents that it is of. */
 export type Kept = { snapshot: Snapshot; version: number; solution: Uint8Array };
-/** What is to be checked, and what is to be done once what it is about has changed. */
+/** Points that the user should check, and an action once the file in question has changed. */
 export type Remarks = { of: string; each: string[]; again?: { text: string; isDue(): boolean; act(): Promise<void> } };
 type Amendment = { edit: Edit; path: string; gesture: string | null; drag: boolean; again?: boolean };
 
@@ -35,7 +35,7 @@ export class Studio {
   problem: Problem | null = null;
   /** Something that went well, said once: "saved walk.toml". */
   notice = "";
-  /** What is to be checked about the project: of how it was imported. */
+  /** Points that the user should check about the import of the project. */
   remarks: Remarks | null = null;
   progress: Progress | null = null;
   /** Something is being dragged: plans are steps that follow it. */
@@ -248,7 +248,7 @@ export class Studio {
     this.#planner.ask({ snapshot: now, version, drag, from: how === "scratch" ? "scratch" : "good" });
   }
 
-  /** Whether the plan that is shown is of these documents: the edit was of another one, such as the library. */
+  /** True if the shown plan belongs to these documents: the edit changed another one, such as the library. */
   #isOfShown(snapshot: Snapshot): boolean {
     const { shown } = this;
     return shown !== null && !shown.drag && !this.#planner.busy && shown.planned.good && shown.of === this.#planOf(snapshot);
@@ -260,13 +260,13 @@ export class Studio {
     this.events.emit("plan", "kept", "activity");
   }
 
-  /** What a plan depends on: the texts of motion and robot. */
+  /** Key of a plan: the texts of motion and robot. */
   #planOf({ files, motion }: Snapshot): string {
     const paths = [motion, this.documents.readRobot];
     return JSON.stringify(paths.map((path) => [path, files.find((file) => file.path === path)?.text]));
   }
 
-  /** What the documents say, checked by the engine, without waiting for a plan. */
+  /** Reads the documents: the engine validates them, without waiting for a plan. */
   async #read(snapshot: Snapshot, version: number): Promise<boolean> {
     try {
       const { value } = await this.engine.request("documents", {
@@ -320,7 +320,7 @@ export class Studio {
   }
 }
 
-/** What an amendment sets; two with the same slot set the same thing. */
+/** Key of an amendment's target; amendments with the same key set the same value. */
 function slot({ path, edit }: Amendment): string {
   const { edit: kind, key, index, name } = edit as Partial<{ edit: string; key: string; index: number | null; name: string }>;
   return [path, kind, key, index, name].join(" ");

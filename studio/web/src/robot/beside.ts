@@ -8,7 +8,7 @@ import type { Shown, Studio } from "../project/studio.ts";
 import { format } from "../ui/dom.ts";
 import type { RobotLink } from "./link.ts";
 
-/** What the engine says of the open plan and a library. */
+/** Comparison of the open plan with a library, by the engine. */
 type Compared = { name: string; clip: number | null; why: string };
 
 /** Joints at a moment: the one that is farthest from the plan, and how far any has been since the motion began. */
@@ -67,7 +67,7 @@ export class Beside {
     }
   }
 
-  /** What is known of it, in words. */
+  /** Comparison in words. */
   words(): string {
     const { compared, apart } = this;
     if (!compared) return "";

@@ -14,18 +14,18 @@ import type { Port } from "./port.ts";
 import { choosePort, openSerial, type SerialPort } from "./serial.ts";
 
 export type Wanted = { place: Place; baud: number; node: number; gamepad: boolean; /** The text of a key file. */ key: string | null };
-export type Library = { bytes: Uint8Array; /** As robots name the library that they have. */ identity: string };
-/** What the browser keeps as long as the tab is open. */
+export type Library = { bytes: Uint8Array; /** Identity of the library, as robots report it. */ identity: string };
+/** Keys of values that the browser keeps until the tab is closed. */
 const PLACE = "rollwalk-robot-place";
 const CONNECTED = "rollwalk-robot-connected";
 type Waiting = { resolve(): void; reject(error: Error): void };
 
 export class RobotLink {
   view: RobotView | null = null;
-  /** What ended the connection, in words. */
+  /** Reason for the end of the connection, in words. */
   trouble = "";
   connecting = false;
-  /** Where the robot is, or was last; after a reload too. */
+  /** Current or last place of the robot; survives a reload. */
   place = kept(PLACE) as Place | null;
   /** The library that the page has sent last. */
   library: Library | null = null;
@@ -48,12 +48,12 @@ export class RobotLink {
     return this.#worker !== null && !this.connecting;
   }
 
-  /** How long it has been. */
+  /** Time since the connection began, ms. */
   get connected_ms(): number {
     return performance.now() - this.#since_ms;
   }
 
-  /** Whether this page was left, or loaded anew, while a robot was connected. */
+  /** True if this page was left or reloaded while a robot was connected. */
   static takeLeft(): boolean {
     const left = kept(CONNECTED) !== null;
     keep(CONNECTED, null);
@@ -186,7 +186,7 @@ export class RobotLink {
   }
 }
 
-/** Whether the engine can talk to robots at all; asking so sends nothing anywhere. */
+/** True if the engine supports robots; the query sends nothing to a robot. */
 export async function talksToRobots(engine: Engine): Promise<boolean> {
   try {
     await engine.request("documents", { kind: "robot", now_us: 0, robot: "leave" });

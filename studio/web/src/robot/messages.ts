@@ -4,7 +4,7 @@ import type { Fault, GamepadSeen, RobotRequest, RobotView } from "../contract.ts
 import { Broken, Cancelled, Faults, Refused, type Source } from "../engine/engine.ts";
 import type { SerialInfo } from "./serial.ts";
 
-/** Where the worker finds the robot: nowhere but in its engine, behind a relay, or at a serial port. */
+/** Connection of the worker to the robot: in its engine, behind a relay, or at a serial port. */
 export type Way = { kind: "engine" } | { kind: "relay"; address: string } | { kind: "serial"; info: SerialInfo; baud: number };
 
 export type ToWorker =
@@ -25,7 +25,7 @@ export type ToPage =
   | { kind: "hold" }
   /** Bytes for the page's port. */
   | { kind: "send"; bytes: Uint8Array }
-  /** The connection is over; why, in words, if nobody wanted that. */
+  /** The connection has ended; the reason in words, unless the user ended it. */
   | { kind: "ended"; why: string };
 
 /** An error on its way between threads, which keep no classes. */

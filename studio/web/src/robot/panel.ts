@@ -142,7 +142,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
   return h("div", { class: "run" }, h("div", { class: "run-head" }, state, live, advice, latest, faults), steps, facts, h("h3", { text: "Messages" }), messages);
 }
 
-/** Which library the robot has, and what is to be done about it. */
+/** Library of the robot, and the next step, in words. */
 function libraryOf(view: RobotView | null, built: string | null): string {
   if (!view?.contact) return built ? "Built. Connect to flash it." : "";
   const has = view.library ? `The robot has library ${view.library} in use.` : "The robot has no library.";

@@ -9,7 +9,7 @@ const meta = (name: string) => document.querySelector<HTMLMetaElement>(`meta[nam
 /** The bus that the serving program relays, by its name. */
 const relayedBus = meta("relay");
 
-/** Where the program that serves the page relays its bus. */
+/** Address at which the program that serves the page relays its bus. */
 export function relayAddress(): string {
   const address = new URL("link", location.href);
   address.protocol = location.protocol === "https:" ? "wss:" : "ws:";

@@ -11,7 +11,7 @@ export type SerialPort = {
   readable: ReadableStream<Uint8Array>;
   writable: WritableStream<Uint8Array>;
 };
-/** What is known of a port: its adapter's numbers on USB. */
+/** Identity of a port: its adapter's USB numbers. */
 export type SerialInfo = { usbVendorId?: number; usbProductId?: number };
 
 const { serial } = navigator as unknown as { serial?: { requestPort(): Promise<SerialPort>; getPorts(): Promise<SerialPort[]> } };

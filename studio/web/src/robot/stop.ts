@@ -14,7 +14,7 @@ export function emergencyStop(host: HTMLElement, link: RobotLink) {
   const button = h("button", { type: "button", class: "estop", title: "Torque off at once (Escape): the robot goes limp", hidden: true, onclick: () => stop() }, word, h("kbd", { text: "Esc" }), brief);
   /** An order to stop is on its way to the connection, or was not taken. */
   let asking = false;
-  /** When the stop that is not acknowledged yet began; 0 without one. */
+  /** Start of the stop that is not acknowledged yet, ms; 0 without one. */
   let since_ms = 0;
   /** The connection ended before a stop was acknowledged. */
   let lost = false;

@@ -23,7 +23,7 @@ export function motionsOf({ motions, library }: RobotView): { name: string; code
   return Array.from({ length: 9 }, (_, index) => ({ name: `motion ${index + 1}`, code: index + 1 }));
 }
 
-/** What to do next, or what keeps the robot from it. */
+/** Advice on the next step, or the reason that prevents it. */
 export function adviceOf(view: RobotView, connected_ms: number): string {
   const reason = view.mismatch ?? view.complaint;
   if (reason) return reason;

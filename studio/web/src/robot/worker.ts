@@ -1,8 +1,8 @@
 // The worker that holds a connection with a robot. It asks its engine what to send, sends it, and hands over what arrives, as soon as it
 // does and sixty times a second, so that heartbeats go on while the page draws or plans.
 //
-// A heartbeat still says that somebody is at the page: the page answers every view, and when it has not answered for a second,
-// heartbeats end, and the robot returns to SAFE by itself.
+// Heartbeats require an operator at the page: the page answers every view. When it has not answered for a second, heartbeats end and
+// the robot returns to SAFE by itself.
 
 import type { GamepadSeen, RobotRequest, RobotView } from "../contract.ts";
 import { Door } from "../engine/door.ts";
@@ -14,7 +14,7 @@ import { openRelay, type Port } from "./port.ts";
 import { findPort, openSerial } from "./serial.ts";
 
 const TICK_MS = 16;
-/** Longest silence of the page after which somebody is still thought to be there. */
+/** Longest silence of the page after which an operator still counts as present. */
 const PAGE_SILENT_MS = 1000;
 /** Longest wait for a port to close. */
 const CLOSING_MS = 500;
@@ -28,7 +28,7 @@ class Connection {
   #port: Port | null = null;
   #engine: LaneOfRequests;
   #arrived: Uint8Array[] = [];
-  /** All that was seen of it since the last tick: a tap on the emergency stop may be shorter than a tick. */
+  /** Gamepad states since the last tick: a tap on the emergency stop may be shorter than a tick. */
   #gamepad: GamepadSeen[] = [];
   #view: RobotView | null = null;
   #busy = false;

@@ -56,7 +56,7 @@ export class Handles {
     this.stage.invalidate();
   }
 
-  /** Where a handle is on the page: for tests, for labels and for the pointer. */
+  /** Position of a handle on the page, for tests, labels and the pointer. */
   screen(grip: Grip): { x: number; y: number } | null {
     const handle = this.#handles.find(({ grip: one }) => one.kind === grip.kind && (one.kind === "goal" || one.index === (grip as { index: number }).index));
     if (!handle) return null;
@@ -172,7 +172,7 @@ export class Handles {
   }
 }
 
-/** Where a target is drawn: what it leaves free comes from the plan. */
+/** Position at which a target is drawn; its free coordinates come from the plan. */
 function placeOf(target: Target, motion: MotionView, frames: Frames | null, feet: string[]): Vector3 {
   let at = new Vector3();
   if (frames) {
@@ -202,7 +202,7 @@ function marker(at: Vector3, color: number, selected: boolean, scale: number): G
   return group;
 }
 
-/** From the middle of the goal's ring to the point of its nose, before it is scaled. */
+/** Distance from the middle of the goal's ring to the tip of its nose, before scaling, m. */
 const FLAG_M = 0.076;
 
 /** The goal: a ring on the ground with a nose that shows the heading at the end. */

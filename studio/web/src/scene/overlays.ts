@@ -33,7 +33,7 @@ export class Overlays {
   #cones: Mesh[] = [];
   #fill: Mesh;
   #outline: LineLoop;
-  /** Where the centre of mass is above the ground. */
+  /** Mark on the ground below the centre of mass. */
   #below: Mesh;
   #weight: number;
 

@@ -1,5 +1,5 @@
-// Colours of the scene, light and dark, and of end effectors. The latter are Okabe and Ito's, told apart
-// by colour-blind people too; a short name always stands beside them.
+// Colours of the scene, light and dark, and of end effectors. The latter are Okabe and Ito's, distinct
+// for colour-blind people too; a short name always stands beside them.
 
 export type Palette = {
   sky: number;

@@ -20,7 +20,7 @@ import { dispose, lineGeometry } from "./lines.ts";
 import type { Palette } from "./palette.ts";
 
 export type Look = "solid" | "ghost" | "beside";
-/** How much is seen of edges and of bodies. A ghost beside a live robot is to be told from it at a glance. */
+/** Opacity of edges and of bodies. A ghost beside a live robot must differ from it at a glance. */
 const OPACITY = { solid: [0.55, 1], ghost: [0.16, 0.1], beside: [0.6, 0.3] } as const;
 
 export class Robot {

@@ -19,7 +19,7 @@ const GHOSTS = 4;
 const AGILEBOT_HEIGHT_M = 0.29;
 /** Shortest time between pictures of a connected robot that are drawn in software: its heartbeats need the processor too. */
 const LIVE_MS = 100;
-/** Changes of poses that nobody sees, m and quaternions. */
+/** Invisible changes of poses, m and quaternions. */
 const UNSEEN = 1e-4;
 
 export class View {
@@ -41,7 +41,7 @@ export class View {
   /** Poses of a connected robot. */
   #live: Float32Array | null = null;
   #planGhost: PlanGhost;
-  /** When the next of them may be drawn. */
+  /** Earliest time of the next picture of a connected robot, ms. */
   #liveFrom_ms = 0;
 
   constructor(

@@ -33,7 +33,7 @@ export class Axis {
   }
 }
 
-/** Where in an element's width a pointer is, 0 to 1. */
+/** Position of a pointer in an element's width, 0 to 1. */
 export function shareOf(event: PointerEvent | MouseEvent, element: Element): number {
   const box = element.getBoundingClientRect();
   return box.width > 0 ? (event.clientX - box.left) / box.width : 0;

@@ -4,7 +4,7 @@
 import { h } from "./dom.ts";
 import { picture } from "./icons.ts";
 
-/** What stays in reach. */
+/** Elements that stay operable while a dialog is open. */
 const KEPT = ".estop, .estop-alarm";
 
 export function dialog(title: string, content: HTMLElement, wide = false): HTMLDialogElement {

@@ -65,7 +65,7 @@ export function buildHeader(host: HTMLElement, studio: Studio, commands: Command
   update();
 }
 
-/** All that the names of the files depend on. */
+/** Key of the displayed file names: all data that they depend on. */
 function key(documents: Documents): string {
   return JSON.stringify([documents.motionPath, documents.now.files.map(({ path }) => [path, documents.changed(path)])]);
 }

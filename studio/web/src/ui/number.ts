@@ -9,7 +9,7 @@ export type NumberOptions = {
   digits: number;
   min?: number;
   max?: number;
-  /** What an empty field means, e.g. "free". Without it a field cannot be empty. */
+  /** Meaning of an empty field, e.g. "free". Without it the field cannot be empty. */
   empty?: string;
   integer?: boolean;
   hint?: string;

@@ -12,7 +12,7 @@ const FRAMES: u16 = 10 * RATE_HZ;
 
 type Frame = [f32; MAX_CHANNELS];
 
-/// What is to be commanded when, over and over again.
+/// Commands and their times, repeated without end.
 struct Commands<'a> {
     left: std::iter::Cycle<std::slice::Iter<'a, [u8; 2]>>,
     wait: u8,
@@ -89,7 +89,7 @@ fn frame_at(cursor: &GraphCursor, library: &Library<'_>) -> Frame {
     frame
 }
 
-/// In range, and no faster than the robot's limits; to a quantum.
+/// Checks that values are in range, and no faster than the robot's limits, to a quantum.
 fn assert_within(config: &RobotConfig, library: &Library<'_>, before: &Frame, now: &Frame) {
     for (channel, limits) in config.channels.iter().enumerate() {
         let (last, value) = (before[channel], now[channel]);
@@ -113,7 +113,7 @@ fn assert_joined(library: &Library<'_>, cursor: &GraphCursor, from: ClipId, befo
     }
 }
 
-/// What the actuators would get.
+/// Plays tick by tick and checks the targets of the actuators.
 fn tick_by_tick(library: &Library<'_>, config: &RobotConfig, commands: &[u8]) {
     let ticks_per_frame = u16::from(commands.first().copied().unwrap_or(0) % 4) + 1;
     let period_s = 1.0 / f32::from(RATE_HZ * ticks_per_frame);

@@ -70,7 +70,7 @@ fn motion(u: &mut Unstructured<'_>, config: &RobotConfig, still: bool) -> Result
     Ok(Motion { looping, code: u.arbitrary()?, values })
 }
 
-/// From one frame to another, slowly enough.
+/// Frames from `from` to `to`, slow enough for the limits.
 fn blend(config: &RobotConfig, from: &[f32], to: &[f32]) -> Vec<f32> {
     let ways = from.iter().zip(to).zip(&config.channels);
     let slowest = ways.map(|((a, b), c)| (a - b).abs() / c.max_rate).fold(0.0, f32::max);
@@ -177,7 +177,7 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
     Ok((config, library))
 }
 
-/// One motion of one frame, for the robot of the firmware's tests: as little as a library can be.
+/// Smallest possible library: a motion of one frame, for the robot of the firmware's tests.
 pub fn smallest() -> Vec<u8> {
     let config = crate::robot::config();
     let motions = [MotionSpec {

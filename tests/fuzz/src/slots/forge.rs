@@ -1,5 +1,5 @@
-//! Contents of a flash out of bytes: noise, or records and footers whose checksums fit, those of the
-//! libraries that they name included. A second reader of what `docs/library-store.md` describes.
+//! Contents of a flash made from bytes: noise, or records and footers with right checksums, including those of the libraries that
+//! they name. A second implementation of `docs/formats/library-store.md`.
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::crc::{crc32c, file_digest};
@@ -12,11 +12,11 @@ pub const FLASH_LEN: usize = 10 * UNIT;
 const LOG_LEN: usize = 2 * UNIT;
 const SLOT_LEN: usize = 4 * UNIT;
 const RECORD: usize = 32;
-/// Of the highest byte of a generation: no flash lives to see 2³¹ records. Beyond them is an end, where no
-/// record is newer than the last.
+/// Mask of the highest byte of a generation: no flash lasts for 2³¹ records. Beyond that number, no record is newer than the
+/// last.
 const OLDEST_AGE: u8 = 0x7F;
 
-/// The flash: runs of bytes at their places, everything else blank; and repaired, if so wished.
+/// The flash: runs of bytes at their places, everything else blank. Repairs the checksums if `repaired`.
 pub fn cells(u: &mut Unstructured<'_>, repaired: bool) -> Result<Vec<u8>> {
     let mut cells = vec![0xFF; FLASH_LEN];
     // Two libraries where they belong.

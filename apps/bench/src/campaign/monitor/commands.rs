@@ -25,14 +25,14 @@ impl TimedCommand {
 #[derive(Clone, Copy, Debug)]
 struct Received {
     timed: TimedCommand,
-    /// At least one copy arrived before the expiry.
+    /// True if at least one copy arrived before the expiry.
     in_time: bool,
     /// The first acknowledgement with "ok".
     executed: Option<CommandAck>,
     goal: Goal,
 }
 
-/// Whether a PLAY command may still start its motion.
+/// Progress of a PLAY command towards the start of its motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Goal {
     /// The motion may start.
@@ -63,7 +63,7 @@ pub struct Commands {
     /// Commands that the host has sent.
     sent: Vec<TimedCommand>,
     received: Vec<Received>,
-    /// In the order of their acknowledgements, of which a full queue drops some.
+    /// Commands in the order of their acknowledgements, some of which a full queue drops.
     unanswered: VecDeque<Unanswered>,
     /// Index of the command that was executed last.
     last_executed: Option<usize>,
@@ -109,7 +109,7 @@ impl Commands {
         copy_of.is_none()
     }
 
-    /// Whether the robot may pass through a motion: to SAFE, where it may go without a command, or to a pending goal.
+    /// True if the robot may pass through a motion: on the way to SAFE, where it may go without a command, or to a pending goal.
     fn is_on_the_way(&self, clip: usize) -> bool {
         let pending = |goal: usize| {
             let plays = |received: &Received| {

@@ -1,6 +1,6 @@
 //! The monitor: checks every frame of every bus and every step of the motors against the rules.
 //!
-//! It uses the robot's limits, the documents (`docs/wire-format.md`, `docs/playback-and-safety.md`) and
+//! It uses the robot's limits, the documents (`docs/formats/wire-format.md`, `docs/playback-and-safety.md`) and
 //! `rollwalk_protocol`, and no code of the firmware: whether torque may be on follows from the frames that the
 //! controller receives and sends.
 //!
@@ -34,7 +34,7 @@ use shutdown::ShutdownCheck;
 /// A rule that the controller must never break.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rule {
-    /// No setpoint and no enable while torque is off.
+    /// Setpoints and enables are not sent while torque is off.
     NoTorqueUnlessArmed,
     /// Setpoints are finite and within the limits of the robot, gains within twice those of the robot.
     Limits,
@@ -42,20 +42,19 @@ pub enum Rule {
     Slew,
     /// The first setpoint after torque-on is the measured pose of the joint.
     StartsAtPose,
-    /// No stiffness in the state Damped.
+    /// Stiffness is zero in the state Damped.
     CompliantWhenDamped,
-    /// Only messages of the servo profile on an actuator bus.
+    /// Messages on an actuator bus are those of the servo profile.
     ValidFrame,
-    /// No motor torque after the time allowed for switching it off.
+    /// Motor torque is zero after the time allowed for switching it off.
     StopsInTime,
-    /// Without heartbeats the robot returns to SAFE, and it ends without torque in time after the last heartbeat or
-    /// a fault.
+    /// Robots without heartbeats return to SAFE, and end without torque in time after the last heartbeat or a fault.
     ReturnsInTime,
     /// STATUS never reports a state that its fault bits forbid.
     StateFitsFaults,
-    /// No command is executed more than once.
+    /// Commands are executed at most once.
     ExecutedOnce,
-    /// No command is executed after its expiry.
+    /// Commands are not executed after their expiry.
     NotExpired,
 }
 

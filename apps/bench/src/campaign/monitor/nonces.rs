@@ -25,7 +25,7 @@ impl Nonces {
         self.valid = None;
     }
 
-    /// Whether an ARM_CONFIRM with this nonce may switch torque on; a nonce is valid once.
+    /// True if an ARM_CONFIRM with this nonce may switch torque on; a nonce is valid once.
     pub fn accept(&mut self, at: SimTime, nonce: u16) -> bool {
         let valid =
             self.valid.is_some_and(|(value, since)| value == nonce && at - since <= LIFETIME);

@@ -5,7 +5,8 @@ use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::clock::SimTime;
 
-/// Distance of a new heartbeat's sequence number from that of the last one that is allowed at once, and time in which one more is, µs.
+/// Distance of a new heartbeat's sequence number from that of the last one that is allowed at once, and time in which one more
+/// is, µs.
 const AHEAD: u64 = 2;
 const AHEAD_US: u64 = 25_000;
 
@@ -67,7 +68,7 @@ impl ShutdownCheck {
         }
     }
 
-    /// Whether the host is lost, on a clock with microseconds as that of the controller.
+    /// True if the host is lost, on a clock with microseconds like that of the controller.
     fn is_silent(&self, at: SimTime) -> bool {
         let timeout_us = self.timing.host_timeout.as_us();
         self.heartbeat.is_none_or(|(_, last)| at.as_us() - last.as_us() > timeout_us)
@@ -139,7 +140,7 @@ impl ShutdownCheck {
         Ok(())
     }
 
-    /// Whether the deadline for torque-off has passed.
+    /// True if the deadline for torque-off has passed.
     pub fn is_overdue(&self, at: SimTime) -> bool {
         self.due.is_some_and(|due| at > due.by)
     }

@@ -1,11 +1,11 @@
 //! Particles on a plane with hard contacts and Coulomb's law as it is, for a reference without penalties: every step of backward
 //! Euler is solved by sequential quadratic programming, whose programs have friction cones.
 //!
-//! Velocities v at the end of a step minimise ½ (v − v_k)ᵀ H (v − v_k) + gᵀ (v − v_k) with g = M (v_k − v₀) − h f and its derivative H. For
-//! each contact with velocities u_n along the normal and u_t across it (u_n + gap/h + μ s, μ u_t) is in the second-order cone;
-//! the cone's multiplier is then the impulse, within the cone of Coulomb's law. With s = |u_t| impulse and velocity obey the
-//! law; s is that of the program before, until it does not change any more (Acary, Cadoux, Lemaréchal & Malick, "A formulation of the
-//! linear discrete Coulomb friction problem via convex optimization", 2011).
+//! Velocities v at the end of a step minimise ½ (v − v_k)ᵀ H (v − v_k) + gᵀ (v − v_k) with g = M (v_k − v₀) − h f and its
+//! derivative H. For each contact with velocities u_n along the normal and u_t across it (u_n + gap/h + μ s, μ u_t) is in the
+//! second-order cone; the cone's multiplier is then the impulse, within the cone of Coulomb's law. With s = |u_t| impulse and
+//! velocity obey the law; s is that of the program before, until it does not change any more (Acary, Cadoux, Lemaréchal &
+//! Malick, "A formulation of the linear discrete Coulomb friction problem via convex optimization", 2011).
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -21,10 +21,10 @@ use rollwalk_physics::{Assembly, Motion, Scheme};
 const REACH_M: f64 = 0.01;
 /// Most programs of a step.
 const PROGRAMS: u32 = 100;
-/// Of forces, N, and of s, m/s.
+/// Tolerance of forces, N, and of s, m/s.
 const TOLERANCE: f64 = 1e-8;
-/// Tolerance of a program, in units of a particle's mass, and regularisation of its solver: with that of its own, 1e-8, programs end with
-/// particles that carry where they do not touch, and the body creeps on them.
+/// Tolerance of a program, in units of a particle's mass, and regularisation of its solver: with that of its own, 1e-8,
+/// programs end with particles that carry where they do not touch, and the body creeps on them.
 const OF_PROGRAM: f64 = 1e-12;
 const REGULARISATION: f64 = 1e-12;
 
@@ -38,7 +38,7 @@ pub struct Reference {
     pub step_s: f64,
 }
 
-/// How a step was solved.
+/// Report on the solution of a step.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// Programs, each with new forces and derivatives.
@@ -52,7 +52,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether what is left is within the tolerances.
+    /// True if residual force and slip are within the tolerance.
     pub fn converged(&self) -> bool {
         self.residual_n <= TOLERANCE && self.slip_m_s <= TOLERANCE
     }
@@ -275,8 +275,8 @@ mod tests {
         }
     }
 
-    /// Impulses of a soft cell that lands askew are within their cones, on them and against the way where a particle slips, and none
-    /// where it does not touch.
+    /// Impulses of a soft cell that lands askew are within their cones, on them and against the way where a particle slips, and
+    /// none where it does not touch.
     #[test]
     fn impulses_obey_coulombs_law() {
         use rollwalk_physics::soft::{Material, Mesh, SoftBody};

@@ -1,13 +1,13 @@
-//! How far minima of a toss move as contacts become softer, and what moves them.
+//! Shift of a toss's minima as contacts become softer, and its cause.
 //!
-//! A minimum is where the ball ends at its target. Gauss–Newton's method finds it from a minimum of the smoothed grid, whose points are
-//! 4 % of the speed apart, in steps that resolve contacts of nodes. Friction that sticks stays as stiff as with the thesis's steps of
-//! 1 ms, because k_t = k_n Δt would change with the steps, and with it how much friction slows the ball.
+//! A minimum is where the ball ends at its target. Gauss–Newton's method finds it from a minimum of the smoothed grid, whose
+//! points are 4 % of the speed apart, in steps that resolve contacts of nodes. Friction that sticks stays as stiff as with the
+//! thesis's steps of 1 ms, because k_t = k_n Δt would change with the steps, and with it how much friction slows the ball.
 //!
-//! Soft contacts hold the ball for longer, so that it bounces later and is elsewhere at the end. The height at the end changes by only
-//! 0.1 m for each m/s upward, so that a few millimetres of it shift a minimum by hundredths of a metre per second. Friction is not the
-//! reason: with k_t as at k_n 1000 a toss with k_n 100 ends farther from the target still. Nor are steps, which the shift of the grid in
-//! steps of 1 ms shows, too.
+//! Soft contacts hold the ball for longer, so that it bounces later and is elsewhere at the end. The height at the end changes
+//! by only 0.1 m for each m/s upward, so that a few millimetres of it shift a minimum by hundredths of a metre per second.
+//! Friction is not the reason: with k_t as at k_n 1000 a toss with k_n 100 ends farther from the target still. Nor are steps,
+//! which the shift of the grid in steps of 1 ms shows, too.
 //!
 //! With hybrid friction the method does not come to the target after one bounce; its shift is that of the grid.
 
@@ -28,11 +28,11 @@ const SOFTER_N_M: [f64; 3] = [4e2, 2e2, 1e2];
 const SOFTEST_N_M: f64 = 1e2;
 /// Distance from the target within which a minimum is found, m.
 const AT_TARGET_M: f64 = 1e-5;
-/// What the thesis's word "slightly" is taken for, by the speed.
+/// Bound for the thesis's word "slightly", as a share of the speed.
 pub const SLIGHT: f64 = 0.05;
 
-/// Measures how far soft contacts shift the minima, and adds the rows to the outcome. `minima` are the minima that the grid has with stiff
-/// contacts: first the one with two bounces, then the one with one bounce.
+/// Measures how far soft contacts shift the minima, and adds the rows to the outcome. `minima` are the minima that the grid has
+/// with stiff contacts: first the one with two bounces, then the one with one bounce.
 pub fn measure(
     ball: &Throw,
     minima: &[(f64, f64, f64)],
@@ -119,7 +119,7 @@ fn from_target(rollout: &Rollout, step: usize) -> Vector3<f64> {
     Vector3::new(along(Vector3::x()), along(Vector3::y()), along(Vector3::z()))
 }
 
-/// How long the centre of mass stays below where it is when the ball touches, the first time: the target is as high as that.
+/// Time for which the centre of mass stays below its height at touch-down, the first time, s: the target is as high as that.
 fn below_touch_s(rollout: &Rollout, step_s: f64) -> f64 {
     let below = (1..=rollout.steps()).map(|step| from_target(rollout, step).z < 0.0);
     let first = below.skip_while(|below| !below).take_while(|below| *below);

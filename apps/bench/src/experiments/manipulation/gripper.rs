@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// Edge of a cube, m, and its mass.
 pub(crate) const EDGE_M: f64 = 0.05;
 pub(crate) const CUBE_KG: f64 = 0.05;
-/// Of strings and bands, and of a cube's corners on the ground (Table A.2).
+/// Stiffness of strings and bands, and contact of a cube's corners with the ground (Table A.2).
 pub(crate) const STRING_N_M: f64 = 5.0;
 const NORMAL: Normal =
     Normal { stiffness_n_m: 200.0, damping_n_s_m: 1e-3, ramp_m: 0.0, pulls: true };

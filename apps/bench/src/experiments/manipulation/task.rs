@@ -11,12 +11,12 @@ use std::sync::Arc;
 
 pub(crate) const STEP_S: f64 = 1.0 / 60.0;
 
-/// What is moved as one likes.
+/// Effector whose coordinates are prescribed.
 pub(crate) trait Effector {
-    /// How many numbers say where it is; it begins where they are 0.
+    /// Number of coordinates; they are 0 at the beginning.
     fn coordinates(&self) -> usize;
 
-    /// All coordinates of a knot of the curve that they follow.
+    /// Parameters of all coordinates at a knot of the curve that they follow.
     fn knot(&self, curve: &Arc<Curve>, knot: usize) -> Vec<Box<dyn Parameter>>;
 
     fn place(&self, system: &mut System, coordinates: &[f64]);
@@ -65,7 +65,7 @@ impl Way {
     }
 }
 
-/// What an effector is to do.
+/// Task of an effector.
 pub(crate) struct Task<'a> {
     pub effector: &'a dyn Effector,
     pub way: Way,
@@ -79,14 +79,14 @@ pub(crate) struct Task<'a> {
 
 pub(crate) struct Solution {
     pub fit: Fit,
-    /// With the parameters that were found.
+    /// Rollout with the parameters that were found.
     pub rollout: Rollout,
     /// CPU time of a simulation without derivatives, and of the optimisation, s.
     simulation_s: f64,
     pub optimisation_s: f64,
 }
 
-/// What the thesis needed for a task.
+/// Work that the thesis needed for a task.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Work {
     pub iterations: f64,

@@ -11,7 +11,7 @@ pub(super) struct Network {
     pub weights: Vec<f64>,
 }
 
-/// What all layers gave: the input first.
+/// Outputs of all layers; the first is the input.
 pub(super) struct Pass {
     layers: Vec<Vec<f64>>,
 }

@@ -1,4 +1,4 @@
-//! What was said, with seconds since the start; the newest at the bottom.
+//! Messages with seconds since the start; the newest at the bottom.
 
 use super::super::scene::Scene;
 use ratatui::Frame;

@@ -14,7 +14,7 @@ use rollwalk_protocol::library::RATE_HZ;
 /// Longest name that is shown whole.
 const NAME: usize = 18;
 
-/// Where on the graph the robot is.
+/// Position of the robot on the motion graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     Motion(usize),
@@ -127,7 +127,7 @@ fn cell(catalog: &Catalog, place: Option<Place>, from: usize, to: usize) -> Span
     Span::styled(if joined { "→ " } else { "  " }, style)
 }
 
-/// What plays, and how far it is.
+/// Name and progress of the clip that plays.
 fn now(scene: &Scene, catalog: &Catalog, place: Option<Place>, width: usize) -> String {
     let (Some(status), Some(place)) = (scene.view.status, place) else {
         return " nothing plays".into();

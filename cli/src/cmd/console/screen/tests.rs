@@ -245,7 +245,7 @@ fn of_a_serial_line() -> Actuators {
     Actuators { buses: vec![bus], channels: (1..15).map(of).collect() }
 }
 
-/// Without colours the words still distinguish the states.
+/// Words distinguish the states without colours.
 #[test]
 fn every_state_has_words_of_its_own() {
     let names = names();

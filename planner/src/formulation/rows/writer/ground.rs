@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use rollwalk_multibody::ground::Elevation;
 
 impl<'a> RowWriter<'a> {
-    /// Whether the ground is level: heights and directions then depend on no place.
+    /// True if the ground is level: heights and directions are then the same everywhere.
     pub fn on_level_ground(&self) -> bool {
         self.problem.ground.is_level()
     }
