@@ -6,6 +6,7 @@ use crate::{replay, shell, workspace};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 
 /// Folder of the pages, below the root.
 pub const FOLDER: &str = "docs/measured";
@@ -94,27 +95,44 @@ fn pages(help: &str) -> Vec<Page> {
     benchmarks.chain(replays).collect()
 }
 
-/// Runs a benchmark; its Markdown is the file that it writes.
+/// Runs a benchmark. Its page is the Markdown that it writes, and its charts, which are copied beside the page.
 fn benchmark(program: &Path, name: &str) -> Result<Measured, String> {
+    let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
     let out = shell::target_folder().join("measured").join(name);
-    fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
+    if out.exists() {
+        fs::remove_dir_all(&out).map_err(|error| failed(&out, error))?;
+    }
+    fs::create_dir_all(&out).map_err(|error| failed(&out, error))?;
     let mut run = shell::command(&program.to_string_lossy(), &[name, "--out"]);
-    let status = run.arg(&out).stdout(std::process::Stdio::null()).status();
-    let status = status.map_err(|error| format!("{}: {error}", program.display()))?;
+    let status = run.arg(&out).stdout(Stdio::null()).status();
+    let status = status.map_err(|error| failed(program, error))?;
     let verdict = match status.code() {
         Some(0) => "passed",
         Some(3) => "a motion does not hold",
         Some(4) => "a stated bound is exceeded",
         _ => return Err(format!("`rollwalk bench {name}` failed: {status}")),
     };
-    let page = fs::read_dir(&out)
-        .map_err(|error| format!("{}: {error}", out.display()))?
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .find(|path| path.extension().is_some_and(|extension| extension == "md"))
-        .ok_or_else(|| {
-            format!("`rollwalk bench {name}` wrote no Markdown into {}", out.display())
-        })?;
-    let text = fs::read_to_string(&page).map_err(|error| format!("{}: {error}", page.display()))?;
+    let mut text = String::new();
+    let mut charts = Vec::new();
+    for entry in fs::read_dir(&out).map_err(|error| failed(&out, error))? {
+        let path = entry.map_err(|error| failed(&out, error))?.path();
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("md") => text = fs::read_to_string(&path).map_err(|error| failed(&path, error))?,
+            Some("svg") => charts.push(path),
+            _ => {}
+        }
+    }
+    if text.is_empty() {
+        return Err(format!("`rollwalk bench {name}` wrote no Markdown into {}", out.display()));
+    }
+    charts.sort();
+    for chart in &charts {
+        let file = chart.file_name().unwrap_or_default();
+        let copy = shell::workspace_root().join(FOLDER).join(file);
+        fs::copy(chart, &copy).map_err(|error| failed(&copy, error))?;
+        let file = file.to_string_lossy();
+        let _ = write!(text, "\n![{}]({file})\n", file.trim_end_matches(".svg"));
+    }
     Ok(Measured { text, command: format!("rollwalk bench {name}"), verdict: verdict.into() })
 }
 

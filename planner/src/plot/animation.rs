@@ -71,7 +71,8 @@ pub fn animation(plan: &Plan, extras: Extras) -> String {
             .add(Style::new(moves))
             .add(chart.now(0.0).set("class", "now"));
     }
-    format!("{document}\n")
+    // A file of thousands of short lines is larger, and no diff of it is read.
+    document.to_string().replace('\n', "") + "\n"
 }
 
 /// The same motion as pictures without motion, for films, and the time that each is shown, s. The last one of a motion that
