@@ -561,7 +561,7 @@ class Words(unittest.TestCase):
         self.assertEqual(tables.verdict(results), "passed")
         self.assertIn("3 of 4 motions reach", words)
         self.assertIn("need feedback: `run` of pup.", words)
-        self.assertIn("2 more do not, worst `turn` of pup (0.40), `hop` of pup (0.90).", words)
+        self.assertIn("2 more do not hold, worst `turn` of pup (0.40), `hop` of pup (0.90).", words)
         self.assertNotIn("nor are marked", words)
         rows = tables.both(results).splitlines()
         self.assertEqual(len(rows), 6)
